@@ -30,7 +30,7 @@ class BytesRead:
     data: bytes
 
 
-Event = Opened | Lost | BytesRead
+PortEvent = Opened | Lost | BytesRead
 
 
 class SerialPort:
@@ -46,13 +46,13 @@ class SerialPort:
         self._port: Any = None
         self._retry_s = _FIRST_RETRY_S
         self._next_try_s = clock()
-        self._events: list[Event] = []
+        self._events: list[PortEvent] = []
 
     @property
     def is_open(self) -> bool:
         return self._port is not None
 
-    def poll(self) -> list[Event]:
+    def poll(self) -> list[PortEvent]:
         """The events since the last call; opens the port if it is time to."""
         if self._port is None and self._clock() >= self._next_try_s:
             self._open()

@@ -34,7 +34,7 @@ from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.flight_config import FlightConfig, flight_config
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.charge_state import RATE
-from apad_bridge.beliefs.twin_parameters import Calls
+from apad_bridge.beliefs.twin_parameters import CallParameters
 from apad_bridge.beliefs.twin_state import TwinState
 from apad_bridge.runs.flying import in_process_context
 from apad_bridge.runs.in_memory import MemoryRecorder
@@ -203,7 +203,7 @@ def _told_of_losses(config: FlightConfig, case: Case) -> FlightConfig:
     assert config.twin is not None
     parameters = config.twin.parameters
     assert parameters.calls is not None
-    calls = Calls(parameters.calls.every_ms, max(parameters.calls.missed, 1 - case.heard))
+    calls = CallParameters(parameters.calls.every_ms, max(parameters.calls.missed, 1 - case.heard))
     arrives = parameters.permission_arrives if case.arrives is None else case.arrives
     untold = parameters.untold if case.learns else None
     told = replace(parameters, calls=calls, permission_arrives=arrives, untold=untold)

@@ -398,11 +398,11 @@ def _nursery_socket(_: Path) -> Iterator[Door]:
         nursery.encode(it)
         for it in (
             nursery.Hello(3),
-            nursery.Start(1, ((1, 0, 0, 1, 1), (2, 5, 1, 1, 1))),
+            nursery.StartAgents(1, ((1, 0, 0, 1, 1), (2, 5, 1, 1, 1))),
             nursery.Kill(1, 2),
             nursery.End(),
             nursery.ChildList(((1, 2, 3, 4, 5),)),
-            nursery.Refused(1, 2, False, "why"),
+            nursery.StartRefused(1, 2, False, "why"),
         )
     ]
 

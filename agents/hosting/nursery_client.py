@@ -99,7 +99,7 @@ class NurseryLink:
 
     def _start(self, rows: tuple[tuple[int, ...], ...], outcome: StartOutcome) -> None:
         self._request += 1
-        self._send(protocol.Start(self._request, rows))
+        self._send(protocol.StartAgents(self._request, rows))
         agent_ids = [row[0] for row in rows]
         deadline_s = time.monotonic() + ANSWER_TIMEOUT_S + SECONDS_PER_START * len(rows)
         answered = 0
@@ -110,7 +110,7 @@ class NurseryLink:
                     for (agent_id, pid), link in zip(started, links, strict=True):
                         outcome.living[agent_id] = (pid, link)
                     answered += len(started)
-                case protocol.Refused(self._request, agent_id, False, reason):
+                case protocol.StartRefused(self._request, agent_id, False, reason):
                     outcome.refused[agent_id] = reason
                     answered += 1
                 case _:
@@ -149,7 +149,7 @@ class NurseryLink:
         self.truth.close()
         os.close(self._process)
 
-    def _send(self, message: protocol.Message) -> None:
+    def _send(self, message: protocol.NurseryMessage) -> None:
         if self._fenced is not None:
             raise Fenced(self._fenced)
         try:
@@ -167,7 +167,7 @@ class NurseryLink:
                 return message, links
             self._keep((message, links))
 
-    def _receive(self, timeout_s: float = ANSWER_TIMEOUT_S) -> tuple[protocol.Message, list[int]]:
+    def _receive(self, timeout_s: float = ANSWER_TIMEOUT_S) -> tuple[protocol.NurseryMessage, list[int]]:
         deadline_s = time.monotonic() + timeout_s
         while True:
             left_s = deadline_s - time.monotonic()
@@ -184,19 +184,19 @@ class NurseryLink:
                 raise NurseryDied("the nursery's link ended")
             return received
 
-    def _keep(self, received: tuple[protocol.Message, list[int]]) -> None:
+    def _keep(self, received: tuple[protocol.NurseryMessage, list[int]]) -> None:
         message, links = received
         for link in links:
             os.close(link)
         match message:
             case protocol.Died(_, pid, reason):
                 self._died[pid] = reason
-            case protocol.Refused(_, _, True, reason):
+            case protocol.StartRefused(_, _, True, reason):
                 self._fenced = reason
                 raise Fenced(reason)
-            case protocol.Refused(0, _, False, reason):
+            case protocol.StartRefused(0, _, False, reason):
                 self.dropped[f"nursery: {reason}"] += 1
-            case protocol.Refused():
+            case protocol.StartRefused():
                 self.dropped["nursery: it refused a start that nobody waits for"] += 1
             case _:
                 self.dropped[f"control: an unexpected {type(message).__name__}"] += 1

@@ -5,7 +5,7 @@ from __future__ import annotations
 from agents.modem import answers, sending
 from agents.modem.commands import Malformed, ModemCommand
 from agents.modem.core import MEASURING_MS, ModemCore
-from agents.modem.facts import Action, AddressChanged, FrameDropped
+from agents.modem.facts import AddressChanged, FrameDropped, ModemAction
 from agents.modem.frames import ADDRESSES
 from agents.modem.serial_line import TICKS_PER_MS
 from agents.modem.states import ModemState, ModemTrigger
@@ -15,7 +15,7 @@ _US_PER_MS = 1000
 
 def handle(
     modem: ModemCore, item: ModemCommand | Malformed, line_index: int, tick: int, now_ms: int
-) -> list[Action]:
+) -> list[ModemAction]:
     """Handles what that line completed at `tick`, with its last byte. A sleeping modem answers nothing."""
     if modem.state is ModemState.SLEEPING:
         # The first $W starts it; the manual tells the host to repeat $W until the modem answers.
@@ -34,9 +34,9 @@ def handle(
 
 def _handle_local(
     modem: ModemCore, command: ModemCommand, line_index: int, tick: int, now_ms: int
-) -> list[Action]:
+) -> list[ModemAction]:
     """Carries out a command that sends nothing through the water."""
-    actions: list[Action] = []
+    actions: list[ModemAction] = []
     name = command.name
     now_us = tick * _US_PER_MS // TICKS_PER_MS
     if name in ("?", "A", "D", "H", "Q"):

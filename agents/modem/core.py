@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from agents.modem.facts import Action, ModemStateChanged, NoiseChanged
+from agents.modem.facts import ModemAction, ModemStateChanged, NoiseChanged
 from agents.modem.firmware import ModemConfig
 from agents.modem.frames import FrameKind, ModemFrame
 from agents.modem.serial_line import TICKS_PER_MS, SerialLine
@@ -44,7 +44,7 @@ class MicrosecondTimer:
 
 
 @dataclass(frozen=True, slots=True)
-class Measurement:
+class PendingMeasurement:
     """A measurement of the noise, by the command `name` of a serial line."""
 
     name: str
@@ -53,7 +53,7 @@ class Measurement:
 
 
 @dataclass(frozen=True, slots=True)
-class Question:
+class PendingQuestion:
     """A frame that waits for its answer; `until_ms` is set when the frame's last sound has left."""
 
     name: str
@@ -87,8 +87,8 @@ class ModemCore:
         self.reports_quality = False
         self.raises_rxs = False
         self.corrected: int | None = None
-        self.question: Question | None = None
-        self.measurement: Measurement | None = None
+        self.question: PendingQuestion | None = None
+        self.measurement: PendingMeasurement | None = None
         self.waiting: list[tuple[int, ModemFrame]] = []
         """Frames to be sent, each with its time, the next one first."""
         self._sending: tuple[int, ModemFrame] | None = None
@@ -107,28 +107,28 @@ class ModemCore:
 
     def ask(self, name: str, frame: ModemFrame, awaited: FrameKind, line: int | None) -> None:
         """Notes that the frame is a question of that line, by the command `name`. Its wait begins once it is sent."""
-        self.question = Question(name, frame, awaited, line)
+        self.question = PendingQuestion(name, frame, awaited, line)
 
     def measure(self, name: str, line: int, tick: int) -> None:
         """Begins to measure the noise, by the command `name` that was whole at `tick`."""
-        self.measurement = Measurement(name, line, -(-tick // TICKS_PER_MS) + MEASURING_MS[name])
+        self.measurement = PendingMeasurement(name, line, -(-tick // TICKS_PER_MS) + MEASURING_MS[name])
 
     def send(self, frame: ModemFrame, at_ms: int) -> None:
         """Sends the frame at that time, or as soon after as nothing else is being sent."""
         self.waiting.append((at_ms, frame))
         self.waiting.sort(key=lambda it: it[0])
 
-    def restart(self) -> list[Action]:
+    def restart(self) -> list[ModemAction]:
         self._start_up()
         return self.go(ModemTrigger.RESET_TOLD)
 
-    def fall_asleep(self) -> list[Action]:
+    def fall_asleep(self) -> list[ModemAction]:
         self.waiting.clear()
         self.question = None
         self.measurement = None
         return self.go(ModemTrigger.SLEEP_TOLD)
 
-    def go(self, trigger: ModemTrigger) -> list[Action]:
+    def go(self, trigger: ModemTrigger) -> list[ModemAction]:
         """Changes the state by the table."""
         old, new = self.state, next_state(self.state, trigger)
         self._drawn = (self._now_ms, self.drawn_ua_ms(self._now_ms))

@@ -80,7 +80,7 @@ class PowerWent:
     pass
 
 
-Stimulus = (
+ModemStimulus = (
     SerialBytes
     | FrameRequested
     | SoundBegan
@@ -165,7 +165,7 @@ class FrameDropped:
     reason: str
 
 
-Action = (
+ModemAction = (
     SerialOut
     | Delivered
     | QuestionAnswered

@@ -13,11 +13,12 @@ from enum import IntEnum
 from agents.modem import answers, command_handler, sending
 from agents.modem.core import ModemCore
 from agents.modem.facts import (
-    Action,
     EmitFrame,
     FrameArrived,
     FrameDropped,
     FrameRequested,
+    ModemAction,
+    ModemStimulus,
     NoiseChanged,
     PowerCame,
     PowerWent,
@@ -25,7 +26,6 @@ from agents.modem.facts import (
     SerialBytes,
     SerialOut,
     SoundBegan,
-    Stimulus,
     SupplyChanged,
 )
 from agents.modem.frames import ModemFrame
@@ -58,11 +58,11 @@ class Modem(ModemCore):
         due_ms = min((due for due in dues if due is not None), default=None)
         return None if due_ms is None else max(self._now_ms, due_ms)
 
-    def advance(self, now_ms: int) -> list[Action]:
+    def advance(self, now_ms: int) -> list[ModemAction]:
         """Lets time pass to `now_ms`, in order (ValueError if it went back)."""
         if now_ms < self._now_ms:
             raise ValueError(f"time went back: {now_ms} before {self._now_ms}")
-        actions: list[Action] = []
+        actions: list[ModemAction] = []
         while dues := [due for due in self._dues() if due[0] <= now_ms]:
             dues.sort()
             due_ms, timer, line_index = dues[0]
@@ -80,7 +80,7 @@ class Modem(ModemCore):
         self._now_ms = now_ms
         return actions
 
-    def receive(self, stimulus: Stimulus, now_ms: int) -> list[Action]:
+    def receive(self, stimulus: ModemStimulus, now_ms: int) -> list[ModemAction]:
         """Takes a fact at `now_ms`, after everything that was due by then."""
         actions = self.advance(now_ms)
         match stimulus:
@@ -134,7 +134,7 @@ class Modem(ModemCore):
                 dues.append((due, ModemTimer.OUTPUT, line_index))
         return dues
 
-    def _fire(self, timer: ModemTimer) -> list[Action]:
+    def _fire(self, timer: ModemTimer) -> list[ModemAction]:
         now_ms, question = self._now_ms, self.question
         if timer is ModemTimer.SENDING_ENDS:
             assert self._sending is not None
@@ -158,19 +158,19 @@ class Modem(ModemCore):
             return []
         return self._send_next()
 
-    def _send_next(self) -> list[Action]:
+    def _send_next(self) -> list[ModemAction]:
         now_ms = self._now_ms
         _, frame = self.waiting.pop(0)
         self._sending = (now_ms + frame.duration_ms, frame)
         return [*self.go(ModemTrigger.SENDING_BEGAN), EmitFrame(now_ms, frame)]
 
-    def _take_bytes(self, written: SerialBytes) -> list[Action]:
+    def _take_bytes(self, written: SerialBytes) -> list[ModemAction]:
         if self.state is ModemState.OFF:
             return [FrameDropped(self._now_ms, "bytes for a modem without power")]
         lost = self.lines[written.line].write(written.data, self._now_ms, written.paused)
         return [FrameDropped(self._now_ms, "bytes beyond the serial line's buffer")] if lost else []
 
-    def _take_frame(self, frame: ModemFrame) -> list[Action]:
+    def _take_frame(self, frame: ModemFrame) -> list[ModemAction]:
         reason = sending.why_not(self, frame.kind)
         if self.state in (ModemState.OFF, ModemState.SLEEPING):
             reason = f"the modem is {self.state.name.lower()}"
@@ -181,7 +181,7 @@ class Modem(ModemCore):
         self.send(frame, self._now_ms)
         return self._send_next() if self._sending is None and self.waiting[0][1] is frame else []
 
-    def _read(self, line_index: int, until_ms: int) -> list[Action]:
+    def _read(self, line_index: int, until_ms: int) -> list[ModemAction]:
         read = self.lines[line_index].read(until_ms)
         if read is None:
             return []
@@ -190,7 +190,7 @@ class Modem(ModemCore):
         # Bytes that waited for the end of a transmission are read then.
         tick = max(tick, (self._now_ms - 1) * TICKS_PER_MS + 1)
         self._now_ms = max(self._now_ms, at_ms)
-        actions: list[Action] = []
+        actions: list[ModemAction] = []
         for item in items:
             actions += command_handler.handle(self, item, line_index, tick, self._now_ms)
         return actions

@@ -11,11 +11,11 @@ from _blake2 import blake2b
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 
-from agents.modem.facts import Action, Stimulus
+from agents.modem.facts import ModemAction, ModemStimulus
 from agents.modem.firmware import ModemConfig
 from agents.modem.modem import Modem
 
-NodeAction = tuple[int, Action]
+NodeAction = tuple[int, ModemAction]
 """A node, and an action of its modem."""
 
 
@@ -58,7 +58,7 @@ class Rack:
         self._now_ms = now_ms
         return actions
 
-    def receive(self, node: int, stimulus: Stimulus, now_ms: int) -> list[NodeAction]:
+    def receive(self, node: int, stimulus: ModemStimulus, now_ms: int) -> list[NodeAction]:
         """Takes a fact for one modem at `now_ms`, after everything that was due by then."""
         actions = self.advance(now_ms)
         actions += [(node, action) for action in self._modems[node].receive(stimulus, now_ms)]

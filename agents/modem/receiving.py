@@ -4,7 +4,15 @@ from __future__ import annotations
 
 from agents.modem import answers
 from agents.modem.core import ModemCore
-from agents.modem.facts import Action, Delivered, FrameArrived, FrameDropped, Pin, PinRose, QuestionAnswered
+from agents.modem.facts import (
+    Delivered,
+    FrameArrived,
+    FrameDropped,
+    ModemAction,
+    Pin,
+    PinRose,
+    QuestionAnswered,
+)
 from agents.modem.firmware import range_steps
 from agents.modem.frames import ANSWERS, FrameKind, ModemFrame
 from agents.modem.states import RECEPTIVE
@@ -17,13 +25,13 @@ _REPLIES = {
 }
 
 
-def receive_frame(modem: ModemCore, arrived: FrameArrived, now_ms: int) -> list[Action]:
+def receive_frame(modem: ModemCore, arrived: FrameArrived, now_ms: int) -> list[ModemAction]:
     frame = arrived.frame
     if modem.state not in RECEPTIVE or now_ms - frame.duration_ms < modem.receptive_since_ms:
         return [FrameDropped(now_ms, f"sound: the modem was {modem.state.name.lower()} or had just been so")]
     if frame.generation is not modem.config.firmware.generation:
         return [FrameDropped(now_ms, "sound: a frame of another generation")]
-    actions: list[Action] = [PinRose(now_ms, Pin.RXS)] if modem.raises_rxs else []
+    actions: list[ModemAction] = [PinRose(now_ms, Pin.RXS)] if modem.raises_rxs else []
     if not frame.is_for(modem.address):
         return actions
     modem.corrected = arrived.corrected
@@ -75,7 +83,7 @@ def _reply(modem: ModemCore, frame: ModemFrame, propagation_us: int) -> ModemFra
     return ModemFrame(FrameKind.BROADCAST, modem.address, None, data, generation)
 
 
-def _take_answer(modem: ModemCore, arrived: FrameArrived, now_ms: int) -> list[Action]:
+def _take_answer(modem: ModemCore, arrived: FrameArrived, now_ms: int) -> list[ModemAction]:
     question, frame = modem.question, arrived.frame
     if (
         question is None

@@ -5,7 +5,7 @@ from __future__ import annotations
 from agents.modem import answers
 from agents.modem.commands import ModemCommand
 from agents.modem.core import ModemCore
-from agents.modem.facts import Action, FrameDropped
+from agents.modem.facts import FrameDropped, ModemAction
 from agents.modem.frames import TO_ALL, FrameKind, ModemFrame
 from agents.modem.serial_line import TICKS_PER_MS
 
@@ -33,7 +33,9 @@ def goes_out(name: str) -> bool:
     return name in _KINDS
 
 
-def send(modem: ModemCore, command: ModemCommand, line_index: int, tick: int, now_ms: int) -> list[Action]:
+def send(
+    modem: ModemCore, command: ModemCommand, line_index: int, tick: int, now_ms: int
+) -> list[ModemAction]:
     """Acknowledges the command on its line and sends its frame; answers `E` if it cannot."""
     wait_us: int | None = 0
     now_us = tick * 1000 // TICKS_PER_MS

@@ -41,7 +41,7 @@ class StreamEnd(Protocol):
     def send(self, data: bytes, flags: int, /) -> int: ...
 
 
-class Program(Protocol):
+class FirmwareProgram(Protocol):
     """Somebody's firmware as it runs."""
 
     pid: int
@@ -67,7 +67,7 @@ class Program(Protocol):
 class FirmwareProcess:
     """A `BoardLink` to a program, which ends with it."""
 
-    def __init__(self, program: Program, timeout_s: float) -> None:
+    def __init__(self, program: FirmwareProgram, timeout_s: float) -> None:
         self._child = program
         weakref.finalize(self, program.end)
         self.pid: int | None = program.pid

@@ -29,7 +29,7 @@ class Hello:
 
 
 @dataclass(frozen=True, slots=True)
-class Start:
+class StartAgents:
     """Rows (agent_id, at_ms, ResetCause, epoch, sequence): boot at agent time `at_ms`, in the state at that key."""
 
     request: int
@@ -80,7 +80,7 @@ class Killed:
 
 
 @dataclass(frozen=True, slots=True)
-class Ended:
+class NurseryEnded:
     """Every agent has ended, and the nursery ends."""
 
 
@@ -94,7 +94,7 @@ class Died:
 
 
 @dataclass(frozen=True, slots=True)
-class Refused:
+class StartRefused:
     """`request` is 0 for messages without a number; `fenced` is true if a newer supervisor has taken over."""
 
     request: int
@@ -103,34 +103,46 @@ class Refused:
     reason: str
 
 
-Message = Hello | Start | Kill | End | Welcome | ChildList | Started | Killed | Ended | Died | Refused
+NurseryMessage = (
+    Hello
+    | StartAgents
+    | Kill
+    | End
+    | Welcome
+    | ChildList
+    | Started
+    | Killed
+    | NurseryEnded
+    | Died
+    | StartRefused
+)
 
 _FIELDS: dict[type[Any], tuple[type | int, ...]] = {
     # A number n stands for rows of n numbers.
     Hello: (int,),
-    Start: (int, 5),
+    StartAgents: (int, 5),
     Kill: (int, int),
     End: (),
     Welcome: (int, int),
     ChildList: (5,),
     Started: (int, 2),
     Killed: (int, int),
-    Ended: (),
+    NurseryEnded: (),
     Died: (int, int, str),
-    Refused: (int, int, bool, str),
+    StartRefused: (int, int, bool, str),
 }
 _KINDS = tuple(_FIELDS)
 _CODES = {kind: code for code, kind in enumerate(_KINDS)}
 
 
-def encode(message: Message) -> bytes:
+def encode(message: NurseryMessage) -> bytes:
     data: bytes = msgpack.packb([_CODES[type(message)], *astuple(message)])
     if len(data) > LIMIT_BYTES:
         raise ValueError(f"a {type(message).__name__} of {len(data)} bytes: a link carries {LIMIT_BYTES}")
     return data
 
 
-def decode(data: bytes) -> Message:
+def decode(data: bytes) -> NurseryMessage:
     """The inverse of `encode`; LinkError for anything else."""
     try:
         wire = msgpack.unpackb(data)
@@ -144,7 +156,7 @@ def decode(data: bytes) -> Message:
     if len(wire) != len(_FIELDS[kind]) + 1:
         raise LinkError(f"a {kind.__name__} has other fields")
     fields = [_field(value, wanted, kind) for value, wanted in zip(wire[1:], _FIELDS[kind], strict=True)]
-    message: Message = kind(*fields)
+    message: NurseryMessage = kind(*fields)
     return message
 
 
@@ -164,7 +176,7 @@ def _row(row: Any, wanted: int, kind: type[Any]) -> tuple[int, ...]:
     return tuple(row)
 
 
-def send(sock: socket.socket, message: Message, descriptors: Sequence[int] = ()) -> None:
+def send(sock: socket.socket, message: NurseryMessage, descriptors: Sequence[int] = ()) -> None:
     """Sends within the socket's own time-out; OSError if the other end is gone or does not read."""
     data = encode(message)
     if descriptors:
@@ -173,7 +185,7 @@ def send(sock: socket.socket, message: Message, descriptors: Sequence[int] = ())
         sock.send(data)
 
 
-def receive(sock: socket.socket) -> tuple[Message, list[int]] | None:
+def receive(sock: socket.socket) -> tuple[NurseryMessage, list[int]] | None:
     """A message and its descriptors, or None at the end of the link.
 
     Raises LinkError for bytes that are no message, after closing their descriptors.

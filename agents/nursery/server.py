@@ -61,7 +61,7 @@ class NurseryServer:
             if self._listener.fileno() in ready:
                 self._accept()
         self._agents.end()
-        self._send_to_supervisor(protocol.Ended())
+        self._send_to_supervisor(protocol.NurseryEnded())
 
     def end(self) -> None:
         self._ending = True
@@ -82,7 +82,7 @@ class NurseryServer:
             received = protocol.receive(sock)
         except LinkError as error:
             _log(f"a message was dropped: {error}")
-            self._send(sock, protocol.Refused(0, 0, False, f"dropped: {error}"))
+            self._send(sock, protocol.StartRefused(0, 0, False, f"dropped: {error}"))
             return
         except OSError:
             received = None
@@ -95,18 +95,19 @@ class NurseryServer:
         if isinstance(message, protocol.Hello):
             self._greet(sock, message.epoch)
         elif sock is not self._supervisor:
-            self._send(sock, protocol.Refused(0, 0, False, "say Hello first"))
+            self._send(sock, protocol.StartRefused(0, 0, False, "say Hello first"))
         else:
             self._handle(message)
 
     def _greet(self, sock: socket.socket, epoch: int) -> None:
         if epoch < self._epoch or (epoch == self._epoch and self._greeted):
             reason = f"fenced off: epoch {self._epoch} is taken; a new supervisor comes with a higher one, not {epoch}"
-            self._send(sock, protocol.Refused(0, 0, True, reason))
+            self._send(sock, protocol.StartRefused(0, 0, True, reason))
             return
         if self._supervisor is not None and self._supervisor is not sock:
             self._send(
-                self._supervisor, protocol.Refused(0, 0, True, f"fenced off: epoch {epoch} has taken over")
+                self._supervisor,
+                protocol.StartRefused(0, 0, True, f"fenced off: epoch {epoch} has taken over"),
             )
             if self._supervisor is not None:
                 self._leave(self._supervisor)
@@ -125,9 +126,9 @@ class NurseryServer:
             if not self._send(sock, protocol.ChildList(chunk), living):
                 return
 
-    def _handle(self, message: protocol.Message) -> None:
+    def _handle(self, message: protocol.NurseryMessage) -> None:
         match message:
-            case protocol.Start(request, rows):
+            case protocol.StartAgents(request, rows):
                 self._start(request, rows)
             case protocol.Kill(request, agent_id):
                 if agent_id in self._agents.children:
@@ -137,19 +138,19 @@ class NurseryServer:
             case protocol.End():
                 self._ending = True
             case _:
-                self._send_to_supervisor(protocol.Refused(0, 0, False, "not a supervisor's message"))
+                self._send_to_supervisor(protocol.StartRefused(0, 0, False, "not a supervisor's message"))
 
     def _start(self, request: int, rows: tuple[tuple[int, ...], ...]) -> None:
         try:
             boots = [Boot(row[0], row[1], ResetCause(row[2]), (row[3], row[4])) for row in rows]
         except ValueError as error:
-            self._send_to_supervisor(protocol.Refused(request, 0, False, str(error)))
+            self._send_to_supervisor(protocol.StartRefused(request, 0, False, str(error)))
             return
         started: list[tuple[int, int]] = []
         links: list[int] = []
         for boot, outcome in zip(boots, self._agents.start(boots), strict=True):
             if isinstance(outcome, NotStarted):
-                self._send_to_supervisor(protocol.Refused(request, boot.agent_id, False, str(outcome)))
+                self._send_to_supervisor(protocol.StartRefused(request, boot.agent_id, False, str(outcome)))
             else:
                 started.append((boot.agent_id, outcome.pid))
                 links.append(outcome.link)
@@ -164,11 +165,13 @@ class NurseryServer:
             _log(f"aMussel {died.agent_id} (process {died.pid}) {died.reason}")
             self._send_to_supervisor(died)
 
-    def _send_to_supervisor(self, message: protocol.Message, links: list[int] | None = None) -> None:
+    def _send_to_supervisor(self, message: protocol.NurseryMessage, links: list[int] | None = None) -> None:
         if self._supervisor is not None:
             self._send(self._supervisor, message, links or [])
 
-    def _send(self, sock: socket.socket, message: protocol.Message, links: list[int] | None = None) -> bool:
+    def _send(
+        self, sock: socket.socket, message: protocol.NurseryMessage, links: list[int] | None = None
+    ) -> bool:
         try:
             protocol.send(sock, message, links or [])
         except OSError:

@@ -80,7 +80,7 @@ class LinksChanged:
     topology: Topology
 
 
-Stimulus = Began | ModemMoved | ThrustersRan | Readdressed | LinksChanged
+MediumStimulus = Began | ModemMoved | ThrustersRan | Readdressed | LinksChanged
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,7 +115,7 @@ class PacketEnded:
     receptions: tuple[Reception, ...]
 
 
-Result = FrameHeard | PacketEnded
+MediumResult = FrameHeard | PacketEnded
 
 
 @dataclass(slots=True)
@@ -160,12 +160,12 @@ class WaterMedium:
         """The next end of a packet at a receiver."""
         return self._ends[0][0] if self._ends else None
 
-    def advance(self, now_ms: int) -> list[Result]:
+    def advance(self, now_ms: int) -> list[MediumResult]:
         """Decides packets up to `now_ms`, in the order of their ends (ValueError if time went back)."""
         if now_ms < self.now_ms:
             raise ValueError(f"time went back: {now_ms} before {self.now_ms}")
         self.now_ms = now_ms
-        results: list[Result] = list(self._ended)
+        results: list[MediumResult] = list(self._ended)
         self._ended = []
         while self._ends and self._ends[0][0] <= now_ms:
             at_ms, _, _, receiver, packet, travelled_us = heapq.heappop(self._ends)
@@ -179,7 +179,7 @@ class WaterMedium:
         self._forget()
         return results
 
-    def receive(self, stimulus: Stimulus, now_ms: int) -> list[Result]:
+    def receive(self, stimulus: MediumStimulus, now_ms: int) -> list[MediumResult]:
         """Takes a fact at `now_ms`, after everything that was due by then."""
         results = self.advance(now_ms)
         match stimulus:

@@ -113,7 +113,7 @@ class TruthSource(Protocol):
     def take_truths(self) -> list[Truth]: ...
 
 
-Event = tuple[int, int, int, medium.Stimulus | WifiSent]
+SeaEvent = tuple[int, int, int, medium.MediumStimulus | WifiSent]
 """(agent time, order within it, node, stimulus or Wi-Fi packet on its way to the aPad)"""
 
 
@@ -160,7 +160,7 @@ class Sea:
         """The station of each aMussel in the water."""
         self._behind: set[int] = set()
         """The aPads whose flights have not taken the results of the last rounds yet."""
-        self.undelivered: list[medium.Result] = []
+        self.undelivered: list[medium.MediumResult] = []
         """The medium's results between two ticks."""
 
     def join(self, coordinator: Authority, host: TruthSource, apad: int | None = None) -> Station:
@@ -188,7 +188,7 @@ class Sea:
             self.places.pop(node, None)
             self.undelivered += self.medium.receive(ModemMoved(node, None), self.now_ms)
 
-    def move(self, node: int, place: ModemPlace, at_ms: int) -> list[medium.Result]:
+    def move(self, node: int, place: ModemPlace, at_ms: int) -> list[medium.MediumResult]:
         self.places[node] = place
         return self.medium.receive(ModemMoved(node, place), at_ms)
 
@@ -240,7 +240,7 @@ class Sea:
 
     def _round(self, outputs: Sequence[tuple[Station, Output | AgentDied]], horizon_ms: int) -> None:
         """Brings the agents' outputs to the medium, in the order of time, and the medium's decisions to the agents."""
-        events: list[Event] = []
+        events: list[SeaEvent] = []
         for truth in [truth for it in self._stations.values() for truth in it.new_truths()]:
             moved = ModemMoved(truth.agent_id, place_of(truth.physical, self.config.sinking))
             events.append((truth.at_ms, 0, truth.agent_id, moved))
@@ -277,9 +277,9 @@ class Sea:
                 if (printing := self._station(node)) is not None:
                     printing.results.append(Printed(self._mission_ms(horizon_ms), node, data))
 
-    def _apply(self, events: list[Event], horizon_ms: int) -> list[medium.Result]:
+    def _apply(self, events: list[SeaEvent], horizon_ms: int) -> list[medium.MediumResult]:
         """Applies the events in the order of time. Returns the medium's decisions up to the horizon."""
-        decided: list[medium.Result] = []
+        decided: list[medium.MediumResult] = []
         for at_ms, _, node, event in sorted(events, key=lambda it: it[:3]):
             if isinstance(event, WifiSent):
                 if any(self._through_the_air(node, apad, at_ms) for apad in self._stations):
@@ -294,14 +294,14 @@ class Sea:
                 decided += self.medium.receive(event, now_ms)
         return decided + self.medium.advance(horizon_ms)
 
-    def _send(self, events: list[Event], at_ms: int, node: int, frame: ModemFrame) -> None:
+    def _send(self, events: list[SeaEvent], at_ms: int, node: int, frame: ModemFrame) -> None:
         """Sends by the node's modem, if there are modems; otherwise straight into the water."""
         if self.modems is None:
             events.append((at_ms, 1, node, Began(node, frame)))
         else:
             self.modems.ask(node, frame, at_ms)
 
-    def _deliver(self, decided: list[medium.Result]) -> None:
+    def _deliver(self, decided: list[medium.MediumResult]) -> None:
         for it in decided:
             if isinstance(it, PacketEnded):
                 if (sent_from := self._station(it.sender)) is not None:

@@ -135,8 +135,8 @@ class Leave:
     """The flight has ended in order."""
 
 
-Message = SeaHello | SeaWelcome | SeaRefusal | Ready | Begin | Tick | Window | Windowed | Ticked | Leave
-CODEC = SeaCodec((*get_args(Message), LinkRule, Topology), {Topology: "rules"})
+SeaMessage = SeaHello | SeaWelcome | SeaRefusal | Ready | Begin | Tick | Window | Windowed | Ticked | Leave
+CODEC = SeaCodec((*get_args(SeaMessage), LinkRule, Topology), {Topology: "rules"})
 """A `StationCall` has any arguments of a station's methods; of these a topology alone is more than numbers and bytes."""
 
 
@@ -156,14 +156,14 @@ class Link:
     def close(self) -> None:
         self._connection.close()
 
-    def send(self, message: Message) -> None:
+    def send(self, message: SeaMessage) -> None:
         """LinkEnded if the other end is gone, or does not read."""
         try:
             self._connection.send_bytes(CODEC.encode(message))
         except OSError as error:
             raise LinkEnded(f"its link ended: {error.strerror}") from None
 
-    def receive(self, timeout_s: float) -> Message:
+    def receive(self, timeout_s: float) -> SeaMessage:
         """LinkEnded if the other end is gone, sends nothing within `timeout_s`, or sends something else."""
         try:
             if not self._connection.poll(timeout_s):
@@ -175,7 +175,7 @@ class Link:
             message = CODEC.decode(data)
         except ValueError as error:
             raise LinkEnded(f"not a message: {error}") from None
-        if not isinstance(message, Message):
+        if not isinstance(message, SeaMessage):
             raise LinkEnded(f"not a message: {type(message).__name__}")
         return message
 

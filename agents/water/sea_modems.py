@@ -10,20 +10,20 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
 from agents.modem.facts import (
-    Action,
     AddressChanged,
     Delivered,
     EmitFrame,
     FrameArrived,
     FrameDropped,
     FrameRequested,
+    ModemAction,
+    ModemStimulus,
     NoiseChanged,
     PowerCame,
     PowerWent,
     QuestionAnswered,
     SerialBytes,
     SerialOut,
-    Stimulus,
 )
 from agents.modem.firmware import ModemConfig, ModemFirmware
 from agents.modem.frames import ModemFrame
@@ -56,7 +56,7 @@ class SeaModems:
         self._rack = Rack(ModemConfig(firmware), addresses, self.opened, now_ms)
         self._now_ms = now_ms
         self._off: set[int] = set()
-        self._pending: list[tuple[int, int, int, Stimulus]] = []
+        self._pending: list[tuple[int, int, int, ModemStimulus]] = []
         self._printed: list[tuple[int, bytes]] = []
         self._emitted: list[Emission] = []
         self._readdressed: list[tuple[int, Readdressed]] = []
@@ -130,7 +130,7 @@ class SeaModems:
                     self.dropped[f"modem: {reason}"] += 1
 
 
-def _reaches_host(action: Action) -> bool:
+def _reaches_host(action: ModemAction) -> bool:
     return isinstance(action, QuestionAnswered) or (isinstance(action, Delivered) and bool(action.frame.data))
 
 

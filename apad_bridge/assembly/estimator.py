@@ -12,17 +12,17 @@ from agents.time_scale import TimeScale
 from apad_bridge.beliefs.modes import DOCKED as DOCKED_MODES
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.beliefs.twin_parameters import (
-    Calls,
-    Charger,
+    CallParameters,
+    ChargerParameters,
     ClockParameters,
-    Cycle,
+    CycleParameters,
     Drain,
     Habits,
     Schedule,
-    Sensor,
+    SensorParameters,
     TwinParameters,
-    Untold,
-    Water,
+    UntoldParameters,
+    WaterParameters,
 )
 from apad_bridge.scenario.estimator_options import TwinModel
 from apad_bridge.scenario.schema import DriftMode, HearingMode, Positioning, Scenario
@@ -110,7 +110,7 @@ def twin_parameters(
         scale=scale,
         drain=_drain(board, model.motor_deviation),
         charger=_charger(board.charge, model.coil_deviation, 0.0 if untold else _CAPACITY_DEVIATION),
-        sensor=Sensor(
+        sensor=SensorParameters(
             model.sensor_noise,
             (0.0,) * 4,
             deviations,
@@ -128,7 +128,7 @@ def twin_parameters(
             plan_deviation=0.0,
             seen_before=1.0,
         ),
-        water=Water(
+        water=WaterParameters(
             step_m**2 / 3,
             model.current_deviation_m_s,
             _STEADY_CURRENT_S,
@@ -141,16 +141,16 @@ def twin_parameters(
         clock=ClockParameters(1000.0, 20.0, scale.agent_time(1000.0)),
         board=board,
         sinking=body.sinking,
-        calls=None if scenario.water is None else Calls(reports.period_ms, _MISSED),
+        calls=None if scenario.water is None else CallParameters(reports.period_ms, _MISSED),
         untold=untold,
     )
 
 
-def _untold(scenario: Scenario, model: TwinModel) -> Untold | None:
+def _untold(scenario: Scenario, model: TwinModel) -> UntoldParameters | None:
     """Returns the ranges of what the twins learn; None where every packet is received, as in the paper."""
     if scenario.hearing.mode is HearingMode.PAPER:
         return None
-    return Untold(model.untold.ageing, model.untold.drain, model.untold.bias)
+    return UntoldParameters(model.untold.ageing, model.untold.drain, model.untold.bias)
 
 
 def readings_apart_ms(scale: TimeScale) -> int:
@@ -200,7 +200,7 @@ def _draws(firmware: FullFirmware) -> Callable[[State], float]:
     )
 
 
-def _cycle_of(firmware: FullFirmware, timeslot: int) -> Cycle:
+def _cycle_of(firmware: FullFirmware, timeslot: int) -> CycleParameters:
     """Builds the cycle of a sleeping board: it wakes, samples, processes and, with timeslots, awaits its own and transmits.
 
     Frames begin at whole multiples of their length, so the board waits equally long in every cycle that is a multiple of a
@@ -220,7 +220,9 @@ def _cycle_of(firmware: FullFirmware, timeslot: int) -> Cycle:
             (waits_ms, draw_per_min(State.AWAITING_SLOT)),
             (firmware.transmit_ms, draw_per_min(State.TRANSMITTING)),
         ]
-    return Cycle.of([*lasting, (cycle_config.alarm_ms, draw_per_min(State.SLEEPING))], cycle_config.alarm_ms)
+    return CycleParameters.of(
+        [*lasting, (cycle_config.alarm_ms, draw_per_min(State.SLEEPING))], cycle_config.alarm_ms
+    )
 
 
 def _offsets(firmware: FullFirmware | None) -> dict[State, tuple[float, float]]:
@@ -249,10 +251,10 @@ def _offsets(firmware: FullFirmware | None) -> dict[State, tuple[float, float]]:
     return offsets
 
 
-def _charger(model: ChargeModel, coil_deviation: float, rate_deviation: float) -> Charger:
+def _charger(model: ChargeModel, coil_deviation: float, rate_deviation: float) -> ChargerParameters:
     def per_min(segments: Segments) -> tuple[tuple[float, float], ...]:
         return tuple((end / FULL, rate * _MS_PER_MIN / FULL) for end, rate in segments)
 
     one_coil = per_min(model.segments)
     coils = per_min(model.segments_by_two)[-1][1] / one_coil[-1][1] if model.segments_by_two else 1.0
-    return Charger(one_coil, coils, coil_deviation, rate_deviation)
+    return ChargerParameters(one_coil, coils, coil_deviation, rate_deviation)

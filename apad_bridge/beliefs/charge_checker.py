@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from apad_bridge.beliefs import charging
 from apad_bridge.beliefs.modes import DOCKED, Mode
-from apad_bridge.beliefs.twin_parameters import TwinParameters, Untold
+from apad_bridge.beliefs.twin_parameters import TwinParameters, UntoldParameters
 from firmware_model.states import State
 
 _MS_PER_MIN = 60_000
@@ -49,7 +49,9 @@ def extended(track: ReadingTrack | None, stated: Stated) -> ReadingTrack:
 class ChargeChecker:
     """Judges each reading by the first and by the newest one of the same stay, of a board that may be any of its kind."""
 
-    def __init__(self, parameters: TwinParameters, untold: Untold, bias: float | None = None) -> None:
+    def __init__(
+        self, parameters: TwinParameters, untold: UntoldParameters, bias: float | None = None
+    ) -> None:
         """`bias` is the greatest of the primary's sensor, either way; None for that of `untold`."""
         self._parameters = parameters
         self._bias = untold.bias if bias is None else bias

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from apad_bridge.beliefs.mixture import clamped, inside, normal_cdf, normal_pdf, truncated
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.beliefs.spent_charge import Spent
-from apad_bridge.beliefs.twin_parameters import Sensor, TwinParameters
+from apad_bridge.beliefs.twin_parameters import SensorParameters, TwinParameters
 
 Array = NDArray[np.float64]
 PRIMARY, SECONDARY, DRAIN, ASLEEP, AWAKE, HIGH, CHARGING, RATE, SENSOR, SECONDARY_SENSOR = range(10)
@@ -246,7 +246,7 @@ def _conditioned(mean: Array, cov: Array, row: int, to: tuple[float, float]) -> 
 def measured(
     mean: Array,
     cov: Array,
-    sensor: Sensor,
+    sensor: SensorParameters,
     mode: Mode,
     charges: tuple[float, float],
     offsets: tuple[float, float] = (0.0, 0.0),

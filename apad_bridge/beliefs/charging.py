@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from apad_bridge.beliefs.twin_parameters import Charger
+from apad_bridge.beliefs.twin_parameters import ChargerParameters
 
 _NODES = (-2.8569700138728, -1.3556261799743, 0.0, 1.3556261799743, 2.8569700138728)
 _RATE_STEP = 0.01
@@ -13,7 +13,9 @@ _WEIGHTS = (0.011257411327721, 0.222075922005613, 8 / 15, 0.222075922005613, 0.0
 """The five points and weights of Gauss-Hermite quadrature for a standard normal variable."""
 
 
-def charged(charger: Charger, coils: float, load_per_min: float, charge: float, minutes: float) -> float:
+def charged(
+    charger: ChargerParameters, coils: float, load_per_min: float, charge: float, minutes: float
+) -> float:
     """The charge after `minutes`, from `charge`, under `coils` coils and a load that counts against them.
 
     The result is not clamped at 1: the curve goes on as if there were room, so that the uncertainty lasts until the charge
@@ -56,7 +58,7 @@ class Charged(NamedTuple):
 
 
 def propagated(
-    charger: Charger,
+    charger: ChargerParameters,
     coils: float,
     load_per_min: float,
     mean: float,

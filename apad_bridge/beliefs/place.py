@@ -13,7 +13,7 @@ import numpy as np
 from filterpy.kalman import predict, update
 from numpy.typing import NDArray
 
-from apad_bridge.beliefs.twin_parameters import Water
+from apad_bridge.beliefs.twin_parameters import WaterParameters
 
 Array = NDArray[np.float64]
 _FIX_MATRIX = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]])
@@ -26,11 +26,11 @@ class Place:
     cov: Array
 
     @classmethod
-    def at(cls, north_m: float, east_m: float, variance_m2: float, water: Water) -> Place:
+    def at(cls, north_m: float, east_m: float, variance_m2: float, water: WaterParameters) -> Place:
         speed = water.current_deviation_m_s**2
         return cls(np.array([north_m, east_m, 0.0, 0.0]), np.diag([variance_m2, variance_m2, speed, speed]))
 
-    def propagated(self, water: Water, elapsed_s: float, afloat: bool) -> Place:
+    def propagated(self, water: WaterParameters, elapsed_s: float, afloat: bool) -> Place:
         """The place after `elapsed_s` mission seconds; on the bottom no current moves it, and the current gets unknown."""
         if elapsed_s <= 0:
             return self
@@ -50,7 +50,7 @@ class Place:
         return Place(mean, cov)
 
     def position_after(
-        self, water: Water, elapsed_s: float, afloat: bool
+        self, water: WaterParameters, elapsed_s: float, afloat: bool
     ) -> tuple[float, float, tuple[float, float, float]]:
         """North, east and their covariance after `elapsed_s`: the same numbers as `propagated`, at a much lower cost."""
         north, east, speed_n, speed_e = self.mean.tolist()
@@ -69,7 +69,9 @@ class Place:
             ),
         )
 
-    def corrected_by_fix(self, north_m: float, east_m: float, variance_m2: float, water: Water) -> Place:
+    def corrected_by_fix(
+        self, north_m: float, east_m: float, variance_m2: float, water: WaterParameters
+    ) -> Place:
         """The place after a fix; a fix five deviations away shows that it was carried off, and replaces the estimate."""
         fix = np.array([north_m, east_m])
         away = fix - self.mean[:2]
@@ -96,7 +98,9 @@ class Place:
         return Place(mean, cov)
 
 
-def _drift(water: Water, elapsed_s: float, afloat: bool) -> tuple[float, float, float, float, float]:
+def _drift(
+    water: WaterParameters, elapsed_s: float, afloat: bool
+) -> tuple[float, float, float, float, float]:
     """(share of a speed that is kept, its reach in s, variance of the place, covariance with the speed, of the speed).
 
     Afloat, the place gains the integral of an Ornstein-Uhlenbeck process.

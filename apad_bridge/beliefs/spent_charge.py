@@ -12,7 +12,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from apad_bridge.beliefs.modes import SUBMERGED, Mode
-from apad_bridge.beliefs.twin_parameters import Cycle, Habits
+from apad_bridge.beliefs.twin_parameters import CycleParameters, Habits
 from firmware_model.value import value
 
 MS_PER_MIN = 60_000
@@ -170,7 +170,7 @@ def _without(whole: Spent, part: Spent) -> Spent:
     return Spent(probability, mean, max(0.0, square / probability - mean * mean))
 
 
-def spending(per_min: tuple[float, ...], cycle: Cycle | None) -> Spending:
+def spending(per_min: tuple[float, ...], cycle: CycleParameters | None) -> Spending:
     """Spending at steady rates, except in sleep with a known `cycle`."""
     asleep, idle, high = per_min[:3]
 

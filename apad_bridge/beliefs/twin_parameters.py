@@ -44,7 +44,7 @@ class Drain:
 
 
 @dataclass(frozen=True, slots=True)
-class Cycle:
+class CycleParameters:
     """The charge that a sleeping aMussel draws over its wake cycle, which starts at whole multiples of a period."""
 
     steps: tuple[tuple[int, float, float], ...]
@@ -54,7 +54,7 @@ class Cycle:
     """The charge that a whole period takes."""
 
     @classmethod
-    def of(cls, lasting: Sequence[tuple[int, float]], period_ms: int) -> Cycle:
+    def of(cls, lasting: Sequence[tuple[int, float]], period_ms: int) -> CycleParameters:
         """Makes a cycle of consecutive (duration in ms, rate a minute); the last rate lasts until the period's end."""
         steps, at_ms, spent = [], 0, 0.0
         for lasts_ms, per_min in lasting:
@@ -82,7 +82,7 @@ def _start_ms(step: tuple[int, float, float]) -> int:
 
 
 @dataclass(frozen=True, slots=True)
-class Charger:
+class ChargerParameters:
     segments: tuple[tuple[float, float], ...]
     """(upper end on [0, 1], rate a minute) of one coil, rising; the last ends at 1 (equation (2))."""
     primary: float
@@ -94,7 +94,7 @@ class Charger:
 
 
 @dataclass(frozen=True, slots=True)
-class Sensor:
+class SensorParameters:
     noise: float
     """Deviation of one measured charge."""
     bias: tuple[float, float, float, float]
@@ -111,7 +111,7 @@ class Sensor:
 
 
 @dataclass(frozen=True, slots=True)
-class Untold:
+class UntoldParameters:
     """The most by which a board differs from the catalogue's in what nobody told its twin, which learns it.
 
     A twin begins with uniform distributions over these ranges.
@@ -165,7 +165,7 @@ class Habits:
 
 
 @dataclass(frozen=True, slots=True)
-class Water:
+class WaterParameters:
     """The uncertainty of a place in the water. Mission time, because theta does not apply to the water."""
 
     step_variance_m2: float
@@ -196,7 +196,7 @@ class ClockParameters:
 
 
 @dataclass(frozen=True, slots=True)
-class Calls:
+class CallParameters:
     """The packets that a surfaced aMussel sends unasked: so silence is evidence that it has not surfaced."""
 
     every_ms: int
@@ -209,10 +209,10 @@ class Calls:
 class TwinParameters:
     scale: TimeScale
     drain: Drain
-    charger: Charger
-    sensor: Sensor
+    charger: ChargerParameters
+    sensor: SensorParameters
     habits: Habits
-    water: Water
+    water: WaterParameters
     drain_deviation: float
     """Relative, between aMussels."""
     ageing_per_day: float
@@ -221,9 +221,9 @@ class TwinParameters:
     board: BoardConfig
     """The nominal board: how long it floats, waits, listens and runs its motors."""
     sinking: Sinking
-    calls: Calls | None = None
+    calls: CallParameters | None = None
     """Packets from the surface; None if it is unknown when a surfaced aMussel should be received."""
-    untold: Untold | None = None
+    untold: UntoldParameters | None = None
     """None for a twin whose board is told but for `drain_deviation` and the charger's deviations."""
     permission_arrives: float = 0.9
     """The probability that an aMussel received the permission to surface, before any packet from it. Where half of the
@@ -247,7 +247,7 @@ class Schedule:
 
     starts_ms: tuple[int, ...]
     modes: tuple[Mode, ...]
-    cycle: Cycle | None = None
+    cycle: CycleParameters | None = None
     """The cycle of a sleeping aMussel; None if it draws its mean all the time."""
 
     def __post_init__(self) -> None:

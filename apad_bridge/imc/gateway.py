@@ -18,7 +18,7 @@ from apad_bridge.analysis.replay.history import ToldEvent
 from apad_bridge.imc import messages
 from apad_bridge.imc import protocol as imc
 from apad_bridge.imc.lsf_log import LsfLog
-from apad_bridge.imc.orders import ConsoleOrders, Order, Unfit
+from apad_bridge.imc.orders import ConsoleOrder, ConsoleOrders, Unfit
 from apad_bridge.imc.picture import RunPicture
 from apad_bridge.imc.protocol import Message
 from apad_bridge.imc.systems import RunNumber, System
@@ -56,7 +56,7 @@ class GatewaySettings:
 
 @dataclass(frozen=True, slots=True)
 class _Answered:
-    order: Order
+    order: ConsoleOrder
     answer: control_client.Answer
     console: Address
 
@@ -247,12 +247,12 @@ class ImcGateway:
             )
             self._send_to(received.sender, entry, message.src)
             return
-        if isinstance(order, Order):
+        if isinstance(order, ConsoleOrder):
             self._ask(order, received.sender)
         elif order is not None:
             self._send_to(received.sender, order, message.src)
 
-    def _ask(self, order: Order, console: Address) -> None:
+    def _ask(self, order: ConsoleOrder, console: Address) -> None:
         """Has the supervisor answer in a thread of its own: a stop waits behind no go-to."""
         if self._awaited >= _MOST_ORDERS:
             refusal = control_client.Answer(False, "too many orders are awaiting their answer")

@@ -20,7 +20,7 @@ _DB, _CONTROL = imc.PlanDB, imc.PlanControl
 
 
 @dataclass(frozen=True, slots=True)
-class Order:
+class ConsoleOrder:
     """An order for the supervisor, and the message that asked for it."""
 
     request: Request
@@ -63,16 +63,18 @@ class ConsoleOrders:
         self._plans: dict[str, tuple[Message, float, int]] = {}
         """The plan, when it was stored by the wall clock, and by whom."""
 
-    def take(self, message: Message, by: str, now_s: float) -> Order | Message | None:
+    def take(self, message: Message, by: str, now_s: float) -> ConsoleOrder | Message | None:
         """The order that the message means, an answer at once, or None for a message that asks for nothing.
 
         Unfit for an order that cannot be understood and has no answer of its own.
         """
         match message:
             case imc.Abort():
-                return Order(Request(Act.ABORT, by), message)
+                return ConsoleOrder(Request(Act.ABORT, by), message)
             case imc.Goto() | imc.StationKeeping():
-                return Order(self._of_manoeuvre(message, by), message, message.msg_name, _remark(message))
+                return ConsoleOrder(
+                    self._of_manoeuvre(message, by), message, message.msg_name, _remark(message)
+                )
             case _CONTROL() if message.type == _CONTROL.TypeEnum.REQUEST:
                 try:
                     return self._of_plan_control(message, by, now_s)
@@ -86,11 +88,11 @@ class ConsoleOrders:
             case _:
                 return None
 
-    def _of_plan_control(self, message: Message, by: str, now_s: float) -> Order | Message:
+    def _of_plan_control(self, message: Message, by: str, now_s: float) -> ConsoleOrder | Message:
         operations = _CONTROL.OperationEnum
         match message.op:
             case operations.STOP:
-                return Order(Request(Act.STOP, by), message)
+                return ConsoleOrder(Request(Act.STOP, by), message)
             case operations.START:
                 return self._start(message, by, now_s)
             case operations.LOAD:
@@ -104,16 +106,16 @@ class ConsoleOrders:
             case _:
                 raise Unfit("an unknown operation")
 
-    def _start(self, message: Message, by: str, now_s: float) -> Order:
+    def _start(self, message: Message, by: str, now_s: float) -> ConsoleOrder:
         if message.arg is None and message.plan_id == MISSION_PLAN:
-            return Order(Request(Act.GIVE_BACK, by), message)
+            return ConsoleOrder(Request(Act.GIVE_BACK, by), message)
         if isinstance(message.arg, imc.PlanSpecification):
             self._store(message.arg, message.src, now_s)
         manoeuvre = message.arg
         if not isinstance(manoeuvre, imc.Goto | imc.StationKeeping):
             manoeuvre = _only_manoeuvre(self._plan_of(message))
         plan_id = message.plan_id or getattr(message.arg, "plan_id", "")
-        return Order(self._of_manoeuvre(manoeuvre, by), message, plan_id, _remark(manoeuvre))
+        return ConsoleOrder(self._of_manoeuvre(manoeuvre, by), message, plan_id, _remark(manoeuvre))
 
     def _plan_of(self, message: Message) -> Message:
         """The plan that comes with the message, or else the stored one that it names."""

@@ -13,14 +13,14 @@ import rospy
 
 from agents.packet_medium import Medium
 from agents.time_scale import MissionMs
-from apad_bridge.acoustics.serial.attached import AttachedModem, Result
+from apad_bridge.acoustics.serial.attached import AttachedModem, NanomodemResult
 from apad_bridge.acoustics.serial.nanomodem import (
     PacketDirection,
     PacketDropped,
     PacketReceived,
+    PacketSent,
     Reported,
     RoutedPacket,
-    Sent,
 )
 from apad_bridge.ros.gateway.claims import LEASE_S, PERIOD_S, TOPIC
 from apad_bridge.ros.links.packet_topics import PacketTopics
@@ -99,12 +99,12 @@ class AMusselBridge:
         self._topics.close()
         self._claims.unregister()
 
-    def _take(self, results: list[Result], now_ms: MissionMs) -> None:
+    def _take(self, results: list[NanomodemResult], now_ms: MissionMs) -> None:
         for result in results:
             match result:
                 case PacketReceived(_, packet):
                     self._hear(packet)
-                case Sent():
+                case PacketSent():
                     self.counts["sent to aMussels"] += 1
                 case PacketDropped(_, reason):
                     self._drop(reason)

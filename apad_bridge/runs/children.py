@@ -23,7 +23,7 @@ from typing import IO
 from agents.hosting import started
 from agents.hosting.interrupts import received_by
 from apad_bridge.records.run_directory import RunDirectory
-from apad_bridge.runs.parent_protocol import Message, Said, from_line
+from apad_bridge.runs.parent_protocol import ParentMessage, Said, from_line
 from apad_bridge.vehicle.errors import PeerFailed
 
 _PID_FILE = "supervisor.pid"
@@ -131,7 +131,7 @@ class OrderlyEnd:
 
 def read_children(
     children: Mapping[str, Child], look: Callable[[], bool] = lambda: False
-) -> Iterator[tuple[str, Message | None]]:
+) -> Iterator[tuple[str, ParentMessage | None]]:
     """Yields each message with its child's name, and None at the end of that child's output, until all have ended.
 
     A child that is added to `children` meanwhile is read too. `look` is called at least five times a second, and is True

@@ -41,7 +41,7 @@ from apad_bridge.runs.children import (
 from apad_bridge.runs.display import JointDisplay, ProgressDisplay
 from apad_bridge.runs.exits import Exit
 from apad_bridge.runs.nurseries import end_fleet, fleet_lives, start_nursery
-from apad_bridge.runs.parent_protocol import Failed, Gave, Kept, Message, Said, Seen, Summary
+from apad_bridge.runs.parent_protocol import Failed, Gave, Kept, ParentMessage, Said, Seen, Summary
 from apad_bridge.runs.several.summary import Flown
 from apad_bridge.runs.status import RunStatus
 from apad_bridge.scenario.another_apad import Sharing
@@ -303,7 +303,7 @@ class SupervisorWatch:
         handed_on = 0 if self._reassigner is None else len(self._reassigner.handed_on)
         return Flown(summaries, self._broken | self._failures, handed_on)
 
-    def _handle(self, name: str, message: Message | None) -> None:
+    def _handle(self, name: str, message: ParentMessage | None) -> None:
         match message:
             case RunStatus():
                 self._displays[name].show_status(message.now_ms, lambda: message)

@@ -82,26 +82,26 @@ class Kept:
 
 MemberReport = Seen | Gave | Kept
 """The reports that only the parent of several aPads needs."""
-Message = RunStatus | Said | Summary | Failed | MemberReport
+ParentMessage = RunStatus | Said | Summary | Failed | MemberReport
 
-_KINDS: dict[str, Any] = {kind.__name__.lower(): kind for kind in get_args(Message)}
+_KINDS: dict[str, Any] = {kind.__name__.lower(): kind for kind in get_args(ParentMessage)}
 
 
-def to_line(message: Message) -> str:
+def to_line(message: ParentMessage) -> str:
     return json.dumps({type(message).__name__.lower(): asdict(message)}, default=sorted)
 
 
-def from_line(line: str) -> Message:
+def from_line(line: str) -> ParentMessage:
     """The message; any other line is something said."""
     try:
         ((name, fields),) = json.loads(line).items()
-        message: Message = _adapter(name).validate_python(fields)
+        message: ParentMessage = _adapter(name).validate_python(fields)
     except (AttributeError, KeyError, RecursionError, TypeError, ValueError):
         return Said(line)
     return message
 
 
-def write(message: Message) -> None:
+def write(message: ParentMessage) -> None:
     """Writes to the parent, if there still is one."""
     with contextlib.suppress(BrokenPipeError):
         print(to_line(message), flush=True)

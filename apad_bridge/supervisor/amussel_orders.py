@@ -22,9 +22,9 @@ from apad_bridge.supervisor.roster import (
     FaultRequest,
     NoRoster,
     PresenceRequest,
+    PresenceTrigger,
     Roster,
     RosterRequest,
-    Trigger,
 )
 
 
@@ -73,9 +73,9 @@ class AMusselOrders:
                 self._order(request, PermitSurfacing(request.agent), calls)
                 return "given to the guards: a refusal comes with the events"
             case AMusselAct.HAND_OVER:
-                return self._ask(PresenceRequest(request.agent, Trigger.HAND_OVER, request.by))
+                return self._ask(PresenceRequest(request.agent, PresenceTrigger.HAND_OVER, request.by))
             case AMusselAct.TAKE_BACK:
-                return self._ask(PresenceRequest(request.agent, Trigger.TAKE_BACK, request.by))
+                return self._ask(PresenceRequest(request.agent, PresenceTrigger.TAKE_BACK, request.by))
             case AMusselAct.FAULT:
                 if request.fault is None:
                     raise Refused(f"name the fault: {', '.join(TimedFault)}")

@@ -32,20 +32,20 @@ ANSWER_S = 10.0
 """A tick comes once a mission second. After so long without one, a request is answered without it."""
 
 
-class Trigger(StrEnum):
+class PresenceTrigger(StrEnum):
     HAND_OVER = "hand over"
     TAKE_BACK = "take back"
     RETIRE = "retire"
     SPAWN = "spawn"
 
 
-TABLE: dict[tuple[Presence, Trigger], Presence] = {
-    (Presence.SIMULATED, Trigger.HAND_OVER): Presence.REAL,
-    (Presence.REAL, Trigger.TAKE_BACK): Presence.SIMULATED,
-    (Presence.SIMULATED, Trigger.RETIRE): Presence.RETIRED,
-    (Presence.REAL, Trigger.RETIRE): Presence.RETIRED,
-    (Presence.RETIRED, Trigger.SPAWN): Presence.SIMULATED,
-    (Presence.RETIRED, Trigger.HAND_OVER): Presence.REAL,
+TABLE: dict[tuple[Presence, PresenceTrigger], Presence] = {
+    (Presence.SIMULATED, PresenceTrigger.HAND_OVER): Presence.REAL,
+    (Presence.REAL, PresenceTrigger.TAKE_BACK): Presence.SIMULATED,
+    (Presence.SIMULATED, PresenceTrigger.RETIRE): Presence.RETIRED,
+    (Presence.REAL, PresenceTrigger.RETIRE): Presence.RETIRED,
+    (Presence.RETIRED, PresenceTrigger.SPAWN): Presence.SIMULATED,
+    (Presence.RETIRED, PresenceTrigger.HAND_OVER): Presence.REAL,
 }
 """A missing pair is refused, with a reason for the caller."""
 
@@ -65,7 +65,7 @@ class PresenceRequest:
     """A request to change an aMussel's presence. `by` is for the journal."""
 
     agent_id: int
-    trigger: Trigger
+    trigger: PresenceTrigger
     by: str
     at: tuple[float, float] | None = None
     """(north, east) in local metres, to spawn an aMussel at."""
@@ -179,7 +179,7 @@ class Presences:
         after = TABLE.get((before, request.trigger))
         if after is None:
             return f"aMussel {request.agent_id} is {before}: it cannot {request.trigger}"
-        if request.trigger is Trigger.SPAWN and (why := _no_spawn(request)) is not None:
+        if request.trigger is PresenceTrigger.SPAWN and (why := _no_spawn(request)) is not None:
             return why
         stimuli: list[Action] = []
         if after is Presence.SIMULATED:
@@ -190,7 +190,7 @@ class Presences:
             coordinator.unmute(request.agent_id, now_ms)
         else:
             coordinator.mute(request.agent_id)
-        if request.trigger is not Trigger.TAKE_BACK:
+        if request.trigger is not PresenceTrigger.TAKE_BACK:
             beliefs.forget(request.agent_id)
         self._now[request.agent_id] = after
         self.simulated = self._simulated_ids()
@@ -201,7 +201,7 @@ class Presences:
 
     def _placed(self, request: PresenceRequest, beliefs: FleetBeliefs) -> Placed | None:
         """On the bottom, at the requested place or at the believed place of the real one; None without a belief."""
-        if request.trigger is Trigger.TAKE_BACK:
+        if request.trigger is PresenceTrigger.TAKE_BACK:
             belief = beliefs.get(request.agent_id)
             if belief is None:
                 return None

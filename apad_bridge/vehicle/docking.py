@@ -156,7 +156,7 @@ class GoToProgress:
         return math.hypot(self._goal_m[0] - pose.north_m, self._goal_m[1] - pose.east_m)
 
 
-Action = VehicleCommand | Outcome
+PortAction = VehicleCommand | Outcome
 _SIMULATED = of_simulated_apad()
 
 
@@ -232,18 +232,18 @@ class DockingPort:
         dues = [due_ms for due_ms in (self._act_ms, deadline_ms) if due_ms is not None]
         return min(dues) if dues else None
 
-    def advance(self, now_ms: int) -> list[Action]:
+    def advance(self, now_ms: int) -> list[PortAction]:
         """Fire the timers due at or before `now_ms`. Raises ValueError when time went back."""
         if now_ms < self._now_ms:
             raise ValueError(f"time went back from {self._now_ms} to {now_ms} ms")
-        actions: list[Action] = []
+        actions: list[PortAction] = []
         while (due_ms := self.next_due_ms) is not None and due_ms <= now_ms:
             event = DockingEvent.WAIT_OVER if due_ms == self._act_ms else DockingEvent.TIMED_OUT
             self._apply(event, due_ms, actions, self._time_out_reason())
         self._now_ms = now_ms
         return actions
 
-    def receive(self, stimulus: Primitive | VehicleFact, now_ms: int) -> list[Action]:
+    def receive(self, stimulus: Primitive | VehicleFact, now_ms: int) -> list[PortAction]:
         """Take a primitive from the mission or a fact from the vehicle, after the timers due until then."""
         actions = self.advance(now_ms)
         match stimulus:
@@ -266,7 +266,7 @@ class DockingPort:
                 pass  # the supervisor takes them from the vehicle directly
         return actions
 
-    def _order(self, primitive: Primitive, now_ms: int, actions: list[Action]) -> None:
+    def _order(self, primitive: Primitive, now_ms: int, actions: list[PortAction]) -> None:
         was_going = self._phase is DockingPhase.GOING
         if TABLE[self._phase, DockingEvent.REPLACED] is Effect.QUEUE:
             if self._queued is not None:
@@ -278,7 +278,7 @@ class DockingPort:
             self._hold_here(actions)
         self._start(primitive, now_ms, actions)
 
-    def _start(self, primitive: Primitive, now_ms: int, actions: list[Action]) -> None:
+    def _start(self, primitive: Primitive, now_ms: int, actions: list[PortAction]) -> None:
         self._running = primitive
         self._tries, self._first_cause = 0, ""
         match primitive:
@@ -297,7 +297,9 @@ class DockingPort:
             case CloseDock() | OpenDock():
                 self._start_mechanism(primitive, now_ms, actions)
 
-    def _start_mechanism(self, primitive: CloseDock | OpenDock, now_ms: int, actions: list[Action]) -> None:
+    def _start_mechanism(
+        self, primitive: CloseDock | OpenDock, now_ms: int, actions: list[PortAction]
+    ) -> None:
         self._phase = DockingPhase.WAITING
         self._tries += 1
         if isinstance(primitive, CloseDock) and dock_index_of(self.docked, primitive.agent_id) is not None:
@@ -330,7 +332,7 @@ class DockingPort:
             profile is DockingProfile.CAMERA and not self._capabilities.sees_amussels
         )
 
-    def _open_arm(self, primitive: CloseDock | OpenDock, actions: list[Action]) -> None:
+    def _open_arm(self, primitive: CloseDock | OpenDock, actions: list[PortAction]) -> None:
         if (
             self._capabilities.moves_arms
             and self._is_virtual(primitive.agent_id)
@@ -340,7 +342,7 @@ class DockingPort:
             self._arm_dock = primitive.dock_index
             actions.append(MoveArm(self._take_command_id(), primitive.dock_index, True))
 
-    def _command_mechanism(self, actions: list[Action]) -> None:
+    def _command_mechanism(self, actions: list[PortAction]) -> None:
         primitive = self._running
         assert isinstance(primitive, CloseDock | OpenDock)
         self._phase = DockingPhase.ACTING
@@ -353,7 +355,7 @@ class DockingPort:
         actions.append(replace(primitive, command_id=self._command_id))
 
     def _receive_answer(
-        self, event: DockingEvent, command_id: int, now_ms: int, actions: list[Action], reason: str = ""
+        self, event: DockingEvent, command_id: int, now_ms: int, actions: list[PortAction], reason: str = ""
     ) -> None:
         """The vehicle answers one of our commands."""
         if command_id != self._command_id:
@@ -369,7 +371,7 @@ class DockingPort:
         if self._progress is not None:
             self._progress.take(pose, now_ms)
 
-    def _take_dock(self, fact: DockClosed | DockOpened, now_ms: int, actions: list[Action]) -> None:
+    def _take_dock(self, fact: DockClosed | DockOpened, now_ms: int, actions: list[PortAction]) -> None:
         if fact.dock_index not in self._capabilities.docks.indices:
             self.dropped["dock: no such dock"] += 1
             return
@@ -380,7 +382,7 @@ class DockingPort:
         if isinstance(self._running, wanted) and self._running.agent_id == fact.agent_id:
             self._apply(DockingEvent.MECHANISM_DONE, now_ms, actions)
 
-    def _apply(self, event: DockingEvent, at_ms: int, actions: list[Action], reason: str = "") -> None:
+    def _apply(self, event: DockingEvent, at_ms: int, actions: list[PortAction], reason: str = "") -> None:
         """Apply the table's effect of this event in the present phase."""
         effect = TABLE.get((self._phase, event))
         if effect is None:
@@ -392,7 +394,7 @@ class DockingPort:
         elif effect in (Effect.SUCCEED, Effect.FAIL, Effect.END_EMPTY):
             self._end(effect, event, at_ms, actions, reason)
 
-    def _try_again(self, event: DockingEvent, at_ms: int, actions: list[Action], reason: str) -> None:
+    def _try_again(self, event: DockingEvent, at_ms: int, actions: list[PortAction], reason: str) -> None:
         primitive = self._running
         assert isinstance(primitive, CloseDock | OpenDock)
         self._first_cause = self._first_cause or reason
@@ -403,7 +405,7 @@ class DockingPort:
             self._start_mechanism(primitive, at_ms, actions)
 
     def _end(
-        self, effect: Effect, event: DockingEvent, at_ms: int, actions: list[Action], reason: str
+        self, effect: Effect, event: DockingEvent, at_ms: int, actions: list[PortAction], reason: str
     ) -> None:
         ended, was_going = self._running, self._phase is DockingPhase.GOING
         assert ended is not None
@@ -434,7 +436,7 @@ class DockingPort:
             return self._progress.stall_reason()
         return f"the vehicle did not answer within {self._docking.timeout_s:g} s"
 
-    def _hold_here(self, actions: list[Action]) -> None:
+    def _hold_here(self, actions: list[PortAction]) -> None:
         """Stop a vehicle under way: field vehicles keep going to the old goal until the next command."""
         if self._pose is None:
             self.dropped["hold: the vehicle never sent a pose"] += 1

@@ -47,10 +47,10 @@ class APadSeen:
 LinkFact = VehicleFact | Carried | LetGo | APadSeen
 
 
-Order = TypeVar("Order")
+Outgoing = TypeVar("Outgoing")
 
 
-class Cleared(ABC, Generic[Order]):
+class Cleared(ABC, Generic[Outgoing]):
     """An order that the gate has let out: a vehicle's command, or what goes on the wire for one.
 
     Only `Gate` has a class that can be made, and a link takes nothing else: so a type check finds a road around the guards.
@@ -58,7 +58,7 @@ class Cleared(ABC, Generic[Order]):
 
     @property
     @abstractmethod
-    def order(self) -> Order: ...
+    def order(self) -> Outgoing: ...
 
     @property
     @abstractmethod

@@ -26,7 +26,7 @@ AHEAD_MS = 10_000
 """An aPad on our clock stamps its messages with ticks that it has reached: a stamp so far ahead is somebody else's."""
 FAR_M = 5.0
 """More than a mission's victory radius plus the drift meanwhile; a docking from here is a mistake."""
-Sight = Callable[[int], Mapping[int, tuple[float, float]]]
+FloatingPlaces = Callable[[int], Mapping[int, tuple[float, float]]]
 """Places of floating simulated aMussels at a mission time: (north, east) in metres by id; empty when unknown."""
 
 
@@ -145,10 +145,10 @@ class Stamped(Protocol):
     def at_ms(self) -> int: ...
 
 
-Message = TypeVar("Message", bound=Stamped)
+StampedMessage = TypeVar("StampedMessage", bound=Stamped)
 
 
-class DeferredMessages(Generic[Message]):
+class DeferredMessages(Generic[StampedMessage]):
     """Keeps messages with stamps after the present tick until their time. Mission time begins at `now_ms`.
 
     One that is stamped more than `AHEAD_MS` ahead is dropped, and counted in `dropped`: it would wait for ever, or stand
@@ -158,9 +158,9 @@ class DeferredMessages(Generic[Message]):
     def __init__(self, now_ms: int, dropped: Counter[str]) -> None:
         self._now_ms = now_ms
         self._dropped = dropped
-        self._deferred: list[Message] = []
+        self._deferred: list[StampedMessage] = []
 
-    def defers(self, message: Message, now_ms: int) -> bool:
+    def defers(self, message: StampedMessage, now_ms: int) -> bool:
         """Keeps a later message, or drops it, and returns True.
 
         `stateRef` never waits: it states the vehicle's progress.
@@ -174,7 +174,7 @@ class DeferredMessages(Generic[Message]):
         self._deferred.append(message)
         return True
 
-    def advance(self, now_ms: int) -> list[Message]:
+    def advance(self, now_ms: int) -> list[StampedMessage]:
         """All deferred messages, to be received again. ValueError when time went back."""
         if now_ms < self._now_ms:
             raise ValueError(f"time went back from {self._now_ms} to {now_ms} ms")
@@ -183,7 +183,9 @@ class DeferredMessages(Generic[Message]):
         return deferred
 
 
-def why_out_of_reach(agent_id: int, pose: PoseReported | None, sight: Sight, now_ms: int) -> str | None:
+def why_out_of_reach(
+    agent_id: int, pose: PoseReported | None, sight: FloatingPlaces, now_ms: int
+) -> str | None:
     """The reason to refuse a docking from afar; None when the aMussel is near or its place is unknown."""
     if pose is None or (there_m := sight(now_ms).get(agent_id)) is None:
         return None

@@ -15,14 +15,14 @@ from apad_bridge.beliefs.measurement import Docked, Permitted, Released, Timeslo
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.beliefs.twin import Twin
 from apad_bridge.beliefs.twin_parameters import (
-    Charger,
+    ChargerParameters,
     ClockParameters,
     Drain,
     Habits,
     Schedule,
-    Sensor,
+    SensorParameters,
     TwinParameters,
-    Water,
+    WaterParameters,
 )
 from benchmarks.belief_study.truth import Array, Doing, Event, Life
 from firmware_model.config import BoardConfig
@@ -51,10 +51,12 @@ NOMINAL = TwinParameters(
         motor_deviation=0.003,
         in_dock=0.6037,
     ),
-    charger=Charger(
+    charger=ChargerParameters(
         ((0.16197, 0.001045), (0.5634, 0.00223), (1.0, 0.002911)), primary=1.2435, deviation=0.04
     ),
-    sensor=Sensor(0.015, (0.0, -0.01, -0.03, 0.03), (0.004, 0.006, 0.011, 0.011), apart_ms=5 * MINUTE),
+    sensor=SensorParameters(
+        0.015, (0.0, -0.01, -0.03, 0.03), (0.004, 0.006, 0.011, 0.011), apart_ms=5 * MINUTE
+    ),
     habits=Habits(
         every_ms=60 * MINUTE,
         unscheduled=0.033,
@@ -65,7 +67,9 @@ NOMINAL = TwinParameters(
         plan_deviation=0.009 / 60,
         seen_before=40,
     ),
-    water=Water(step_variance_m2=0.0, current_deviation_m_s=0.0, current_lasts_s=3600.0, fix_deviation_m=1.0),
+    water=WaterParameters(
+        step_variance_m2=0.0, current_deviation_m_s=0.0, current_lasts_s=3600.0, fix_deviation_m=1.0
+    ),
     drain_deviation=0.06,
     ageing_per_day=0.002,
     clock=ClockParameters(1000.0, 20.0, 1000.0),

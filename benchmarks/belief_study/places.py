@@ -14,7 +14,7 @@ import numpy as np
 from agents.time_scale import MissionMs, TimeScale
 from apad_bridge.beliefs.measurement import TimeslotSilent
 from apad_bridge.beliefs.twin import Twin
-from apad_bridge.beliefs.twin_parameters import Water
+from apad_bridge.beliefs.twin_parameters import WaterParameters
 from benchmarks.belief_study.filters import NOMINAL
 from benchmarks.belief_study.truth import Array
 from firmware_model.packets import StatusPacket
@@ -34,7 +34,7 @@ _CHI_95 = 5.991
 def coverage(theta: int, currents: bool, seed: int = 11, agents: int = AGENTS) -> dict[str, Any]:
     """The share of report times at which the true place was in the ellipse. Without a current it is on the bottom."""
     rng = np.random.default_rng(seed)
-    water = Water(AMPLITUDE_M**2 / 3, CURRENT_M_S if currents else 0.0, LASTS_S, FIX_M)
+    water = WaterParameters(AMPLITUDE_M**2 / 3, CURRENT_M_S if currents else 0.0, LASTS_S, FIX_M)
     board = replace(NOMINAL.board, float_timeout_ms=10**12)
     twin = Twin(replace(NOMINAL, scale=TimeScale(theta), water=water, board=board), {})
     state = State.FLOATING if currents else State.SLEEPING

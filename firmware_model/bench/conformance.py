@@ -166,7 +166,7 @@ class Reading:
 
 
 @dataclass(frozen=True, slots=True)
-class Result:
+class CaseResult:
     case: Case
     verdict: Verdict
     reason: str
@@ -182,7 +182,7 @@ def judged(
     waivers: dict[str, str],
     late_ms: int = 0,
     readings: Sequence[Reading] = (),
-) -> Result:
+) -> CaseResult:
     """Runs the case on both boards, and, where they differ, on a board of ours for each other reading of the paper.
 
     `ours` and `theirs` make a rig for a case, or `ours` is a captured history. Dead firmware raises `failures`.
@@ -207,7 +207,7 @@ def judged(
             if case.source is RequirementSource.CHOICE and not found.failure
             else Verdict.FAILED
         )
-    return Result(case, verdict, reason or "", expected, found)
+    return CaseResult(case, verdict, reason or "", expected, found)
 
 
 def _reading(
@@ -441,7 +441,7 @@ def _has_values_of(ours: Any, theirs: Any, tolerance_ms: int) -> bool:
     return True
 
 
-def side_by_side(result: Result) -> Iterator[str]:
+def side_by_side(result: CaseResult) -> Iterator[str]:
     """Both histories, a line an event: its mark, what was expected, what was found. States follow where they differ."""
     ours, theirs = result.ours, result.theirs
     pairs = list(zip_longest(ours.events, theirs.events))

@@ -16,7 +16,7 @@ from safety.nodes.imc_order import plan_control
 from safety.person import says_done
 from safety.track import is_inside
 
-from apad_bridge.imc.orders import ConsoleOrders, Order
+from apad_bridge.imc.orders import ConsoleOrder, ConsoleOrders
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.loader import load
 from apad_bridge.supervisor.control import Act
@@ -106,10 +106,10 @@ def test_the_bench_understands_the_plan_of_the_imc_console() -> None:
     frame = LocalFrame.about(load(REAL_APAD).area.origin)
     orders = ConsoleOrders(frame, "apad1")
     asked = orders.take(imcpy.Packet.deserialize(plan_control(0x2A01, IMC_GOAL_DEG)), "console", 0.0)
-    assert isinstance(asked, Order) and asked.request.act is Act.GO_TO
+    assert isinstance(asked, ConsoleOrder) and asked.request.act is Act.GO_TO
     assert asked.request.goal_m is not None and is_inside(asked.request.goal_m, FENCE)
     stop = orders.take(imcpy.Packet.deserialize(plan_control(0x2A01, None)), "console", 0.0)
-    assert isinstance(stop, Order) and stop.request.act is Act.STOP
+    assert isinstance(stop, ConsoleOrder) and stop.request.act is Act.STOP
 
 
 @pytest.mark.parametrize(

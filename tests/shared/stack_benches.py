@@ -42,9 +42,9 @@ from apad_bridge.vehicle.generation_b.messages import (
     ArmReceived,
     GoToOrder,
     ManualReceived,
-    Order,
     PositionOrder,
     ServiceAnswered,
+    ServiceOrder,
     StatusReceived,
     StopOrder,
 )
@@ -265,7 +265,7 @@ class LinkToB:
         self._apad = SimulatedAPad(flown.apad)
         self._vehicle = GenerationBVehicle(self._apad)
         self._core = core()
-        self._last: Order | None = None
+        self._last: ServiceOrder | None = None
         self.shows_goals = True
         """Its action server shows each goal; without that nothing but the status tells of another client's go-to."""
         self.never_ends = False

@@ -251,7 +251,7 @@ def test_a_bad_message_to_the_nursery_disturbs_nothing(host: ProcessHost, tmp_pa
         for data in (b"\xc1garbage", bytes(LIMIT_BYTES + 1), protocol.encode(protocol.End())):
             guest.send(data)
             answer = protocol.receive(guest)
-            assert answer is not None and isinstance(answer[0], protocol.Refused)
+            assert answer is not None and isinstance(answer[0], protocol.StartRefused)
     assert len(clock.advance(1_000)) == 3
 
 

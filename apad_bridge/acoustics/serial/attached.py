@@ -8,19 +8,19 @@ from __future__ import annotations
 
 from agents.serial_port import BytesRead, Lost, Opened, SerialPort
 from apad_bridge.acoustics.serial.nanomodem import (
-    Action,
     ModemQueue,
+    NanomodemAction,
     PacketDirection,
     PacketDropped,
     PacketReceived,
+    PacketSent,
     Priority,
     Reported,
     RoutedPacket,
-    Sent,
-    Write,
+    WriteLine,
 )
 
-Result = Sent | PacketReceived | PacketDropped | Reported
+NanomodemResult = PacketSent | PacketReceived | PacketDropped | Reported
 
 
 class AttachedModem:
@@ -31,9 +31,9 @@ class AttachedModem:
         self.queue = ModemQueue(now_ms)
         self._has_reported_closed = False
 
-    def poll(self, now_ms: int) -> list[Result]:
+    def poll(self, now_ms: int) -> list[NanomodemResult]:
         """Reads the port and advances the queue; returns all results up to `now_ms`."""
-        actions: list[Action] = []
+        actions: list[NanomodemAction] = []
         for event in self.port.poll():
             match event:
                 case Opened():
@@ -50,12 +50,12 @@ class AttachedModem:
             actions.append(Reported(now_ms, message))
         return self._write_out(actions)
 
-    def report(self, agent_id: int, data: bytes, now_ms: int) -> list[Result]:
+    def report(self, agent_id: int, data: bytes, now_ms: int) -> list[NanomodemResult]:
         """Queues an aMussel's packet to the aPad."""
         packet = RoutedPacket(PacketDirection.FROM_AMUSSEL, agent_id, data)
         return self._write_out(self.queue.send(packet, Priority.REPORT, now_ms))
 
-    def command(self, agent_id: int, data: bytes, now_ms: int) -> list[Result]:
+    def command(self, agent_id: int, data: bytes, now_ms: int) -> list[NanomodemResult]:
         """Queues the aPad's packet to an aMussel, which has priority over all reports."""
         packet = RoutedPacket(PacketDirection.TO_AMUSSEL, agent_id, data)
         return self._write_out(self.queue.send(packet, Priority.COMMAND, now_ms))
@@ -63,10 +63,10 @@ class AttachedModem:
     def close(self) -> None:
         self.port.close()
 
-    def _write_out(self, actions: list[Action]) -> list[Result]:
-        results: list[Result] = []
+    def _write_out(self, actions: list[NanomodemAction]) -> list[NanomodemResult]:
+        results: list[NanomodemResult] = []
         for action in actions:
-            if isinstance(action, Write):
+            if isinstance(action, WriteLine):
                 self.port.write(action.data)
             else:
                 results.append(action)

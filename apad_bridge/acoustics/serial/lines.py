@@ -16,13 +16,13 @@ from agents.packet_medium import Medium
 from agents.serial_port import SerialPort
 from agents.time_scale import MissionMs
 from agents.water.sea_events import Printed, SeaResult
-from apad_bridge.acoustics.serial.attached import AttachedModem, Result
+from apad_bridge.acoustics.serial.attached import AttachedModem, NanomodemResult
 from apad_bridge.acoustics.serial.nanomodem import (
     PacketDirection,
     PacketDropped,
     PacketReceived,
+    PacketSent,
     Reported,
-    Sent,
 )
 from apad_bridge.acoustics.serial.pty import FOLDER, Burst, OpenedModems
 from apad_bridge.events.sound import ModemTold
@@ -39,7 +39,7 @@ class SerialLines:
     opened: OpenedModems | None = None
     attached: AttachedModem | None = None
     tell: Callable[[str], None] = lambda line: None
-    _results: list[Result] = field(default_factory=list)
+    _results: list[NanomodemResult] = field(default_factory=list)
 
     @property
     def any_open(self) -> bool:
@@ -89,16 +89,16 @@ class SerialLines:
         results, self._results = self._results, []
         return [_action_of(it) for it in results]
 
-    def _store(self, results: list[Result]) -> None:
+    def _store(self, results: list[NanomodemResult]) -> None:
         self._results += results
         for result in results:
             if isinstance(result, Reported):
                 self.tell(result.what)
 
 
-def _action_of(result: Result) -> SoundHeard | Send | ModemTold:
+def _action_of(result: NanomodemResult) -> SoundHeard | Send | ModemTold:
     match result:
-        case PacketReceived(at_ms, packet) | Sent(at_ms, packet):
+        case PacketReceived(at_ms, packet) | PacketSent(at_ms, packet):
             if packet.direction is PacketDirection.FROM_AMUSSEL:
                 return SoundHeard(MissionMs(at_ms), packet.data)
             return Send(Medium.SOUND, packet.agent_id, packet.data)

@@ -86,14 +86,14 @@ class ModemStage(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Write:
+class WriteLine:
     """Bytes for the serial port."""
 
     data: bytes
 
 
 @dataclass(frozen=True, slots=True)
-class Sent:
+class PacketSent:
     """The packet was sent completely: its last sound left at `at_ms`."""
 
     at_ms: int
@@ -125,7 +125,7 @@ class Reported:
     what: str
 
 
-Action = Write | Sent | PacketReceived | PacketDropped | Reported
+NanomodemAction = WriteLine | PacketSent | PacketReceived | PacketDropped | Reported
 
 
 @dataclass(slots=True)
@@ -173,11 +173,11 @@ class ModemQueue:
             dues.append(self._until_ms)
         return max(self._now_ms, min(dues)) if dues else None
 
-    def advance(self, now_ms: int) -> list[Action]:
+    def advance(self, now_ms: int) -> list[NanomodemAction]:
         """Lets time pass to `now_ms`, in order (ValueError if it went back)."""
         if now_ms < self._now_ms:
             raise ValueError(f"time went back: {now_ms} before {self._now_ms}")
-        actions: list[Action] = []
+        actions: list[NanomodemAction] = []
         while (due_ms := self.next_due_ms) is not None and due_ms <= now_ms:
             self._now_ms = due_ms
             if self._until_ms is not None and self._until_ms <= due_ms:
@@ -188,7 +188,7 @@ class ModemQueue:
         self._now_ms = now_ms
         return actions
 
-    def send(self, packet: RoutedPacket, priority: Priority, now_ms: int) -> list[Action]:
+    def send(self, packet: RoutedPacket, priority: Priority, now_ms: int) -> list[NanomodemAction]:
         """Queues a packet. A report replaces an older waiting report of the same aMussel."""
         actions = self.advance(now_ms)
         if not _FEWEST <= len(packet.encode()) <= _MOST:
@@ -205,11 +205,11 @@ class ModemQueue:
             actions.append(self._drop("sound: the modem's queue is full", self._waiting.pop().packet))
         return actions + self._send_next()
 
-    def port_opened(self, now_ms: int) -> list[Action]:
+    def port_opened(self, now_ms: int) -> list[NanomodemAction]:
         """The port was opened, perhaps again: asks the modem for its address."""
         return self.advance(now_ms) + self._identify()
 
-    def port_lost(self, why: str, now_ms: int) -> list[Action]:
+    def port_lost(self, why: str, now_ms: int) -> list[NanomodemAction]:
         """The port was lost. The packet being sent is retried when the port is back; waiting packets stay queued."""
         actions = self.advance(now_ms)
         if self.stage is ModemStage.CLOSED:
@@ -218,20 +218,20 @@ class ModemQueue:
         actions.append(Reported(now_ms, f"the modem is gone, and its port is tried again: {why}"))
         return actions + self._retry()
 
-    def read(self, data: bytes, now_ms: int) -> list[Action]:
+    def read(self, data: bytes, now_ms: int) -> list[NanomodemAction]:
         """Takes bytes that the modem has printed."""
         actions = self.advance(now_ms)
         for answer in self._reader.take(data):
-            actions += self._receive(answer) if isinstance(answer, Message) else self._answer(answer)
+            actions += self._receive(answer) if isinstance(answer, ReceivedData) else self._answer(answer)
         return actions
 
-    def _receive(self, message: Message) -> list[Action]:
+    def _receive(self, message: ReceivedData) -> list[NanomodemAction]:
         packet = decode(message.data)
         if packet is None:
             return [self._drop("sound: without an aMussel's id", None)]
         return [PacketReceived(self._now_ms, packet)]
 
-    def _answer(self, line: Line) -> list[Action]:
+    def _answer(self, line: Line) -> list[NanomodemAction]:
         text = line.text
         if text.startswith(b"#A") and text[2:5].isdigit():
             self.address = int(text[2:5])
@@ -260,32 +260,32 @@ class ModemQueue:
             return [self._drop("sound: a range to where the modem hangs", None)]
         return [self._drop("modem: an answer to nothing that was asked", None)]
 
-    def _stage_ended(self) -> list[Action]:
+    def _stage_ended(self) -> list[NanomodemAction]:
         """Acts on the end of the present stage's time."""
         if self.stage is ModemStage.SENDING and self._sending is not None:
-            sent = Sent(self._now_ms - _TURNAROUND_MS, self._sending.packet)
+            sent = PacketSent(self._now_ms - _TURNAROUND_MS, self._sending.packet)
             self._sending = None
             self._enter(ModemStage.READY)
             return [sent, *self._send_next()]
         # Without an answer, the modem may have been exchanged, or may sleep.
         return [*self._retry(), *self._identify()]
 
-    def _identify(self) -> list[Action]:
+    def _identify(self) -> list[NanomodemAction]:
         """Asks the modem for its address. `$W`, repeated, wakes a sleeping modem. An incomplete answer is dropped."""
         self._reader.forget()
         self._enter(ModemStage.IDENTIFYING, ANSWER_MS)
-        return [Write(b"$W"), Write(b"$?")]
+        return [WriteLine(b"$W"), WriteLine(b"$?")]
 
-    def _send_next(self) -> list[Action]:
+    def _send_next(self) -> list[NanomodemAction]:
         if self.stage is not ModemStage.READY or not self._waiting:
             return []
         self._sending = self._waiting.pop(0)
         self._sending.attempts += 1
         payload = self._sending.packet.encode()
         self._enter(ModemStage.AWAITING_ACCEPTANCE, ANSWER_MS)
-        return [Write(b"$B%02d" % len(payload) + payload)]
+        return [WriteLine(b"$B%02d" % len(payload) + payload)]
 
-    def _retry(self) -> list[Action]:
+    def _retry(self) -> list[NanomodemAction]:
         """Puts the packet being sent back to the head of its priority, or drops it after the last attempt."""
         failed, self._sending = self._sending, None
         if failed is None:
@@ -315,7 +315,7 @@ def _is_superseded_by(waiting: _Waiting, packet: RoutedPacket) -> bool:
 
 
 @dataclass(frozen=True, slots=True)
-class Message:
+class ReceivedData:
     """Data from the water; a unicast has no source."""
 
     source: int | None
@@ -340,14 +340,14 @@ class AnswerReader:
         """Drops an incomplete answer, which will not be continued."""
         self._bytes.clear()
 
-    def take(self, data: bytes) -> list[Message | Line]:
+    def take(self, data: bytes) -> list[ReceivedData | Line]:
         self._bytes += data
-        answers: list[Message | Line] = []
+        answers: list[ReceivedData | Line] = []
         while (found := self._next()) is not None:
             answers.append(found)
         return answers
 
-    def _next(self) -> Message | Line | None:
+    def _next(self) -> ReceivedData | Line | None:
         self._skip_noise()
         taken = bytes(self._bytes)
         if taken[:2] in (b"#B", b"#U"):
@@ -362,7 +362,7 @@ class AnswerReader:
         del self._bytes[: end + 2]
         return Line(taken[:end])
 
-    def _message(self, taken: bytes, head: re.Match[bytes]) -> Message | None:
+    def _message(self, taken: bytes, head: re.Match[bytes]) -> ReceivedData | None:
         """The message, once its end is there. Its quality and a time may follow its data."""
         size = int(head[2])
         rest = taken[head.end() + size :]
@@ -372,16 +372,18 @@ class AnswerReader:
                 at = found.end()
         if rest[at : at + 2] == b"\r\n":
             del self._bytes[: head.end() + size + at + 2]
-            return Message(None if head[1] is None else int(head[1]), taken[head.end() : head.end() + size])
+            return ReceivedData(
+                None if head[1] is None else int(head[1]), taken[head.end() : head.end() + size]
+            )
         # There are enough bytes for the longest message but no end of it, so they are no message.
         if len(rest) >= 8 + 15 + 2:
             self._drop(1)
             return self._next_message()
         return None
 
-    def _next_message(self) -> Message | None:
+    def _next_message(self) -> ReceivedData | None:
         found = self._next()
-        return found if isinstance(found, Message) else None
+        return found if isinstance(found, ReceivedData) else None
 
     def _skip_noise(self) -> None:
         """Answers begin with `#`, `$` or `E`."""

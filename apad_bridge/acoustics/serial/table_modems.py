@@ -6,7 +6,7 @@ import threading
 import time
 from pathlib import Path
 
-from agents.modem.facts import Action, EmitFrame, FrameArrived, SerialBytes, SerialOut
+from agents.modem.facts import EmitFrame, FrameArrived, ModemAction, SerialBytes, SerialOut
 from agents.modem.firmware import ModemConfig
 from agents.modem.frames import ModemFrame
 from agents.modem.modem import Modem
@@ -63,7 +63,7 @@ class TableModems:
     def _deliver(self, address: int, stimulus: SerialBytes | FrameArrived, now_ms: int) -> None:
         self._apply(address, self.modems[address].receive(stimulus, now_ms))
 
-    def _apply(self, address: int, actions: list[Action]) -> None:
+    def _apply(self, address: int, actions: list[ModemAction]) -> None:
         for action in actions:
             if isinstance(action, SerialOut) and not self.mute:
                 self._devices.write(address, action.data)

@@ -31,8 +31,8 @@ from apad_bridge.scenario.text_file import read_text, write_atomically
 from apad_bridge.scenario.yaml_text import parse_yaml
 from firmware_model.bench.conformance import (
     Case,
+    CaseResult,
     RequirementSource,
-    Result,
     Verdict,
     Whole,
     captured,
@@ -164,7 +164,7 @@ def _cases(arguments: argparse.Namespace) -> list[Case]:
     return [case for case in chosen if not arguments.serial or lasts_ms(case.script) < _AT_THETA_1_MS]
 
 
-def _judged(program: Path, case: Case, waivers: dict[str, str], cost_ms: int, seed: int) -> Result:
+def _judged(program: Path, case: Case, waivers: dict[str, str], cost_ms: int, seed: int) -> CaseResult:
     return judged(
         case,
         our_rig,
@@ -176,7 +176,7 @@ def _judged(program: Path, case: Case, waivers: dict[str, str], cost_ms: int, se
     )
 
 
-def _judged_by_trace(program: Path, trace: Path, profile: str, cost_ms: int, seed: int) -> Result:
+def _judged_by_trace(program: Path, trace: Path, profile: str, cost_ms: int, seed: int) -> CaseResult:
     """Plays a captured trace again, and compares; UserError for a file that is none."""
     try:
         case, found = captured(read_text(trace), trace.stem)
@@ -208,7 +208,7 @@ def _waivers(path: Path, profile: str) -> dict[str, str]:
     return data
 
 
-def _show(results: list[Result], console: Console) -> None:
+def _show(results: list[CaseResult], console: Console) -> None:
     others = [it for it in results if it.verdict is not Verdict.PASSED]
     if others:
         table = Table("case", "verdict", "requirement of", "requirement", "what happened")
@@ -228,7 +228,7 @@ def _show(results: list[Result], console: Console) -> None:
     )
 
 
-def _as_data(result: Result) -> dict[str, Any]:
+def _as_data(result: CaseResult) -> dict[str, Any]:
     return {
         "case": result.case.name,
         "verdict": result.verdict.lower(),
@@ -241,7 +241,7 @@ def _as_data(result: Result) -> dict[str, Any]:
     }
 
 
-def _junit(program: Path, results: Iterable[Result]) -> str:
+def _junit(program: Path, results: Iterable[CaseResult]) -> str:
     """JUnit's XML: what differs or is waived counts as skipped, with its reason."""
     suite = ElementTree.Element("testsuite", name=f"musselbed mu conform {program.name}")
     for result in results:

@@ -25,7 +25,7 @@ from apad_bridge.supervisor.roster import (
     Claim,
     PresenceRequest,
     Presences,
-    Trigger,
+    PresenceTrigger,
     claim_conflicts,
     unclaimed_real_ids,
 )
@@ -91,14 +91,14 @@ class ClaimBoard:
             for agent_id in sorted(claim.ids):
                 presence = presence_of(agent_id)
                 if claim.real and presence in (Presence.SIMULATED, Presence.RETIRED):
-                    changes.append(PresenceRequest(agent_id, Trigger.HAND_OVER, claim.node))
+                    changes.append(PresenceRequest(agent_id, PresenceTrigger.HAND_OVER, claim.node))
                 elif not claim.real and presence is Presence.SIMULATED and self._yields_to(claim):
-                    changes.append(PresenceRequest(agent_id, Trigger.RETIRE, claim.node))
+                    changes.append(PresenceRequest(agent_id, PresenceTrigger.RETIRE, claim.node))
         with self._lock:
             unclaimed_real_ids, self._given_back = self._given_back, {}
         for agent_id, node in unclaimed_real_ids.items():
             if presence_of(agent_id) is Presence.REAL:
-                changes.append(PresenceRequest(agent_id, Trigger.TAKE_BACK, node))
+                changes.append(PresenceRequest(agent_id, PresenceTrigger.TAKE_BACK, node))
         return changes
 
     def close(self) -> None:

@@ -21,8 +21,8 @@ from apad_bridge.supervisor.roster import (
     FaultRequest,
     PresenceRequest,
     Presences,
+    PresenceTrigger,
     RosterRequest,
-    Trigger,
 )
 
 use_generated_messages()
@@ -49,9 +49,9 @@ class FleetServices:
         self._warned: set[RosterRequest] = set()
         self._services = [
             rospy.Service(ours("spawn"), SpawnAmussel, self._spawn),
-            rospy.Service(ours("retire"), AmusselById, self._change(Trigger.RETIRE)),
-            rospy.Service(ours("hand_over"), AmusselById, self._change(Trigger.HAND_OVER)),
-            rospy.Service(ours("take_back"), AmusselById, self._change(Trigger.TAKE_BACK)),
+            rospy.Service(ours("retire"), AmusselById, self._change(PresenceTrigger.RETIRE)),
+            rospy.Service(ours("hand_over"), AmusselById, self._change(PresenceTrigger.HAND_OVER)),
+            rospy.Service(ours("take_back"), AmusselById, self._change(PresenceTrigger.TAKE_BACK)),
             rospy.Service(ours("inject_fault"), InjectFault, self._inject),
         ]
 
@@ -74,7 +74,7 @@ class FleetServices:
             service.shutdown("the flight is over")
         self._claims.close()
 
-    def _change(self, trigger: Trigger) -> Callable[[Any], Any]:
+    def _change(self, trigger: PresenceTrigger) -> Callable[[Any], Any]:
         def answer(request: Any) -> Any:
             refusal = self.ask(PresenceRequest(request.id, trigger, _A_PERSON))
             return AmusselByIdResponse(accepted=refusal is None, message=refusal or "")
@@ -84,7 +84,7 @@ class FleetServices:
     def _spawn(self, request: Any) -> Any:
         charges = request.primary, request.secondary
         at = request.north_m, request.east_m
-        refusal = self.ask(PresenceRequest(request.id, Trigger.SPAWN, _A_PERSON, at, charges))
+        refusal = self.ask(PresenceRequest(request.id, PresenceTrigger.SPAWN, _A_PERSON, at, charges))
         return SpawnAmusselResponse(accepted=refusal is None, message=refusal or "")
 
     def _inject(self, request: Any) -> Any:

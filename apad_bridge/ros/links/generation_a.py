@@ -46,7 +46,7 @@ from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.link import Cleared, LinkFact
 from apad_bridge.vehicle.sending_road import Rank
 from apad_bridge.vehicle.stack_messages import UNSTAMPED
-from apad_bridge.vehicle.telemetry import Sight
+from apad_bridge.vehicle.telemetry import FloatingPlaces
 
 use_generated_messages()
 
@@ -142,7 +142,7 @@ class GenerationALink(LegacyLink[GenerationACore]):
         our_clock: bool,
         docked: Mapping[int, int] | None = None,
         now_ms: int = 0,
-        sight: Sight = lambda now_ms: {},
+        sight: FloatingPlaces = lambda now_ms: {},
         dock_count: int = PAPER_DOCKS,
         pilots: frozenset[str] = frozenset(),
     ) -> None:
@@ -290,7 +290,13 @@ def _goal_message(order: GoalOrder) -> Any:
 
 
 def open_link(
-    scenario: Scenario, gate: Gate, sight: Sight, docked: Mapping[int, int], now_ms: int, *, our_clock: bool
+    scenario: Scenario,
+    gate: Gate,
+    sight: FloatingPlaces,
+    docked: Mapping[int, int],
+    now_ms: int,
+    *,
+    our_clock: bool,
 ) -> OpenedAPad:
     battery, ids = scenario.apad.battery, scenario.fleet.ids
     return OpenedAPad(

@@ -48,7 +48,7 @@ from apad_bridge.vehicle.generation_b.messages import (
     ManualReceived,
     NumberedOrder,
     PositionOrder,
-    Primitive,
+    PrimitiveName,
     PrimitiveStatus,
     Received,
     ServiceAnswered,
@@ -62,7 +62,7 @@ from apad_bridge.vehicle.link import Cleared, LinkFact
 from apad_bridge.vehicle.sending_road import Rank
 from apad_bridge.vehicle.simulated.misses import Misses
 from apad_bridge.vehicle.stack_messages import UNSTAMPED
-from apad_bridge.vehicle.telemetry import Sight
+from apad_bridge.vehicle.telemetry import FloatingPlaces
 
 use_generated_messages()
 
@@ -132,10 +132,10 @@ class Subscribers(LegacySubscribers):
         self._inbox.put(ArmReceived(UNSTAMPED, dock_index), always=True)
 
 
-SERVICES: dict[Primitive, Any] = {
-    Primitive.GO_TO: Go2pointPrimitiveService,
-    Primitive.POSITION: DynamicPositioningPrimitiveService,
-    Primitive.DOCKING: DockingPrimitiveService,
+SERVICES: dict[PrimitiveName, Any] = {
+    PrimitiveName.GO_TO: Go2pointPrimitiveService,
+    PrimitiveName.POSITION: DynamicPositioningPrimitiveService,
+    PrimitiveName.DOCKING: DockingPrimitiveService,
 }
 
 
@@ -155,7 +155,7 @@ class GenerationBLink(LegacyLink[GenerationBCore]):
         gate: Gate,
         *,
         our_clock: bool,
-        sight: Sight = lambda now_ms: {},
+        sight: FloatingPlaces = lambda now_ms: {},
         camera: VirtualCamera | None = None,
         docked: Mapping[int, int] | None = None,
         now_ms: int = 0,
@@ -216,7 +216,7 @@ class GenerationBLink(LegacyLink[GenerationBCore]):
         for primitive, kind in self._services.items():
             self._sender.add_service(primitive.value, self._service_name(primitive), kind)
         # A line of its own: a hold that stops waits behind no other call.
-        held = Primitive.POSITION
+        held = PrimitiveName.POSITION
         self._sender.add_service(_HOLD, self._service_name(held), self._services[held])
         self._sender.add_service(_OFF, of_apad(self.name, "commander/stop_mission"), Trigger)
         self._sender.begin()
@@ -305,14 +305,14 @@ class GenerationBLink(LegacyLink[GenerationBCore]):
 
         return answered
 
-    def _service_name(self, primitive: Primitive) -> str:
+    def _service_name(self, primitive: PrimitiveName) -> str:
         return of_apad(self.name, f"commander/primitive/{primitive.value}")
 
 
-def _fields(order: GoToOrder | PositionOrder | DockingOrder) -> tuple[Primitive, dict[str, Any]]:
+def _fields(order: GoToOrder | PositionOrder | DockingOrder) -> tuple[PrimitiveName, dict[str, Any]]:
     match order:
         case GoToOrder(north_m, east_m, speed_m_s, victory_radius_m):
-            return Primitive.GO_TO, {
+            return PrimitiveName.GO_TO, {
                 "point.x": north_m,
                 "point.y": east_m,
                 "speed": speed_m_s,
@@ -324,9 +324,9 @@ def _fields(order: GoToOrder | PositionOrder | DockingOrder) -> tuple[Primitive,
             hold = {"north": north_m, "east": east_m, "north_enable": True, "east_enable": True}
             if heading_rad is not None:
                 hold |= {"heading": heading_rad, "heading_enable": True}
-            return Primitive.POSITION, hold
+            return PrimitiveName.POSITION, hold
         case DockingOrder():
-            return Primitive.DOCKING, {
+            return PrimitiveName.DOCKING, {
                 "docking_action": order.docks,
                 "docking_slot": order.dock_index,
                 "search_yaw_rate": order.search_yaw_rate_rad_s,
@@ -360,7 +360,13 @@ def _refuse_second_camera(name: str) -> None:
 
 
 def open_link(
-    scenario: Scenario, gate: Gate, sight: Sight, docked: Mapping[int, int], now_ms: int, *, our_clock: bool
+    scenario: Scenario,
+    gate: Gate,
+    sight: FloatingPlaces,
+    docked: Mapping[int, int],
+    now_ms: int,
+    *,
+    our_clock: bool,
 ) -> OpenedAPad:
     apad, docking, ids = scenario.apad, scenario.mission.docking, scenario.fleet.ids
     simulated_ids = [it for it in ids if docking.profile_of(it) is not DockingProfile.VISUAL]

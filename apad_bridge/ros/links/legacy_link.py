@@ -26,7 +26,7 @@ from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.link import Cleared, LinkFact
 from apad_bridge.vehicle.stack import Stack
 from apad_bridge.vehicle.stack_messages import UNSTAMPED
-from apad_bridge.vehicle.telemetry import Readings, Sight
+from apad_bridge.vehicle.telemetry import FloatingPlaces, Readings
 
 
 class LinkDocks(Protocol):
@@ -220,7 +220,7 @@ class OpenLink(Protocol):
         self,
         scenario: Scenario,
         gate: Gate,
-        sight: Sight,
+        sight: FloatingPlaces,
         docked: Mapping[int, int],
         now_ms: int,
         *,

@@ -31,8 +31,8 @@ from apad_bridge.vehicle.generation_b.messages import (
     GoToBegun,
     GoToEnded,
     GoToLeft,
-    Order,
     Published,
+    ServiceOrder,
     StatusPublished,
 )
 from apad_bridge.vehicle.generation_b.simulated import GenerationBVehicle
@@ -49,7 +49,7 @@ from misc_msgs.srv import (  # noqa: E402
 )
 from musselbed_msgs.msg import DockAlert  # noqa: E402
 
-Conversion = Callable[[Any], Order]
+Conversion = Callable[[Any], ServiceOrder]
 
 
 class ServiceCallQueue:
@@ -201,7 +201,7 @@ class Server(LegacyServer[GenerationBVehicle]):
 
         return take
 
-    def _order(self, order: Order) -> bool | None:
+    def _order(self, order: ServiceOrder) -> bool | None:
         """The answer of a service, None for never. Before the first /clock no order is taken."""
         if self._vehicle is None:
             return False

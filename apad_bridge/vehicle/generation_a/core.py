@@ -37,6 +37,7 @@ from apad_bridge.vehicle.commands import (
     PilotLeft,
     PilotReported,
     PoseReported,
+    Primitive,
     ReleaseByName,
     ReleaseWanted,
     Stop,
@@ -69,13 +70,12 @@ from apad_bridge.vehicle.stack_messages import BatteryReceived, PoseReceived, St
 from apad_bridge.vehicle.telemetry import (
     FAR_M,
     DeferredMessages,
+    FloatingPlaces,
     Readings,
-    Sight,
     SilenceWatch,
     why_out_of_reach,
 )
 
-Command = GoTo | Hold | CloseDock | OpenDock
 TAKEN_MS = 5_000
 """A goal without the action server's acknowledgement for so long has failed: nobody serves it. While the
 whole vehicle is silent, goals wait for it; the port's own time-outs go on."""
@@ -91,7 +91,7 @@ LEFT_ALONE_MS = 60_000
 class _SentGoal:
     """An unfinished goal."""
 
-    command: Command
+    command: Primitive
     before: Cleared[VehicleCommand]
     order: GoalOrder
     sent_ms: int
@@ -125,7 +125,7 @@ class GenerationACore:
         docked: Mapping[int, int] | None = None,
         now_ms: int = 0,
         object_prefix: str = OBJECT_PREFIX,
-        sight: Sight = lambda now_ms: {},
+        sight: FloatingPlaces = lambda now_ms: {},
         places: DockPlaces = PAPERS_PLACES,
         *,
         takes_back: bool = True,
@@ -232,7 +232,7 @@ class GenerationACore:
             )
         return None
 
-    def _send(self, key: str, command: Command, before: Cleared[VehicleCommand], now_ms: int) -> GoalOrder:
+    def _send(self, key: str, command: Primitive, before: Cleared[VehicleCommand], now_ms: int) -> GoalOrder:
         progress = None
         match command:
             case GoTo(_, north_m, east_m) | Hold(_, north_m, east_m):
@@ -422,7 +422,7 @@ class GenerationACore:
             reason = f"the aPad's action server says {status.code.name}"
             self._fail(sent.command, at_ms, f"{reason}: {status.text}" if status.text else reason)
 
-    def _report_success(self, command: Command, at_ms: int) -> None:
+    def _report_success(self, command: Primitive, at_ms: int) -> None:
         """Reports a finished go-to, or a mechanism that already was as commanded and would cause no report."""
         match command:
             case GoTo(command_id):
@@ -497,13 +497,13 @@ class GenerationACore:
         if self._takes_back:
             self._facts.append(HoldWanted(now_ms, self._post.north_m, self._post.east_m))
 
-    def _fail(self, command: Command, at_ms: int, reason: str) -> None:
+    def _fail(self, command: Primitive, at_ms: int, reason: str) -> None:
         self._facts.append(CommandFailed(at_ms, command.command_id, reason))
         if isinstance(command, OpenDock):
             self._apply_dock_facts(self.docks.receive_refusal(command.agent_id, at_ms))
 
 
-def _as_command(order: GoalOrder) -> Command:
+def _as_command(order: GoalOrder) -> Primitive:
     """The command that guards judge. A goal names neither a speed nor a dock."""
     if order.kind == GO_TO:
         return Hold(0, order.north_m, order.east_m, pre_empts=order.pre_empts)
@@ -521,7 +521,7 @@ def _still_comes(sent: _SentGoal, now_ms: int) -> bool:
     )
 
 
-def _fulfils(fact: LinkFact, command: Command) -> bool:
+def _fulfils(fact: LinkFact, command: Primitive) -> bool:
     match fact, command:
         case (DockClosed(_, _, agent_id), CloseDock(_, _, wanted)) | (
             DockOpened(_, _, agent_id),

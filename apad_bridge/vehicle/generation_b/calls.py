@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from apad_bridge.vehicle.commands import VehicleCommand
 from apad_bridge.vehicle.generation_b.messages import (
     NumberedOrder,
-    Order,
     PositionOrder,
     ServiceAnswered,
+    ServiceOrder,
     StopOrder,
 )
 from apad_bridge.vehicle.link import Cleared
@@ -24,7 +24,7 @@ TRIES = 3
 
 @dataclass(slots=True)
 class PendingCall:
-    order: Order
+    order: ServiceOrder
     before: Cleared[VehicleCommand]
     number: int
     sent_ms: int
@@ -52,7 +52,7 @@ class OrderCalls:
             return []
         return [f"order {pending.number}"]
 
-    def order(self, order: Order, cleared: Cleared[VehicleCommand], now_ms: int) -> None:
+    def order(self, order: ServiceOrder, cleared: Cleared[VehicleCommand], now_ms: int) -> None:
         """Sends an order for the command `cleared`."""
         before, number = self.pending, self._send(order, cleared)
         is_again = before is not None and before.order == order == StopOrder() and before.answered_ms is None
@@ -106,7 +106,7 @@ class OrderCalls:
         pending.first_cause = pending.first_cause or reason
         pending.retry_ms = at_ms + RETRY_MS
 
-    def _send(self, order: Order, cleared: Cleared[VehicleCommand]) -> int:
+    def _send(self, order: ServiceOrder, cleared: Cleared[VehicleCommand]) -> int:
         self._number += 1
         self._to_send.append(NumberedOrder(self._number, order, cleared))
         return self._number

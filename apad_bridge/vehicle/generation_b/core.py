@@ -23,10 +23,10 @@ from apad_bridge.vehicle.generation_b.messages import (
     GoToOrder,
     ManualReceived,
     NumberedOrder,
-    Order,
     PositionOrder,
     Received,
     ServiceAnswered,
+    ServiceOrder,
     StatusReceived,
     StopOrder,
 )
@@ -36,7 +36,7 @@ from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.link import Cleared, LinkFact
 from apad_bridge.vehicle.simulated.misses import Misses
 from apad_bridge.vehicle.stack_messages import BatteryReceived, PoseReceived, StateRefReceived
-from apad_bridge.vehicle.telemetry import DeferredMessages, Readings, Sight, SilenceWatch
+from apad_bridge.vehicle.telemetry import DeferredMessages, FloatingPlaces, Readings, SilenceWatch
 
 OWN_GOALS = 16
 """So many of our newest go-tos are known again when the vehicle's own server is shown them."""
@@ -59,7 +59,7 @@ class GenerationBCore:
         battery_v: tuple[float, float],
         docking: Docking,
         misses: Misses,
-        sight: Sight = lambda now_ms: {},
+        sight: FloatingPlaces = lambda now_ms: {},
         docked: Mapping[int, int] | None = None,
         now_ms: int = 0,
         dock_count: int = PAPER_DOCKS,
@@ -162,7 +162,7 @@ class GenerationBCore:
         return [*self._tasks.take(), *self.docks.places(self.readings.pose, now_ms), *readings]
 
 
-def _as_command(order: Order) -> VehicleCommand:
+def _as_command(order: ServiceOrder) -> VehicleCommand:
     """The command that guards judge."""
     match order:
         case GoToOrder(north_m, east_m, speed_m_s, victory_radius_m):

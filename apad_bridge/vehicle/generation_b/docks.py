@@ -16,7 +16,7 @@ from apad_bridge.vehicle.commands import CloseDock, CommandFailed, DockOpened, O
 from apad_bridge.vehicle.link import Carried, LetGo, LinkFact
 from apad_bridge.vehicle.simulated.docks import Docks
 from apad_bridge.vehicle.simulated.misses import MISSED, Misses
-from apad_bridge.vehicle.telemetry import Sight, why_out_of_reach
+from apad_bridge.vehicle.telemetry import FloatingPlaces, why_out_of_reach
 
 REACH_M = 1.5
 """A docking that names no aMussel catches none beyond this distance."""
@@ -30,7 +30,7 @@ class BenchDocks:
         simulated_ids: Iterable[int],
         docked: Mapping[int, int],
         misses: Misses,
-        sight: Sight,
+        sight: FloatingPlaces,
         places: DockPlaces,
     ) -> None:
         self._places = places

@@ -42,7 +42,7 @@ class PrimitiveStatus(IntEnum):
     DONE = 3
 
 
-class Primitive(StrEnum):
+class PrimitiveName(StrEnum):
     """The services below `commander/primitive`, by their names."""
 
     GO_TO = "go2point"
@@ -91,7 +91,7 @@ class StopOrder:
     """`commander/stop_mission`: the primitive ends, and with it the controllers."""
 
 
-Order = GoToOrder | PositionOrder | DockingOrder | StopOrder
+ServiceOrder = GoToOrder | PositionOrder | DockingOrder | StopOrder
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +99,7 @@ class NumberedOrder:
     """An order under a number, which its answer repeats."""
 
     number: int
-    order: Order
+    order: ServiceOrder
     before: Cleared[VehicleCommand]
     """The command for which it goes out, as the gate let it out."""
 

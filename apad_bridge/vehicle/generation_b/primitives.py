@@ -14,9 +14,9 @@ from apad_bridge.vehicle.commands import CloseDock, GoTo, Hold, OpenDock, PoseRe
 from apad_bridge.vehicle.generation_b.messages import (
     DockingOrder,
     GoToOrder,
-    Order,
     PositionOrder,
     PrimitiveStatus,
+    ServiceOrder,
     dock_direction_rad,
 )
 from apad_bridge.vehicle.link import Cleared
@@ -202,10 +202,12 @@ class ServoTask:
             self._stand = _stand_off(goal_m, pose, command.dock_index)
 
     @property
-    def first_order(self) -> Order:
+    def first_order(self) -> ServiceOrder:
         return self._stand if self._stand is not None else self._docking_order()
 
-    def next_order(self, pose: PoseReported | None, answered_ms: int | None, now_ms: int) -> Order | None:
+    def next_order(
+        self, pose: PoseReported | None, answered_ms: int | None, now_ms: int
+    ) -> ServiceOrder | None:
         """The docking itself, when the vehicle has stood off or its time for this is over."""
         stand = self._stand
         if stand is None:

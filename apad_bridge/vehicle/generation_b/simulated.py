@@ -30,10 +30,10 @@ from apad_bridge.vehicle.generation_b.messages import (
     GoToEnded,
     GoToLeft,
     GoToOrder,
-    Order,
     PositionOrder,
     PrimitiveStatus,
     Published,
+    ServiceOrder,
     StatusPublished,
     StopOrder,
     arms,
@@ -100,8 +100,8 @@ class GenerationBVehicle(SimulatedStack[Published]):
         super().__init__(apad, start_ms, STEP_MS, fault)
         self._stage = Stage.OFF
         self._stage_ms = start_ms
-        self._order: Order | None = None
-        self._paused: Order | None = None
+        self._order: ServiceOrder | None = None
+        self._paused: ServiceOrder | None = None
         self._statuses = {False: PrimitiveStatus.IDLE, True: PrimitiveStatus.IDLE}
         """The status of go-tos under False, of dockings under True."""
         self._horizontal = 0.0
@@ -122,7 +122,7 @@ class GenerationBVehicle(SimulatedStack[Published]):
         """True while calls of its services wait: `commander` in one thread with the docking, as the fault has it."""
         return self._fault is Fault.BLOCKS and self._stage is Stage.SERVO
 
-    def receive(self, order: Order, now_ms: int) -> list[Published]:
+    def receive(self, order: ServiceOrder, now_ms: int) -> list[Published]:
         """Takes an order, whatever is under way. The stack takes an impossible order too, and aborts it."""
         if not self.takes:
             return self.advance(now_ms)

@@ -34,9 +34,9 @@ from apad_bridge.vehicle.generation_b.calls import OrderCalls
 from apad_bridge.vehicle.generation_b.docks import BenchDocks
 from apad_bridge.vehicle.generation_b.messages import (
     Go2pointGoalSeen,
-    Order,
     PrimitiveStatus,
     ServiceAnswered,
+    ServiceOrder,
     StopOrder,
 )
 from apad_bridge.vehicle.generation_b.primitives import GoToTask, HoldTask, ServoTask, hold_task_of
@@ -334,7 +334,7 @@ class Tasks:
         held = None if self._hold_task is None else self._hold_task.command
         return self._under_way or held
 
-    def _order(self, order: Order, now_ms: int) -> None:
+    def _order(self, order: ServiceOrder, now_ms: int) -> None:
         assert self._cleared is not None, "an order stands for a command"
         if not self.pilot_steers:
             self.calls.order(order, self._cleared, now_ms)

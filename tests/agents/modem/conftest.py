@@ -7,7 +7,15 @@ from collections.abc import Callable
 
 import pytest
 
-from agents.modem.facts import Action, EmitFrame, FrameArrived, SerialBytes, SerialOut, SoundBegan, Stimulus
+from agents.modem.facts import (
+    EmitFrame,
+    FrameArrived,
+    ModemAction,
+    ModemStimulus,
+    SerialBytes,
+    SerialOut,
+    SoundBegan,
+)
 from agents.modem.firmware import ModemConfig, ModemFirmware
 from agents.modem.modem import Modem
 
@@ -19,15 +27,15 @@ class Water:
         self.modems = modems
         self.propagation_us = propagation_us
         self.air = False
-        self.seen: list[tuple[str, Action]] = []
+        self.seen: list[tuple[str, ModemAction]] = []
         self.now_ms = 0
-        self._coming: list[tuple[int, int, str, Stimulus]] = []
+        self._coming: list[tuple[int, int, str, ModemStimulus]] = []
         self._count = 0
 
     def write(self, name: str, data: bytes, line: int = 0) -> None:
         self._note(name, self.modems[name].receive(SerialBytes(data, line), self.now_ms))
 
-    def tell(self, name: str, stimulus: Stimulus) -> None:
+    def tell(self, name: str, stimulus: ModemStimulus) -> None:
         self._note(name, self.modems[name].receive(stimulus, self.now_ms))
 
     def run(self, until_ms: int) -> None:
@@ -58,10 +66,10 @@ class Water:
         ]
         return b"".join(outs)
 
-    def of(self, name: str, kind: type[Action]) -> list[Action]:
+    def of(self, name: str, kind: type[ModemAction]) -> list[ModemAction]:
         return [it for who, it in self.seen if who == name and isinstance(it, kind)]
 
-    def _note(self, name: str, actions: list[Action]) -> None:
+    def _note(self, name: str, actions: list[ModemAction]) -> None:
         for action in actions:
             self.seen.append((name, action))
             if isinstance(action, EmitFrame) and not self.air:
@@ -74,7 +82,7 @@ class Water:
                             began_ms + frame.duration_ms, other, FrameArrived(frame, self.propagation_us)
                         )
 
-    def _put(self, at_ms: int, name: str, stimulus: Stimulus) -> None:
+    def _put(self, at_ms: int, name: str, stimulus: ModemStimulus) -> None:
         self._count += 1
         heapq.heappush(self._coming, (at_ms, self._count, name, stimulus))
 

@@ -10,13 +10,14 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from agents.modem.facts import (
-    Action,
     Delivered,
     EmitFrame,
     FrameArrived,
     FrameDropped,
     FrameRequested,
+    ModemAction,
     ModemStateChanged,
+    ModemStimulus,
     Pin,
     PinRose,
     PowerCame,
@@ -25,7 +26,6 @@ from agents.modem.facts import (
     SerialBytes,
     SerialOut,
     SoundBegan,
-    Stimulus,
 )
 from agents.modem.firmware import ModemConfig
 from agents.modem.frames import FrameKind, ModemFrame
@@ -40,7 +40,7 @@ def modem(**config: int) -> Modem:
     return Modem(ModemConfig(**config), 1)
 
 
-def outs(actions: list[Action]) -> list[tuple[int, bytes]]:
+def outs(actions: list[ModemAction]) -> list[tuple[int, bytes]]:
     return [(it.at_ms, it.data) for it in actions if isinstance(it, SerialOut)]
 
 
@@ -134,7 +134,7 @@ def test_slow_bytes_are_an_error_2_ms_after_the_last() -> None:
 
 def test_bytes_within_2_ms_are_one_command() -> None:
     it = modem()
-    actions: list[Action] = []
+    actions: list[ModemAction] = []
     for n, byte in enumerate(b"$A009"):
         actions += it.receive(SerialBytes(bytes([byte])), 3 * n)
     assert [data for _, data in outs(actions + it.advance(100))] == [b"#A009\r\n"]
@@ -280,7 +280,7 @@ def test_time_does_not_go_back() -> None:
         it.advance(4)
 
 
-STIMULI: list[Stimulus] = [
+STIMULI: list[ModemStimulus] = [
     *(
         SerialBytes(data)
         for data in (b"$P002", b"$U00203abc", b"$?", b"$XTE", b"$", b"x", b"$Z", b"$W", b"$R$Q")
@@ -306,11 +306,11 @@ STIMULI: list[Stimulus] = [
     st.lists(st.integers(0, 8000), max_size=20),
 )
 @example([(0, SerialBytes(b"$?", 0)), (0, SerialBytes(b"$F", 1))], [])
-def test_windows_do_not_show(told: list[tuple[int, Stimulus]], cuts: list[int]) -> None:
+def test_windows_do_not_show(told: list[tuple[int, ModemStimulus]], cuts: list[int]) -> None:
     whole, cut, dues = modem(lines=2), modem(lines=2), modem(lines=2)
-    one: list[Action] = []
-    many: list[Action] = []
-    by_dues: list[Action] = []
+    one: list[ModemAction] = []
+    many: list[ModemAction] = []
+    by_dues: list[ModemAction] = []
     at_ms = 0
     for after_ms, stimulus in told:
         for until_ms in sorted(it for it in cuts if at_ms < it < at_ms + after_ms):

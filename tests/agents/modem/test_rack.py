@@ -8,14 +8,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from agents.modem.facts import FrameArrived, FrameRequested, SerialBytes, Stimulus
+from agents.modem.facts import FrameArrived, FrameRequested, ModemStimulus, SerialBytes
 from agents.modem.firmware import ModemConfig
 from agents.modem.frames import FrameKind, ModemFrame
 from agents.modem.modem import Modem
 from agents.modem.rack import Rack
 
 NODES = {1: 1, 2: 2, 7: 7}
-STIMULI: list[Stimulus] = [
+STIMULI: list[ModemStimulus] = [
     FrameRequested(ModemFrame(FrameKind.PING, 1, 9)),
     FrameRequested(ModemFrame(FrameKind.BROADCAST, 1, None, b"abc")),
     FrameArrived(ModemFrame(FrameKind.PING, 9, 2)),
@@ -36,7 +36,7 @@ STIMULI: list[Stimulus] = [
         max_size=12,
     )
 )
-def test_a_rack_is_its_modems(told: list[tuple[int, int, Stimulus]]) -> None:
+def test_a_rack_is_its_modems(told: list[tuple[int, int, ModemStimulus]]) -> None:
     rack = Rack(ModemConfig(), NODES, opened=[7])
     alone = {node: Modem(ModemConfig(lines=int(node == 7)), address) for node, address in NODES.items()}
     together: list[tuple[int, Any]] = []

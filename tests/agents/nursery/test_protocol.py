@@ -14,23 +14,23 @@ from hypothesis import strategies as st
 from agents.hosting.link_protocol import LIMIT_BYTES, LinkError
 from agents.nursery import protocol
 
-MESSAGES: list[protocol.Message] = [
+MESSAGES: list[protocol.NurseryMessage] = [
     protocol.Hello(3),
-    protocol.Start(1, ((7, 30_000, 1, 2, 3), (8, 0, 0, 0, 0))),
+    protocol.StartAgents(1, ((7, 30_000, 1, 2, 3), (8, 0, 0, 0, 0))),
     protocol.Kill(2, 7),
     protocol.End(),
     protocol.Welcome(4711, 2),
     protocol.ChildList(((7, 0, 1, 2, 30_000),)),
     protocol.Started(1, ((7, 4712),)),
     protocol.Killed(2, 7),
-    protocol.Ended(),
+    protocol.NurseryEnded(),
     protocol.Died(7, 4712, "killed by SIGKILL"),
-    protocol.Refused(1, 9, False, "aMussel 9 is not of this fleet"),
+    protocol.StartRefused(1, 9, False, "aMussel 9 is not of this fleet"),
 ]
 
 
 @pytest.mark.parametrize("message", MESSAGES, ids=lambda message: type(message).__name__)
-def test_each_message_crosses(message: protocol.Message) -> None:
+def test_each_message_crosses(message: protocol.NurseryMessage) -> None:
     assert protocol.decode(protocol.encode(message)) == message
 
 
@@ -48,7 +48,7 @@ WRONG = [None, True, -1, 0.5, "word", b"bytes", {}, *WRONG_ROWS]
 
 
 @pytest.mark.parametrize("message", MESSAGES, ids=lambda message: type(message).__name__)
-def test_a_wrong_field_is_a_link_error(message: protocol.Message) -> None:
+def test_a_wrong_field_is_a_link_error(message: protocol.NurseryMessage) -> None:
     """Bytes at random are hardly ever msgpack: these differ from a message in one field, or in how many there are."""
     right = msgpack.unpackb(protocol.encode(message))
     wires = [right[:-1], [*right, 0]]
@@ -64,7 +64,7 @@ def test_a_wrong_field_is_a_link_error(message: protocol.Message) -> None:
 
 
 @pytest.mark.parametrize("message", MESSAGES, ids=lambda message: type(message).__name__)
-def test_a_truncated_message_is_a_link_error(message: protocol.Message) -> None:
+def test_a_truncated_message_is_a_link_error(message: protocol.NurseryMessage) -> None:
     data = protocol.encode(message)
     for size in range(len(data)):
         with pytest.raises(LinkError):

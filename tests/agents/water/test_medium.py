@@ -9,11 +9,11 @@ from agents.water.medium import (
     Began,
     FrameHeard,
     LinksChanged,
+    MediumResult,
     ModemMoved,
     PacketEnded,
     PacketOutcome,
     Reception,
-    Result,
     ThrustersRan,
     WaterMedium,
 )
@@ -45,7 +45,7 @@ def broadcast(source: int, size: int = 16) -> ModemFrame:
     return ModemFrame(FrameKind.BROADCAST, source, None, bytes(size))
 
 
-def outcomes(results: list[Result]) -> dict[tuple[int, int], PacketOutcome]:
+def outcomes(results: list[MediumResult]) -> dict[tuple[int, int], PacketOutcome]:
     """Results by (sender, receiver)."""
     ended = [result for result in results if isinstance(result, PacketEnded)]
     return {(it.sender, reception.receiver): reception.outcome for it in ended for reception in it.receptions}

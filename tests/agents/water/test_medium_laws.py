@@ -10,7 +10,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from agents.modem.frames import FrameKind, ModemFrame
-from agents.water.medium import Began, FrameHeard, ModemMoved, PacketEnded, PacketOutcome, Result, WaterMedium
+from agents.water.medium import (
+    Began,
+    FrameHeard,
+    MediumResult,
+    ModemMoved,
+    PacketEnded,
+    PacketOutcome,
+    WaterMedium,
+)
 from agents.water.places import ModemPlace
 from agents.water.sound import Sound
 
@@ -47,8 +55,8 @@ def frame(sender: int, destination: int | None) -> ModemFrame:
     return ModemFrame(FrameKind.UNICAST, sender % 256, destination % 256, bytes(16))
 
 
-def flown(medium: WaterMedium, sent: list[Sent], cuts_ms: list[int], end_ms: int) -> list[Result]:
-    results: list[Result] = []
+def flown(medium: WaterMedium, sent: list[Sent], cuts_ms: list[int], end_ms: int) -> list[MediumResult]:
+    results: list[MediumResult] = []
     for at_ms, packet in sorted(
         [(it[0], it) for it in sent] + [(cut, None) for cut in cuts_ms],
         key=lambda it: (it[0], it[1] is not None),
@@ -78,7 +86,7 @@ def test_cutting_time_changes_nothing(seed: int, sent: list[Sent], cuts_ms: list
     assert flown(filled(sound, where), sent, cuts_ms, 20_000) == whole
 
 
-def by_packet(results: list[Result]) -> dict[tuple[int, int], PacketEnded]:
+def by_packet(results: list[MediumResult]) -> dict[tuple[int, int], PacketEnded]:
     return {(it.began_ms, it.sender): it for it in results if isinstance(it, PacketEnded)}
 
 

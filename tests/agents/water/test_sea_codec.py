@@ -16,7 +16,7 @@ from agents.mussel.stimuli import ContactClosed, SoundArrived, WasReset
 from agents.water import sea_link
 from agents.water.medium import PacketEnded, PacketOutcome, Reception
 from agents.water.places import ModemPlace
-from agents.water.sea_link import CODEC, Message, StationCall, Tick, Ticked, Window, Windowed
+from agents.water.sea_link import CODEC, SeaMessage, StationCall, Tick, Ticked, Window, Windowed
 from agents.water.topology import LinkRule, Topology
 from firmware_model.stimuli import ResetCause
 
@@ -25,7 +25,7 @@ RECEPTIONS = (
     Reception(5, 8, PacketOutcome.COLLIDED, None, 90),
 )
 FRAME = ModemFrame(FrameKind(1), 3, 255, b"\x00\xff")
-MESSAGES: tuple[Message, ...] = (
+MESSAGES: tuple[SeaMessage, ...] = (
     Window(60_000, None, ((3, 59_999, ContactClosed(-5, 7)), (4, 60_000, SoundArrived(b"")))),
     Windowed(
         (
@@ -45,7 +45,7 @@ MESSAGES: tuple[Message, ...] = (
 
 
 @pytest.mark.parametrize("message", MESSAGES, ids=lambda it: type(it).__name__)
-def test_a_message_comes_out_as_it_went_in(message: Message) -> None:
+def test_a_message_comes_out_as_it_went_in(message: SeaMessage) -> None:
     out = CODEC.decode(CODEC.encode(message))
     assert out == message and type(out) is type(message)
     assert repr(out) == repr(message)  # members of enumerations are no bare numbers

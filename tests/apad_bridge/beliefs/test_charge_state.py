@@ -15,10 +15,10 @@ from apad_bridge.beliefs.charge_state import ASLEEP, CHARGING, DRAIN, PRIMARY, R
 from apad_bridge.beliefs.charge_state import SENSOR as BIAS
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.beliefs.spent_charge import Spent
-from apad_bridge.beliefs.twin_parameters import Sensor, Untold
+from apad_bridge.beliefs.twin_parameters import SensorParameters, UntoldParameters
 from apad_bridge.scenario.loader import load
 
-SENSOR = Sensor(0.01, (0.0,) * 4, (0.01,) * 4, 300_000)
+SENSOR = SensorParameters(0.01, (0.0,) * 4, (0.01,) * 4, 300_000)
 NO_NOISE = np.zeros((SIZE, SIZE))
 
 
@@ -104,7 +104,7 @@ def test_a_twin_that_is_told_nothing_begins_with_the_moments_of_uniform_ranges()
     scenario = load(SOUND_FILE)
     twin = flight_config(scenario).twin
     assert twin is not None
-    parameters = replace(twin.parameters, untold=Untold(0.4, 0.2, 0.05), drain_deviation=0.0)
+    parameters = replace(twin.parameters, untold=UntoldParameters(0.4, 0.2, 0.05), drain_deviation=0.0)
     mean, cov = charge.prior_state(parameters)
     luck = np.random.default_rng(1)
     rate = 1 / luck.uniform(0.6, 1.0, 1_000_000)

@@ -6,10 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from apad_bridge.beliefs.charging import Rate, charged, propagated
-from apad_bridge.beliefs.twin_parameters import Charger
+from apad_bridge.beliefs.twin_parameters import ChargerParameters
 
 CURVE = ((0.16197, 0.001045), (0.5634, 0.00223), (1.0, 0.002911))
-CHARGER = Charger(CURVE, primary=1.2435, deviation=0.0)
+CHARGER = ChargerParameters(CURVE, primary=1.2435, deviation=0.0)
 
 
 def stepped(charge: float, coils: float, load: float, minutes: int, steps: int = 60) -> float:
@@ -41,7 +41,7 @@ def test_table_one_charges_the_secondary_in_485_minutes() -> None:
 def test_moments_are_those_of_many_batteries(
     mean: float, sd: float, minutes: float, deviation: float
 ) -> None:
-    charger = Charger(CURVE, 1.0, deviation)
+    charger = ChargerParameters(CURVE, 1.0, deviation)
     z = np.linspace(-5, 5, 201)
     weights = np.exp(-0.5 * z**2)
     weights /= weights.sum()

@@ -12,15 +12,15 @@ from apad_bridge.beliefs.measurement import Docked, Measurement, Released
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.beliefs.twin import Twin
 from apad_bridge.beliefs.twin_parameters import (
-    Charger,
+    ChargerParameters,
     ClockParameters,
     Drain,
     Habits,
     Schedule,
-    Sensor,
+    SensorParameters,
     TwinParameters,
-    Untold,
-    Water,
+    UntoldParameters,
+    WaterParameters,
 )
 from firmware_model.config import BoardConfig
 from firmware_model.packets import ShortStatus, StatusPacket
@@ -36,16 +36,16 @@ ASLEEP = 0.0002
 PARAMETERS = TwinParameters(
     scale=TimeScale(1),
     drain=Drain((ASLEEP, 0.001, 0.003, 0.001, 0.003, ASLEEP, ASLEEP, ASLEEP, 0.0), 0.027, 0.003, 0.6),
-    charger=Charger(((0.16197, 0.001045), (0.5634, 0.00223), (1.0, 0.002911)), 1.2435, 0.01),
-    sensor=Sensor(0.005, (0.0,) * 4, (0.002,) * 4, 300_000),
+    charger=ChargerParameters(((0.16197, 0.001045), (0.5634, 0.00223), (1.0, 0.002911)), 1.2435, 0.01),
+    sensor=SensorParameters(0.005, (0.0,) * 4, (0.002,) * 4, 300_000),
     habits=Habits(HOUR, 0.0, 1.0, (1.0, 0.0, 0.0), 0.0, 24 * HOUR, 0.0, 1.0),
-    water=Water(0.001, 0.0, 3600.0, 1.0),
+    water=WaterParameters(0.001, 0.0, 3600.0, 1.0),
     drain_deviation=0.05,
     ageing_per_day=0.001,
     clock=ClockParameters(1000.0, 20.0, 1000.0),
     board=BoardConfig(0, WORST_CASE, 50, 2000, float_timeout_ms=12 * HOUR, release_wait_ms=0),
     sinking=Sinking(3_000_000, 60_000, 60_000),
-    untold=Untold(0.4, 0.2, 0.05),
+    untold=UntoldParameters(0.4, 0.2, 0.05),
 )
 TWIN = Twin(PARAMETERS, {1: Schedule((0,), (Mode.ASLEEP,))})
 SURE = Twin(replace(PARAMETERS, untold=None), {1: Schedule((0,), (Mode.ASLEEP,))})

@@ -23,17 +23,17 @@ from apad_bridge.beliefs.modes import Mode
 from apad_bridge.beliefs.spent_charge import Load
 from apad_bridge.beliefs.twin import Twin
 from apad_bridge.beliefs.twin_parameters import (
-    Calls,
-    Charger,
+    CallParameters,
+    ChargerParameters,
     ClockParameters,
-    Cycle,
+    CycleParameters,
     Drain,
     Habits,
     Schedule,
-    Sensor,
+    SensorParameters,
     TwinParameters,
-    Untold,
-    Water,
+    UntoldParameters,
+    WaterParameters,
 )
 from apad_bridge.beliefs.twin_state import TwinState
 from firmware_model.config import BoardConfig
@@ -49,10 +49,10 @@ ASLEEP, IDLE, HIGH = 0.00007, 0.001, 0.003
 KNOWLEDGE = TwinParameters(
     scale=TimeScale(1),
     drain=Drain((ASLEEP, IDLE, HIGH, IDLE, 0.003, ASLEEP, ASLEEP, ASLEEP, 0.0), 0.027, 0.003, 0.6),
-    charger=Charger(((0.16197, 0.001045), (0.5634, 0.00223), (1.0, 0.002911)), 1.2435, 0.04),
-    sensor=Sensor(0.015, (0.0, -0.01, -0.03, 0.03), (0.004, 0.006, 0.01, 0.01), 300_000),
+    charger=ChargerParameters(((0.16197, 0.001045), (0.5634, 0.00223), (1.0, 0.002911)), 1.2435, 0.04),
+    sensor=SensorParameters(0.015, (0.0, -0.01, -0.03, 0.03), (0.004, 0.006, 0.01, 0.01), 300_000),
     habits=Habits(HOUR, 0.03, 0.6, (0.8, 0.15, 0.05), 0.0, 5 * 24 * HOUR, 0.0, 40.0),
-    water=Water(0.001, 0.0, 3600.0, 1.0),
+    water=WaterParameters(0.001, 0.0, 3600.0, 1.0),
     drain_deviation=0.06,
     ageing_per_day=0.002,
     clock=ClockParameters(1000.0, 20.0, 1000.0),
@@ -264,7 +264,7 @@ def test_one_that_did_not_obey_is_known_when_it_is_heard() -> None:
 
 
 def test_silence_from_the_surface_says_that_it_stayed_below() -> None:
-    twin = Twin(replace(KNOWLEDGE, calls=Calls(30_000, 0.1)), ALWAYS_ASLEEP)
+    twin = Twin(replace(KNOWLEDGE, calls=CallParameters(30_000, 0.1)), ALWAYS_ASLEEP)
     told_up = told(twin, heard(0, State.SLEEPING, 0.5), (Permitted(), HOUR))
     on_its_way = twin.predict(told_up, HOUR + 59_000)
     assert on_its_way.probability_of(Mode.SURFACING) == pytest.approx(0.9)
@@ -288,7 +288,7 @@ def test_silence_from_the_surface_says_that_it_stayed_below() -> None:
 
 def test_one_that_is_up_too_early_for_a_repeated_permission_obeyed_the_first() -> None:
     """The aPad was too far off to hear it, and repeated: it has floated for five minutes more than the second explains."""
-    twin = Twin(replace(KNOWLEDGE, calls=Calls(300_000, 0.1)), ALWAYS_ASLEEP)
+    twin = Twin(replace(KNOWLEDGE, calls=CallParameters(300_000, 0.1)), ALWAYS_ASLEEP)
     first = told(twin, heard(0, State.SLEEPING, 0.6), (Permitted(), HOUR))
     both = twin.update(twin.predict(first, HOUR + 400_000), Permitted(), HOUR + 400_000)
     assert both is not None
@@ -308,7 +308,7 @@ def test_one_that_is_up_too_early_for_a_repeated_permission_obeyed_the_first() -
 
 def test_a_first_reading_near_full_says_nothing_of_the_sensor() -> None:
     """Its sensor reads 0.033 too high, and it is not full: nobody knows that it rests at an end."""
-    twin = Twin(replace(KNOWLEDGE, untold=Untold(0.4, 0.2, 0.05)), ALWAYS_ASLEEP)
+    twin = Twin(replace(KNOWLEDGE, untold=UntoldParameters(0.4, 0.2, 0.05)), ALWAYS_ASLEEP)
     belief = None
     for n in range(12):
         belief = twin.update(belief, *heard(n * 600_000, State.SLEEPING, 0.97 - 10 * n * ASLEEP, n))
@@ -319,8 +319,8 @@ def test_a_first_reading_near_full_says_nothing_of_the_sensor() -> None:
     assert belief.primary == pytest.approx(0.97 - 110 * ASLEEP, abs=0.02)
 
 
-@pytest.mark.parametrize("calls", [Calls(300_000, 0.1), None])
-def test_one_that_never_heard_its_permission_keeps_its_charge(calls: Calls | None) -> None:
+@pytest.mark.parametrize("calls", [CallParameters(300_000, 0.1), None])
+def test_one_that_never_heard_its_permission_keeps_its_charge(calls: CallParameters | None) -> None:
     """It sleeps on the bottom, unheard for days: what floating would have cost is not taken from it."""
     twin = Twin(replace(KNOWLEDGE, calls=calls), ALWAYS_ASLEEP)
     belief = told(twin, heard(0, State.SLEEPING, 0.6), (Permitted(), HOUR))
@@ -340,7 +340,7 @@ def test_one_that_never_heard_its_permission_keeps_its_charge(calls: Calls | Non
 
 
 def test_while_it_may_have_obeyed_or_not_both_charges_are_believed() -> None:
-    twin = Twin(replace(KNOWLEDGE, calls=Calls(300_000, 0.1)), ALWAYS_ASLEEP)
+    twin = Twin(replace(KNOWLEDGE, calls=CallParameters(300_000, 0.1)), ALWAYS_ASLEEP)
     belief = told(twin, heard(0, State.SLEEPING, 0.6), (Permitted(), HOUR))
     # One call is missing: 0.09 / (0.09 + 0.1) that it floats.
     unsure = twin.predict(belief, HOUR + 300_000)
@@ -358,7 +358,7 @@ def listens(twin: Twin, at_ms: int, state: State) -> Belief:
 @pytest.mark.parametrize("state", [State.ACTIVE, State.PROCESSING])
 def test_a_sleeper_that_is_awake_for_a_moment_is_not_taken_for_awake_until_the_hour(state: State) -> None:
     """A board that came to rest, or booted, listens for a minute and then sleeps; a wake is as short."""
-    cycle = Cycle.of([(60_000, 0.002), (HOUR, ASLEEP)], HOUR)
+    cycle = CycleParameters.of([(60_000, 0.002), (HOUR, ASLEEP)], HOUR)
     schedules = {1: Schedule((0,), (Mode.ASLEEP,), cycle)}
     drain = replace(KNOWLEDGE.drain, listening=IDLE - ASLEEP)
     twin = Twin(replace(KNOWLEDGE, drain=drain, board=listening()), schedules)
@@ -403,7 +403,7 @@ def test_a_released_one_may_wait_before_its_motors_run() -> None:
 
 def test_one_that_is_released_at_the_full_hour_misses_that_wake() -> None:
     """The alarm of a board that waits, sinks or listens wakes nobody: the next wake is an hour later."""
-    cycle = Cycle.of([(60_000, 0.01), (HOUR, ASLEEP)], HOUR)
+    cycle = CycleParameters.of([(60_000, 0.01), (HOUR, ASLEEP)], HOUR)
     twin = Twin(
         replace(
             KNOWLEDGE,
@@ -542,7 +542,7 @@ def test_the_water_moves_it_in_mission_time_whatever_theta_is(theta: int) -> Non
 
 
 def test_a_range_says_how_far_and_not_where() -> None:
-    twin = Twin(replace(KNOWLEDGE, water=Water(0.01, 0.0, 3600.0, 1.0)), {})
+    twin = Twin(replace(KNOWLEDGE, water=WaterParameters(0.01, 0.0, 3600.0, 1.0)), {})
     belief = twin.predict(told(twin, heard(0, State.ACTIVE, 0.9)), 10 * HOUR)
     ranged = twin.update(belief, Ranged(110.0, 3.0, -96.0, 0.25), 10 * HOUR)
     assert ranged is not None
@@ -604,7 +604,7 @@ def test_the_gate_stands_between_four_deviations_and_seven(deviations: float, ga
     assert odd is not None and state_of(odd).gated == gated
 
 
-GPS = replace(KNOWLEDGE, water=Water(0.0, 0.1, 3600.0, 0.5, is_ground_truth=False, way_down_s=60.0))
+GPS = replace(KNOWLEDGE, water=WaterParameters(0.0, 0.1, 3600.0, 0.5, is_ground_truth=False, way_down_s=60.0))
 
 
 def from_below(at_ms: int, sequence: int, north_m: float = 3.0) -> _Stamped:
@@ -649,7 +649,7 @@ def test_a_learning_twin_believes_the_first_reading_of_the_secondary_within_the_
     stated: float,
 ) -> None:
     """An empty or full secondary that reads 0.5 has a bias of a half, which no board has."""
-    twin = Twin(replace(KNOWLEDGE, untold=Untold(0.4, 0.2, 0.05)), ALWAYS_ASLEEP)
+    twin = Twin(replace(KNOWLEDGE, untold=UntoldParameters(0.4, 0.2, 0.05)), ALWAYS_ASLEEP)
     belief = told(twin, heard(HOUR, State.SLEEPING, 0.6, secondary=stated))
     assert belief.secondary == pytest.approx(stated, abs=0.05)
     assert sqrt(belief.charge_cov[2]) < 0.05

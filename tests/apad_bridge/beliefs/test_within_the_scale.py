@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from apad_bridge.beliefs.charge_state import ASLEEP, CHARGING, PRIMARY, SECONDARY, SIZE, bounded, measured
 from apad_bridge.beliefs.modes import Mode
-from apad_bridge.beliefs.twin_parameters import Sensor
+from apad_bridge.beliefs.twin_parameters import SensorParameters
 
-SENSOR = Sensor(0.005, (0.0,) * 4, (0.02,) * 4, 300_000)
-METERED = Sensor(0.005, (0.0,) * 4, (0.02,) * 4, 300_000, saturates=True)
+SENSOR = SensorParameters(0.005, (0.0,) * 4, (0.02,) * 4, 300_000)
+METERED = SensorParameters(0.005, (0.0,) * 4, (0.02,) * 4, 300_000, saturates=True)
 Array = NDArray[np.float64]
 
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from imc_codec import Codec, inner, name_of
 
 from apad_bridge.imc.messages import stamped
-from apad_bridge.imc.orders import MOST_PLANS, ConsoleOrders, Order, Unfit
+from apad_bridge.imc.orders import MOST_PLANS, ConsoleOrder, ConsoleOrders, Unfit
 from apad_bridge.imc.systems import Systems
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.supervisor.control_client import Act, Answer
@@ -38,10 +38,10 @@ class Desk:
         self.codec = codec
         self.orders = ConsoleOrders(FRAME, "apad1")
 
-    def take(self, message: Any) -> Order | Any:
+    def take(self, message: Any) -> ConsoleOrder | Any:
         packet = self.codec.pack(message, NEPTUS, APAD)
         taken = self.orders.take(imcpy.Packet.deserialize(packet), "IMC 0x4001", 1e9)
-        return taken if taken is None or isinstance(taken, Order) else self.read(taken)
+        return taken if taken is None or isinstance(taken, ConsoleOrder) else self.read(taken)
 
     def read(self, reply: Any) -> Any:
         return self.codec.read(imcpy.Packet.serialize(stamped(reply, Systems().apad("apad1"), 1e9, NEPTUS)))
@@ -51,7 +51,7 @@ class Desk:
         listed = [make("PlanManeuver", maneuver_id=str(n), data=it) for n, it in enumerate(manoeuvres)]
         return make("PlanSpecification", plan_id=name, start_man_id="0", maneuvers=listed)
 
-    def control(self, op: int, arg: Any = None, plan_id: str = "go") -> Order | Any:
+    def control(self, op: int, arg: Any = None, plan_id: str = "go") -> ConsoleOrder | Any:
         return self.take(self.codec.make("PlanControl", op=op, arg=arg, plan_id=plan_id, request_id=77))
 
     def store(self, op: int, arg: Any = None, plan_id: str = "go") -> Any:
@@ -75,7 +75,7 @@ def test_a_goto_is_a_go_to_there_to_a_millimetre(
     desk = Desk(codec)
     goto = codec.make("Goto", speed=speed_m_s, **radians_at(north_m, east_m))
     taken = desk.control(START, desk.plan(goto)) if is_in_a_plan else desk.take(goto)
-    assert isinstance(taken, Order)
+    assert isinstance(taken, ConsoleOrder)
     assert taken.request.act is Act.GO_TO and taken.request.by == "IMC 0x4001"
     assert taken.request.goal_m == pytest.approx((north_m, east_m), abs=1e-3)
     assert taken.request.speed_m_s == pytest.approx(speed_m_s)
@@ -138,7 +138,7 @@ def test_a_speed_of_another_unit_is_the_scenarios_and_the_answer_says_so(
     """Neptus sends a surface vehicle without a speed of its own to a place at 1000 RPM."""
     goto = desk.codec.make("Goto", speed=1000.0, speed_units=units, **radians_at(3.0, 4.0))
     order = desk.control(START, desk.plan(goto)) if is_in_a_plan else desk.take(goto)
-    assert isinstance(order, Order) and order.request.act is Act.GO_TO
+    assert isinstance(order, ConsoleOrder) and order.request.act is Act.GO_TO
     assert order.request.speed_m_s is None and order.request.goal_m == pytest.approx((3.0, 4.0), abs=1e-3)
     told = desk.read(order.answer(Answer(True, "")))
     text = told.info if is_in_a_plan else told.text

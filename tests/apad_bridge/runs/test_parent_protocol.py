@@ -13,7 +13,7 @@ from apad_bridge.runs.parent_protocol import (
     Gave,
     HandedOver,
     Kept,
-    Message,
+    ParentMessage,
     Said,
     Seen,
     Summary,
@@ -35,7 +35,7 @@ STATUSES = st.builds(
     *(st.lists(IDS).map(tuple), st.integers()),
     *(NUMBERS, st.none() | NUMBERS, NUMBERS),
 )
-MESSAGES: dict[type, st.SearchStrategy[Message]] = {
+MESSAGES: dict[type, st.SearchStrategy[ParentMessage]] = {
     RunStatus: STATUSES,
     Said: st.builds(Said, st.text()),
     Summary: st.builds(Summary, st.dictionaries(st.text(), PLAIN)),
@@ -47,11 +47,11 @@ MESSAGES: dict[type, st.SearchStrategy[Message]] = {
 
 
 def test_no_message_is_left_out() -> None:
-    assert set(MESSAGES) == set(get_args(Message))
+    assert set(MESSAGES) == set(get_args(ParentMessage))
 
 
 @given(st.one_of(*MESSAGES.values()))
-def test_a_message_is_read_as_it_was_written(message: Message) -> None:
+def test_a_message_is_read_as_it_was_written(message: ParentMessage) -> None:
     line = to_line(message)
     assert "\n" not in line
     assert from_line(line) == message

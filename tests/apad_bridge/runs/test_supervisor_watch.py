@@ -20,7 +20,7 @@ from patient import PATIENCE_S
 from apad_bridge.runs.children import Child, OrderlyEnd
 from apad_bridge.runs.display import MakeStatus
 from apad_bridge.runs.parent import Run, SupervisorWatch
-from apad_bridge.runs.parent_protocol import Failed, Message, Said, Summary, to_line
+from apad_bridge.runs.parent_protocol import Failed, ParentMessage, Said, Summary, to_line
 from apad_bridge.runs.several.reassignment import Reassigner
 from apad_bridge.runs.several.summary import Flown
 from apad_bridge.runs.status import RunStatus
@@ -32,7 +32,9 @@ OPTIONS = RunOptions(BenchPart.WHOLE, APadKind.SIM, TimeSource.WALL, 1.0, OnDeat
 class Supervisor:
     """It writes its lines to a real pipe and ends with `code`; with a `last` line it ends when it is asked to."""
 
-    def __init__(self, *message: Message | str, last: Message | None = None, code: int = 0) -> None:
+    def __init__(
+        self, *message: ParentMessage | str, last: ParentMessage | None = None, code: int = 0
+    ) -> None:
         reader, self._writer = os.pipe()
         self.lines = os.fdopen(reader)
         self.log = Path("somewhere/supervisor.log")
@@ -59,7 +61,7 @@ class Supervisor:
     def end(self, timeout_s: float) -> None:
         self.lines.close()
 
-    def _say(self, message: Message | str) -> None:
+    def _say(self, message: ParentMessage | str) -> None:
         text = message if isinstance(message, str) else to_line(message)
         os.write(self._writer, f"{text}\n".encode())
 

@@ -44,9 +44,9 @@ from apad_bridge.supervisor.roster import (
     PresenceChange,
     PresenceRequest,
     Presences,
+    PresenceTrigger,
     Roster,
     RosterRequest,
-    Trigger,
 )
 from apad_bridge.vehicle.link import InProcessVehicle
 from firmware_model.packets import StatusPacket
@@ -160,12 +160,12 @@ def quiet_scenario(charge: float) -> Scenario:
     return from_data(data, "quiet")
 
 
-@pytest.mark.parametrize(("presence", "trigger"), list(product(Presence, Trigger)))
-def test_every_pair_is_in_the_table_or_refused(presence: Presence, trigger: Trigger) -> None:
+@pytest.mark.parametrize(("presence", "trigger"), list(product(Presence, PresenceTrigger)))
+def test_every_pair_is_in_the_table_or_refused(presence: Presence, trigger: PresenceTrigger) -> None:
     may = {
-        Presence.SIMULATED: {Trigger.HAND_OVER, Trigger.RETIRE},
-        Presence.REAL: {Trigger.TAKE_BACK, Trigger.RETIRE},
-        Presence.RETIRED: {Trigger.SPAWN, Trigger.HAND_OVER},
+        Presence.SIMULATED: {PresenceTrigger.HAND_OVER, PresenceTrigger.RETIRE},
+        Presence.REAL: {PresenceTrigger.TAKE_BACK, PresenceTrigger.RETIRE},
+        Presence.RETIRED: {PresenceTrigger.SPAWN, PresenceTrigger.HAND_OVER},
     }
     assert ((presence, trigger) in TABLE) is (trigger in may[presence])
 
@@ -174,7 +174,7 @@ def test_a_real_one_is_believed_while_its_twin_goes_on_unheard_and_takes_over_wh
     bench = Bench()
     bench.ticks(5)
     beliefs = bench.flight.supervisor.beliefs
-    assert bench.ask(PresenceRequest(THE_ONE, Trigger.HAND_OVER, "a test")) == [None]
+    assert bench.ask(PresenceRequest(THE_ONE, PresenceTrigger.HAND_OVER, "a test")) == [None]
     bench.ticks(5)
     assert beliefs.get(THE_ONE) is None  # its twin reports every second, and is muted
     _, twin_m = bench.truth()
@@ -183,7 +183,7 @@ def test_a_real_one_is_believed_while_its_twin_goes_on_unheard_and_takes_over_wh
     assert belief is not None
     assert (belief.north_m, belief.primary) == pytest.approx((twin_m + 4.0, 0.5), abs=0.01)
     assert bench.truth()[1] == pytest.approx(twin_m)
-    assert bench.ask(PresenceRequest(THE_ONE, Trigger.TAKE_BACK, "a test")) == [None]
+    assert bench.ask(PresenceRequest(THE_ONE, PresenceTrigger.TAKE_BACK, "a test")) == [None]
     bench.ticks(10)
     assert bench.truth()[1] == pytest.approx(twin_m + 4.0, abs=0.01)
     heard = beliefs.get(THE_ONE)
@@ -200,7 +200,8 @@ def test_uptimes_are_of_the_simulated_ones_and_others_are_told_apart() -> None:
     bench = Bench()
     bench.ticks(11)
     bench.ask(
-        PresenceRequest(THE_ONE, Trigger.HAND_OVER, "a test"), PresenceRequest(1, Trigger.RETIRE, "a test")
+        PresenceRequest(THE_ONE, PresenceTrigger.HAND_OVER, "a test"),
+        PresenceRequest(1, PresenceTrigger.RETIRE, "a test"),
     )
     bench.ticks(8)
     figures = uptime_figures(bench.recorder.meter, bench.flight.now_ms - 1000)
@@ -213,20 +214,24 @@ def test_uptimes_are_of_the_simulated_ones_and_others_are_told_apart() -> None:
 
 def test_taken_back_before_anything_was_heard_of_the_real_one_is_refused() -> None:
     bench = Bench()
-    bench.ask(PresenceRequest(THE_ONE, Trigger.HAND_OVER, "a test"))
-    (refusal,) = bench.ask(PresenceRequest(THE_ONE, Trigger.TAKE_BACK, "a test"))
+    bench.ask(PresenceRequest(THE_ONE, PresenceTrigger.HAND_OVER, "a test"))
+    (refusal,) = bench.ask(PresenceRequest(THE_ONE, PresenceTrigger.TAKE_BACK, "a test"))
     assert refusal is not None and "no report came" in refusal
 
 
 def test_a_retired_one_is_planned_for_no_more_and_may_be_spawned_elsewhere() -> None:
     bench = Bench(charge=0.5)  # below the threshold: all of them are to be collected
     bench.ticks(3)
-    assert bench.ask(*(PresenceRequest(it, Trigger.RETIRE, "a test") for it in (1, 2, 4))) == [None] * 3
-    assert bench.ask(PresenceRequest(THE_ONE, Trigger.RETIRE, "a test")) == [None]
+    assert (
+        bench.ask(*(PresenceRequest(it, PresenceTrigger.RETIRE, "a test") for it in (1, 2, 4))) == [None] * 3
+    )
+    assert bench.ask(PresenceRequest(THE_ONE, PresenceTrigger.RETIRE, "a test")) == [None]
     bench.ticks(60)
     assert bench.flight.supervisor.beliefs.all() == []
     assert not [it for it in bench.recorder.events if it[1] == "dock"]
-    assert bench.ask(PresenceRequest(THE_ONE, Trigger.SPAWN, "a test", (7.0, 8.0), (0.25, 0.75))) == [None]
+    assert bench.ask(PresenceRequest(THE_ONE, PresenceTrigger.SPAWN, "a test", (7.0, 8.0), (0.25, 0.75))) == [
+        None
+    ]
     bench.ticks(2)
     belief = bench.flight.supervisor.beliefs.get(THE_ONE)
     assert belief is not None
@@ -248,11 +253,12 @@ def test_what_cannot_be_is_refused_in_words() -> None:
     bench = Bench()
     bench.ticks(2)
     unknown, spawned = bench.ask(
-        PresenceRequest(77, Trigger.RETIRE, "a test"), PresenceRequest(1, Trigger.SPAWN, "a test")
+        PresenceRequest(77, PresenceTrigger.RETIRE, "a test"),
+        PresenceRequest(1, PresenceTrigger.SPAWN, "a test"),
     )
     assert unknown == "aMussel 77 is not of this fleet"
     assert spawned == "aMussel 1 is simulated: it cannot spawn"
-    bench.ask(PresenceRequest(1, Trigger.HAND_OVER, "a test"))
+    bench.ask(PresenceRequest(1, PresenceTrigger.HAND_OVER, "a test"))
     (faulty,) = bench.ask(FaultRequest(1, TimedFault.WATCHDOG))
     assert faulty == "aMussel 1 is real: faults are for simulated ones"
     (slipped,) = bench.ask(FaultRequest(2, TimedFault.COIL_SLIP))
@@ -275,10 +281,10 @@ def test_what_is_left_out_of_a_spawning_is_refused(
 ) -> None:
     bench = Bench()
     bench.ticks(2)
-    bench.ask(PresenceRequest(1, Trigger.RETIRE, "a test"))
-    (answer,) = bench.ask(PresenceRequest(1, Trigger.SPAWN, "a test", at, charges))
+    bench.ask(PresenceRequest(1, PresenceTrigger.RETIRE, "a test"))
+    (answer,) = bench.ask(PresenceRequest(1, PresenceTrigger.SPAWN, "a test", at, charges))
     assert answer is not None and refusal in answer
-    assert bench.ask(PresenceRequest(1, Trigger.SPAWN, "a test", (5.0, 5.0), (0.5, 1.0))) == [None]
+    assert bench.ask(PresenceRequest(1, PresenceTrigger.SPAWN, "a test", (5.0, 5.0), (0.5, 1.0))) == [None]
 
 
 def test_one_in_a_dock_is_left_alone() -> None:
@@ -288,7 +294,7 @@ def test_one_in_a_dock_is_left_alone() -> None:
         bench.ticks(1)
         assert bench.flight.now_ms < 300_000
     docked = next(belief.agent_id for belief in beliefs.all() if belief.state is State.CHARGING)
-    (refusal,) = bench.ask(PresenceRequest(docked, Trigger.RETIRE, "a test"))
+    (refusal,) = bench.ask(PresenceRequest(docked, PresenceTrigger.RETIRE, "a test"))
     assert refusal == f"aMussel {docked} is in a dock: undock it first"
 
 
@@ -310,7 +316,7 @@ def test_what_was_done_is_answered_when_it_is_recorded() -> None:
             order.append("on disk")
 
     requests = RosterRequests()
-    requests.asked = [PresenceRequest(THE_ONE, Trigger.HAND_OVER, "a test")]
+    requests.asked = [PresenceRequest(THE_ONE, PresenceTrigger.HAND_OVER, "a test")]
     bench.flight = bench.begin(
         Records(bench.scenario), Roster(bench.presences, requests, bench.coordinator, bench.faults)
     )
@@ -322,11 +328,12 @@ def test_another_supervisor_knows_who_is_real_and_who_is_retired() -> None:
     bench = Bench()
     bench.ticks(3)
     bench.ask(
-        PresenceRequest(THE_ONE, Trigger.HAND_OVER, "a test"), PresenceRequest(1, Trigger.RETIRE, "a test")
+        PresenceRequest(THE_ONE, PresenceTrigger.HAND_OVER, "a test"),
+        PresenceRequest(1, PresenceTrigger.RETIRE, "a test"),
     )
     bench.ask(
-        PresenceRequest(1, Trigger.SPAWN, "a test", (7.0, 8.0), (0.5, 0.5)),
-        PresenceRequest(2, Trigger.RETIRE, "a test"),
+        PresenceRequest(1, PresenceTrigger.SPAWN, "a test", (7.0, 8.0), (0.5, 0.5)),
+        PresenceRequest(2, PresenceTrigger.RETIRE, "a test"),
     )
     lines = [{"t": at_ms, "kind": kind, **data} for at_ms, kind, data in bench.recorder.events]
     journal = JournalContents(json.loads(json.dumps(lines)), 0)
@@ -366,8 +373,8 @@ def bodies(bench: Bench) -> dict[int, Physical]:
     "asked",
     [
         [
-            PresenceRequest(1, Trigger.RETIRE, "a test"),
-            PresenceRequest(1, Trigger.SPAWN, "a test", (7.0, 8.0)),
+            PresenceRequest(1, PresenceTrigger.RETIRE, "a test"),
+            PresenceRequest(1, PresenceTrigger.SPAWN, "a test", (7.0, 8.0)),
         ],
         [FaultRequest(1, TimedFault.BATTERY_LOSS, 0.25), FaultRequest(2, TimedFault.BATTERY_LOSS, 0.125)],
         [FaultRequest(1, TimedFault.BUOYANCY_STUCK, None), FaultRequest(2, TimedFault.BROWN_OUT, None)],

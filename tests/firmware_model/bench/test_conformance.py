@@ -12,9 +12,9 @@ import pytest
 from firmware_model.bench import Bench
 from firmware_model.bench.conformance import (
     Case,
+    CaseResult,
     Reading,
     RequirementSource,
-    Result,
     Verdict,
     captured,
     history,
@@ -176,7 +176,7 @@ def test_a_packet_that_differs_is_told_by_its_fields() -> None:
         RigHistory((RigEvent(900, f"sends {it.encode().hex()}"),), 0, 0)
         for it in (status, replace(status, sequence=5, state=State.SAMPLING))
     )
-    lines = list(side_by_side(Result(DIVE, Verdict.FAILED, "", ours, theirs)))
+    lines = list(side_by_side(CaseResult(DIVE, Verdict.FAILED, "", ours, theirs)))
     assert lines[2].strip() == "its sequence is 5 and not 4; its state is SAMPLING and not ACTIVE"
 
 

@@ -10,15 +10,15 @@ from typing import Any
 
 from agents.modem.frames import FrameKind
 from agents.serial_port import SerialPort
-from apad_bridge.acoustics.serial.attached import AttachedModem, Result
+from apad_bridge.acoustics.serial.attached import AttachedModem, NanomodemResult
 from apad_bridge.acoustics.serial.nanomodem import (
     ModemStage,
     PacketDirection,
     PacketDropped,
     PacketReceived,
+    PacketSent,
     Reported,
     RoutedPacket,
-    Sent,
 )
 
 Make = Callable[..., Any]
@@ -31,9 +31,11 @@ class Host:
         self.now_ms = now_ms
         self.modems = modems
         self._pause = threading.Event()
-        self.results: list[tuple[str, Result]] = []
+        self.results: list[tuple[str, NanomodemResult]] = []
 
-    def until(self, predicate: Callable[[str, Result], bool], timeout_s: float = 60.0) -> Result:
+    def until(
+        self, predicate: Callable[[str, NanomodemResult], bool], timeout_s: float = 60.0
+    ) -> NanomodemResult:
         deadline_s = time.monotonic() + timeout_s
         for name, result in self.results:
             if predicate(name, result):
@@ -68,7 +70,7 @@ def test_packets_go_both_ways_with_their_ids(physical: Make) -> None:
     heard = host.until(lambda name, it: isinstance(it, PacketReceived))
     assert isinstance(heard, PacketReceived)
     assert heard.packet == RoutedPacket(PacketDirection.FROM_AMUSSEL, 300, b"a report")
-    host.until(lambda name, it: isinstance(it, Sent))
+    host.until(lambda name, it: isinstance(it, PacketSent))
     apad.command(7, b"come up", modems.now_ms())
     answer = host.until(lambda name, it: name == "fleet" and isinstance(it, PacketReceived))
     assert isinstance(answer, PacketReceived) and answer.packet == RoutedPacket(
@@ -92,8 +94,8 @@ def test_a_modem_that_is_not_there_is_told_once_and_found_when_it_comes(
     assert isinstance(reported, Reported) and str(path) in reported.what
     attached.report(7, b"a report", host.now_ms())
     physical(folder="late")
-    sent = host.until(lambda name, it: isinstance(it, Sent))
-    assert isinstance(sent, Sent) and sent.packet.agent_id == 7
+    sent = host.until(lambda name, it: isinstance(it, PacketSent))
+    assert isinstance(sent, PacketSent) and sent.packet.agent_id == 7
     assert sum("cannot be opened" in it.what for _, it in host.results if isinstance(it, Reported)) == 1
     attached.close()
 
@@ -108,8 +110,8 @@ def test_it_is_unplugged_and_plugged_in_again(physical: Make) -> None:
     assert isinstance(lost, Reported)
     attached.report(9, b"while it was away", host.now_ms())
     physical(count=1, folder="usb")
-    sent = host.until(lambda name, it: isinstance(it, Sent))
-    assert isinstance(sent, Sent) and sent.packet.data == b"while it was away"
+    sent = host.until(lambda name, it: isinstance(it, PacketSent))
+    assert isinstance(sent, PacketSent) and sent.packet.data == b"while it was away"
     attached.close()
 
 

@@ -16,7 +16,7 @@ from scenario_files import WHOLE_FILE
 from agents.hosting.in_process import InProcessHost
 from agents.mussel.stimuli import SoundArrived, to_wire
 from apad_bridge.acoustics.serial.lines import SerialLines, open_serial_lines
-from apad_bridge.acoustics.serial.nanomodem import AnswerReader, Message, PacketDirection, RoutedPacket
+from apad_bridge.acoustics.serial.nanomodem import AnswerReader, PacketDirection, ReceivedData, RoutedPacket
 from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.events.run import EndReason
@@ -179,7 +179,7 @@ def test_reports_and_commands_go_into_the_water_with_their_ids(physical: Make, t
 
         def has_received(direction: bytes) -> bool:
             messages = reader.take(elsewhere.read(elsewhere.in_waiting or 1))
-            payloads.extend(it.data for it in messages if isinstance(it, Message))
+            payloads.extend(it.data for it in messages if isinstance(it, ReceivedData))
             return any(it.startswith(direction + b"\x01\x00") for it in payloads)
 
         until(lambda: has_received(b"\xb1"))

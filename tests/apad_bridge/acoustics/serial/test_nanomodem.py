@@ -9,20 +9,20 @@ from apad_bridge.acoustics.serial.nanomodem import (
     ANSWER_MS,
     MAX_WAITING,
     WAIT_MS,
-    Action,
     AnswerReader,
     Line,
-    Message,
     ModemQueue,
     ModemStage,
+    NanomodemAction,
     PacketDirection,
     PacketDropped,
     PacketReceived,
+    PacketSent,
     Priority,
+    ReceivedData,
     Reported,
     RoutedPacket,
-    Sent,
-    Write,
+    WriteLine,
     decode,
 )
 
@@ -44,11 +44,11 @@ def ready() -> ModemQueue:
     return queue
 
 
-def written(actions: list[Action]) -> bytes:
-    return b"".join(it.data for it in actions if isinstance(it, Write))
+def written(actions: list[NanomodemAction]) -> bytes:
+    return b"".join(it.data for it in actions if isinstance(it, WriteLine))
 
 
-def reasons(actions: list[Action]) -> list[str]:
+def reasons(actions: list[NanomodemAction]) -> list[str]:
     return [it.reason for it in actions if isinstance(it, PacketDropped)]
 
 
@@ -72,7 +72,7 @@ def test_one_packet_at_a_time_with_its_id_and_commands_first() -> None:
     # 105 + (9 + 16) x 12.5 = 417.5 ms of sound, and 20 ms of turnaround.
     assert queue.next_due_ms == 130 + 418 + 20
     actions = queue.advance(600)
-    assert actions[0] == Sent(548, report(7))
+    assert actions[0] == PacketSent(548, report(7))
     assert written(actions) == b"$B09\xb2\x2c\x01rise!!"
 
 
@@ -186,7 +186,7 @@ def test_the_header_goes_and_comes(direction: PacketDirection, agent_id: int, da
 @given(
     st.lists(
         st.one_of(
-            st.builds(Message, st.integers(0, 255) | st.none(), st.binary(min_size=2, max_size=64)),
+            st.builds(ReceivedData, st.integers(0, 255) | st.none(), st.binary(min_size=2, max_size=64)),
             st.builds(Line, st.sampled_from([b"#TO", b"E", b"$P002", b"#R002T03200", b"#A001V21845"])),
         ),
         max_size=6,
@@ -195,7 +195,7 @@ def test_the_header_goes_and_comes(direction: PacketDirection, agent_id: int, da
     st.randoms(use_true_random=False),
 )
 def test_answers_are_counted_however_they_are_cut(
-    sent: list[Message | Line], appended: bytes, random: object
+    sent: list[ReceivedData | Line], appended: bytes, random: object
 ) -> None:
     data = b""
     for it in sent:

@@ -13,7 +13,7 @@ from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.mission.sources import Allocation
 from apad_bridge.ros.gateway.standard_topics import FleetMarkers
-from apad_bridge.supervisor.roster import PresenceRequest, Presences, Trigger
+from apad_bridge.supervisor.roster import PresenceRequest, Presences, PresenceTrigger
 from apad_bridge.vehicle.commands import PoseReported
 from firmware_model.packets import StatusPacket
 from firmware_model.states import State
@@ -77,7 +77,7 @@ class APad:
 BOTH = {"amussels", "labels"}
 
 
-def moved(apad: APad, presences: Presences, agent_id: int, trigger: Trigger) -> None:
+def moved(apad: APad, presences: Presences, agent_id: int, trigger: PresenceTrigger) -> None:
     coordinator: Any = SimpleNamespace(mute=lambda agent_id: None, unmute=lambda agent_id, at_ms: None)
     done = presences.do(PresenceRequest(agent_id, trigger, "a test"), coordinator, apad.beliefs, apad.now_ms)
     assert not isinstance(done, str), done
@@ -89,13 +89,13 @@ def test_who_is_retired_or_handed_over_leaves_the_screen_and_comes_back() -> Non
     apad.hear(8)
     apad.tick()
     assert apad.screen.of(7) == apad.screen.of(8) == BOTH and apad.screen.of(0) == {"apad"}
-    moved(apad, presences, 7, Trigger.RETIRE)
-    moved(apad, presences, 8, Trigger.HAND_OVER)
+    moved(apad, presences, 7, PresenceTrigger.RETIRE)
+    moved(apad, presences, 8, PresenceTrigger.HAND_OVER)
     apad.tick()
     assert apad.screen.markers.keys() == {("apad", 0)}
     apad.tick()
     assert apad.screen.markers.keys() == {("apad", 0)}
-    moved(apad, presences, 7, Trigger.SPAWN)
+    moved(apad, presences, 7, PresenceTrigger.SPAWN)
     apad.hear(7, north_m=15.0)
     apad.hear(8)  # the real one, by its own packet
     apad.tick()
@@ -109,7 +109,7 @@ def test_a_screen_that_missed_messages_keeps_no_ghost() -> None:
     apad.hear(8)
     apad.tick()
     apad.is_connected = False
-    moved(apad, presences, 7, Trigger.RETIRE)
+    moved(apad, presences, 7, PresenceTrigger.RETIRE)
     apad.tick()
     assert apad.screen.of(7) == BOTH, "it was not told"
     apad.is_connected = True

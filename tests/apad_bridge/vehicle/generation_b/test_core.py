@@ -34,10 +34,10 @@ from apad_bridge.vehicle.generation_b.messages import (
     Go2pointGoalSeen,
     GoToOrder,
     ManualReceived,
-    Order,
     PositionOrder,
     PrimitiveStatus,
     ServiceAnswered,
+    ServiceOrder,
     StatusReceived,
 )
 from apad_bridge.vehicle.generation_b.tasks import PILOT, REPLACED
@@ -80,7 +80,7 @@ class Apad:
     def is_at(self, at_ms: int, north_m: float, east_m: float, heading_rad: float = 0.0) -> None:
         self.core.receive(PoseReceived(at_ms, north_m, east_m, heading_rad), at_ms)
 
-    def answers(self, at_ms: int, refused: str | None = None) -> list[Order]:
+    def answers(self, at_ms: int, refused: str | None = None) -> list[ServiceOrder]:
         """Answers all orders and returns them."""
         calls = [it.order for it in self.core.take_calls()]
         for call in calls:
