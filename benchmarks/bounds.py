@@ -31,11 +31,11 @@ from apad_bridge.assembly.capacity import (
     uptime_with_closing,
     uptime_with_services,
 )
-from apad_bridge.runs.studies.figures import Figures
-from apad_bridge.runs.studies.models import Model, fly
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
+from apad_bridge.studies.figures import Figures
+from apad_bridge.studies.models import Model, fly
 from benchmarks.rows import told
 
 POOL = Path(__file__).parents[1] / "launch_scripts/scenarios/pool-12.yaml"

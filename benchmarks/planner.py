@@ -39,15 +39,15 @@ from apad_bridge.assembly.energy_model import energy_model
 from apad_bridge.planning import registry
 from apad_bridge.planning.candidates import Candidate, Situation
 from apad_bridge.planning.costs import CostScales
-from apad_bridge.runs.studies.dask_cluster import fly_on_dask
-from apad_bridge.runs.studies.figures import COLUMNS
-from apad_bridge.runs.studies.models import Model, fly_each_tick
-from apad_bridge.runs.studies.report import HEADINGS
-from apad_bridge.runs.studies.runner import Block, Fly, Row, fly_study
-from apad_bridge.runs.studies.specification import StudyPlan, plan_of
-from apad_bridge.runs.studies.statistics import holm, standings
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Scenario
+from apad_bridge.studies.dask_cluster import fly_on_dask
+from apad_bridge.studies.figures import COLUMNS
+from apad_bridge.studies.models import Model, fly_each_tick
+from apad_bridge.studies.report import HEADINGS
+from apad_bridge.studies.runner import Block, Fly, Row, fly_study
+from apad_bridge.studies.specification import StudyPlan, plan_of
+from apad_bridge.studies.statistics import holm, standings
 from benchmarks.beliefs_flown import hear_few, with_twins
 from benchmarks.rows import told
 

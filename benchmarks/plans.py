@@ -31,10 +31,10 @@ from rich.table import Table
 from apad_bridge.assembly.capacity import battery_worth_min, bounds_of
 from apad_bridge.assembly.energy_model import energy_model
 from apad_bridge.planning.registry import collection
-from apad_bridge.runs.studies.statistics import estimate_of
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
+from apad_bridge.studies.statistics import estimate_of
 from benchmarks.instances.check import World, scored
 from benchmarks.plan_study import route
 from benchmarks.plan_study.exact import ExactSearch

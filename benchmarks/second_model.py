@@ -20,10 +20,10 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from apad_bridge.runs.studies.rule_choice import LEAST, LOST, METRES, RULES, TRIALS, UPTIME, choice_of
-from apad_bridge.runs.studies.specification import StudyPlan, load_study
-from apad_bridge.runs.studies.statistics import estimate_of
 from apad_bridge.scenario.starts import starts_of
+from apad_bridge.studies.rule_choice import LEAST, LOST, METRES, RULES, TRIALS, UPTIME, choice_of
+from apad_bridge.studies.specification import StudyPlan, load_study
+from apad_bridge.studies.statistics import estimate_of
 from benchmarks.rows import told
 
 ROOT = Path(__file__).parents[1]

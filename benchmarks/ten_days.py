@@ -26,15 +26,15 @@ from rich.console import Console
 from rich.table import Table
 
 from apad_bridge.assembly.capacity import bounds_of, drain_at_load, rates_of, sustained_by_balance
-from apad_bridge.runs.studies.figures import COLUMNS
-from apad_bridge.runs.studies.models import fly_each_tick
-from apad_bridge.runs.studies.report import HEADINGS, as_data, comparisons
-from apad_bridge.runs.studies.runner import fly_study
-from apad_bridge.runs.studies.several_in_memory import fly_shares
-from apad_bridge.runs.studies.specification import StudyPlan, plan_of
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start, save_starts, starts_of
+from apad_bridge.studies.figures import COLUMNS
+from apad_bridge.studies.models import fly_each_tick
+from apad_bridge.studies.report import HEADINGS, as_data, comparisons
+from apad_bridge.studies.runner import fly_study
+from apad_bridge.studies.several_in_memory import fly_shares
+from apad_bridge.studies.specification import StudyPlan, plan_of
 from benchmarks.rows import told
 
 SCENARIOS = Path(__file__).parents[1] / "launch_scripts/scenarios"

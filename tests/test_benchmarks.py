@@ -21,11 +21,11 @@ from hypothesis import strategies as st
 from shapely import Point, Polygon
 
 from apad_bridge.planning.registry import collection
-from apad_bridge.runs.studies.figures import COLUMNS
-from apad_bridge.runs.studies.models import Model, fly
-from apad_bridge.runs.studies.specification import load_study
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Dispatch, DriftMode
+from apad_bridge.studies.figures import COLUMNS
+from apad_bridge.studies.models import Model, fly
+from apad_bridge.studies.specification import load_study
 from benchmarks import bounds, planner, plans, second_model, ten_days
 from benchmarks.instances import check
 from benchmarks.mutations import first_changes, fresh_changes, held_out_changes

@@ -149,7 +149,7 @@ def test_permission_to_execute_code_is_given_in_one_place() -> None:
     assert makers == {
         "commands/trust.py",
         "runs/supervisor_process.py",
-        "runs/studies/specification.py",
+        "studies/specification.py",
         "runs/script_in_memory.py",
         "scripting/planned.py",
     }

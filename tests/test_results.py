@@ -11,9 +11,9 @@ from types import ModuleType
 import pytest
 from scenario_files import POOL_FILE
 
-from apad_bridge.runs.studies.runner import fly_study
-from apad_bridge.runs.studies.specification import plan_of
-from apad_bridge.runs.studies.statistics import estimate_of
+from apad_bridge.studies.runner import fly_study
+from apad_bridge.studies.specification import plan_of
+from apad_bridge.studies.statistics import estimate_of
 
 MAKE = Path(__file__).parents[1] / "docs/results/make"
 

@@ -101,13 +101,14 @@ GROUPS = {
 COMMANDS = {name: line for group in GROUPS.values() for name, line in group.items()}
 """A module is loaded for its own command alone."""
 
-_FOLDERS = {
-    "order": "fly",
-    "look into a run": "look",
-    "real hardware": "hardware",
-    "logs of real hardware": "hardware",
+_PACKAGES = {
+    "order": "apad_bridge.commands.fly",
+    "look into a run": "apad_bridge.commands.look",
+    "compare": "apad_bridge.studies.commands",
+    "real hardware": "apad_bridge.commands.hardware",
+    "logs of real hardware": "apad_bridge.commands.hardware",
 }
-"""The folder of a group's modules where it does not have the group's name."""
+"""The package of a group's modules where it is not the folder of commands that has the group's name."""
 _NS = "__ns:="
 _YOUNG_OBJECTS = 200_000
 """The number of new objects after which a command looks for garbage cycles: more than its imports make. Python's own 700
@@ -151,7 +152,8 @@ def parser(arguments: Sequence[str] = ()) -> argparse.ArgumentParser:
     # One module has all orders; each other module has the command of its own name.
     module = "control" if group == "order" else named
     try:
-        import_module(f"apad_bridge.commands.{_FOLDERS.get(group, group)}.{module}").add_parser(commands)
+        package = _PACKAGES.get(group, f"apad_bridge.commands.{group}")
+        import_module(f"{package}.{module}").add_parser(commands)
     except ImportError as error:
         # A package that shadows ours must not keep the doctor from reporting it.
         _add_unloadable(commands, named, error)

@@ -12,8 +12,8 @@ import pytest
 from scenario_files import POOL_FILE
 
 from apad_bridge.commands.main import main
-from apad_bridge.runs.packing import pinned
 from apad_bridge.scenario.loader import load, resolve
+from apad_bridge.studies.packing import pinned
 
 pytestmark = pytest.mark.system
 

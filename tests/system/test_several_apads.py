@@ -24,9 +24,9 @@ from apad_bridge.analysis.layouts.kinds import KINDS
 from apad_bridge.assembly.division import members
 from apad_bridge.records.journal import read_journal
 from apad_bridge.runs.children import supervisor_of
-from apad_bridge.runs.studies.several_in_memory import open_lockstep
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.starts import starts_of
+from apad_bridge.studies.several_in_memory import open_lockstep
 
 pytestmark = pytest.mark.system
 

@@ -14,9 +14,9 @@ from pathlib import Path
 import pytest
 from scenario_files import POOL_FILE
 
-from apad_bridge.runs.studies.dask_cluster import fly_on_dask, fly_there
-from apad_bridge.runs.studies.runner import StudyFailed, fly_study
-from apad_bridge.runs.studies.specification import StudyPlan, plan_of
+from apad_bridge.studies.dask_cluster import fly_on_dask, fly_there
+from apad_bridge.studies.runner import StudyFailed, fly_study
+from apad_bridge.studies.specification import StudyPlan, plan_of
 
 pytestmark = [pytest.mark.system, pytest.mark.filterwarnings("ignore")]  # Dask's own warnings
 
@@ -95,6 +95,6 @@ def test_a_worker_with_another_version_is_named() -> None:
 
 
 def test_no_scheduler_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("apad_bridge.runs.studies.dask_cluster._CONNECT_S", 1)
+    monkeypatch.setattr("apad_bridge.studies.dask_cluster._CONNECT_S", 1)
     with pytest.raises(StudyFailed, match=r"--dask tcp://127.0.0.1:9: no scheduler answers there"):
         fly_study(study(), tmp_path, partial(fly_on_dask, address="tcp://127.0.0.1:9"))

@@ -26,9 +26,9 @@ from apad_bridge.assembly.capacity import (
     uptime_with_closing,
     uptime_with_services,
 )
-from apad_bridge.runs.studies.models import Model, fly
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
+from apad_bridge.studies.models import Model, fly
 
 D, C = 0.0010427134, 0.002911
 """The paper's rates an agent minute: equation (1), and the fast end of equation (2)."""

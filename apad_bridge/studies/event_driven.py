@@ -38,8 +38,6 @@ from apad_bridge.mission.events import PlacedSample
 from apad_bridge.mission.sources import Allocation
 from apad_bridge.planning import registry
 from apad_bridge.planning.paper_strategies import NoCollection
-from apad_bridge.runs.studies.cruising_apad import CruisingAPad
-from apad_bridge.runs.studies.figures import FigureMeter, Figures
 from apad_bridge.scenario.firmware_config import charge_models
 from apad_bridge.scenario.schema import (
     DriftMode,
@@ -49,6 +47,8 @@ from apad_bridge.scenario.schema import (
     Scenario,
 )
 from apad_bridge.scenario.starts import starts_of
+from apad_bridge.studies.cruising_apad import CruisingAPad
+from apad_bridge.studies.figures import FigureMeter, Figures
 from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.core import TICK_MS, LearnedState

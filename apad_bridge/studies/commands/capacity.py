@@ -15,8 +15,8 @@ from apad_bridge.runs.exits import Exit, UserError
 
 if TYPE_CHECKING:
     from apad_bridge.planning.registry import Trust
-    from apad_bridge.runs.studies.capacity_diagram import SizedFlights
     from apad_bridge.scenario.schema import Scenario
+    from apad_bridge.studies.capacity_diagram import SizedFlights
 
 _SEEDS = (1, 2, 3)
 
@@ -88,10 +88,10 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _flown(scenario: Scenario, trust: Trust | None) -> list[SizedFlights]:
-    from apad_bridge.runs.studies.capacity_diagram import diagram_of
-    from apad_bridge.runs.studies.event_driven import model_gap
-    from apad_bridge.runs.studies.models import StrategyFailed
     from apad_bridge.scenario.cross_checks import check_code
+    from apad_bridge.studies.capacity_diagram import diagram_of
+    from apad_bridge.studies.event_driven import model_gap
+    from apad_bridge.studies.models import StrategyFailed
 
     if not scenario.fleet.ids:
         raise UserError("--fly: the scenario has no aMussels")
@@ -105,7 +105,7 @@ def _flown(scenario: Scenario, trust: Trust | None) -> list[SizedFlights]:
 
 
 def _print_phases(phases: Sequence[SizedFlights]) -> None:
-    from apad_bridge.runs.studies.capacity_diagram import held_from
+    from apad_bridge.studies.capacity_diagram import held_from
 
     for it in phases:
         print(

@@ -20,11 +20,11 @@ from packaging.requirements import Requirement
 from apad_bridge.planning.registry import GROUP as STRATEGIES
 from apad_bridge.records.run_directory import RunDirectory, versions
 from apad_bridge.runs.children import supervisor_of
-from apad_bridge.runs.studies.runner import JOURNAL, is_flying
-from apad_bridge.runs.studies.specification import STUDY_FILE
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import write_with_files
 from apad_bridge.scenario.run_options import RunOptions, TimeSource
+from apad_bridge.studies.runner import JOURNAL, is_flying
+from apad_bridge.studies.specification import STUDY_FILE
 from firmware_model.packets.codec import GROUP as CODECS
 
 _PACKAGE = "musselbed"

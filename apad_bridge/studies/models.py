@@ -9,9 +9,9 @@ from agents.mussel.outputs import Truth
 from apad_bridge.events.run import EndReason
 from apad_bridge.planning.registry import Trust
 from apad_bridge.runs.in_memory import MemoryRecorder, open_flight
-from apad_bridge.runs.studies.event_driven import fly_event_driven
-from apad_bridge.runs.studies.figures import FigureMeter, Figures
 from apad_bridge.scenario.schema import Scenario
+from apad_bridge.studies.event_driven import fly_event_driven
+from apad_bridge.studies.figures import FigureMeter, Figures
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.vehicle.link import InProcessVehicle

@@ -24,20 +24,20 @@ from apad_bridge.events.mission import Phase, PlanMade, StepGivenUp
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.orders import Order
 from apad_bridge.mission.state import MissionState
-from apad_bridge.runs.studies.cruising_apad import CruisingAPad
-from apad_bridge.runs.studies.event_driven import (
+from apad_bridge.scenario.loader import from_data, load, resolve
+from apad_bridge.scenario.schema import Horizon, Scenario
+from apad_bridge.scenario.starts import starts_of
+from apad_bridge.studies.cruising_apad import CruisingAPad
+from apad_bridge.studies.event_driven import (
     EventRecorder,
     Ticks,
     drift_sums,
     fly_event_driven,
     model_gap,
 )
-from apad_bridge.runs.studies.figures import Figures
-from apad_bridge.runs.studies.models import Model, StrategyFailed, fly, fly_each_tick
-from apad_bridge.runs.studies.several_in_memory import fly_shares, open_lockstep
-from apad_bridge.scenario.loader import from_data, load, resolve
-from apad_bridge.scenario.schema import Horizon, Scenario
-from apad_bridge.scenario.starts import starts_of
+from apad_bridge.studies.figures import Figures
+from apad_bridge.studies.models import Model, StrategyFailed, fly, fly_each_tick
+from apad_bridge.studies.several_in_memory import fly_shares, open_lockstep
 from apad_bridge.supervisor.core import TICK_MS, LearnedState
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.vehicle.commands import Arrived, CloseDock, GoTo, OpenDock
@@ -478,7 +478,7 @@ def test_a_strategy_that_fails_fails_the_study(monkeypatch: pytest.MonkeyPatch) 
 def test_a_plain_string_names_its_model_or_raises() -> None:
     scenario = changed(duration_s=60.0)
     with pytest.MonkeyPatch.context() as patch:
-        patch.delattr("apad_bridge.runs.studies.models.fly_each_tick")
+        patch.delattr("apad_bridge.studies.models.fly_each_tick")
         assert fly(scenario, "event-driven") == fly(scenario, Model.EVENT_DRIVEN)  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="event driven"):
         fly(scenario, "event driven")  # type: ignore[arg-type]

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from apad_bridge.runs.studies.figures import COLUMNS
-from apad_bridge.runs.studies.runner import Row
+from apad_bridge.studies.figures import COLUMNS
+from apad_bridge.studies.runner import Row
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,8 +11,8 @@ import pytest
 
 from apad_bridge.assembly.capacity import bounds_of
 from apad_bridge.commands.main import main
-from apad_bridge.runs.studies import runner
-from apad_bridge.runs.studies.capacity_diagram import (
+from apad_bridge.studies import runner
+from apad_bridge.studies.capacity_diagram import (
     AMUSSELS,
     MEAN_CHARGES,
     borders_of,
@@ -20,8 +20,8 @@ from apad_bridge.runs.studies.capacity_diagram import (
     held_from,
     phases_of,
 )
-from apad_bridge.runs.studies.models import Model, fly
-from apad_bridge.runs.studies.specification import StudyPlan
+from apad_bridge.studies.models import Model, fly
+from apad_bridge.studies.specification import StudyPlan
 
 LATE_H = 48
 """The last fifth of ten days."""
@@ -126,8 +126,8 @@ def test_the_command_prints_both_states_and_draws_them(
 def test_capacity_says_that_its_bound_is_no_promise_and_from_where_it_is_reached(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("apad_bridge.runs.studies.capacity_diagram.MEAN_CHARGES", (0.2, 0.8))
-    monkeypatch.setattr("apad_bridge.commands.compare.capacity._SEEDS", (1,))
+    monkeypatch.setattr("apad_bridge.studies.capacity_diagram.MEAN_CHARGES", (0.2, 0.8))
+    monkeypatch.setattr("apad_bridge.studies.commands.capacity._SEEDS", (1,))
     arguments = ["capacity", "pool-12", "--theta", "1"]
     assert main(arguments) == 0
     assert "15.2 is a bound and no promise: more than 11.9 aMussels" in capsys.readouterr().out

@@ -14,11 +14,11 @@ from apad_bridge.records.summary import uptime_figures
 from apad_bridge.runs.in_memory import MemoryRecorder, mission_figures, open_flight
 from apad_bridge.runs.several.assignment import Assignment
 from apad_bridge.runs.several.lockstep import Exchange, LockstepRunner, MemberFlight
-from apad_bridge.runs.studies.event_driven import fly_event_driven, model_gap
-from apad_bridge.runs.studies.figures import Figures
 from apad_bridge.scenario.another_apad import Sharing
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
+from apad_bridge.studies.event_driven import fly_event_driven, model_gap
+from apad_bridge.studies.figures import Figures
 from apad_bridge.supervisor.context import FlightContext
 
 

@@ -16,7 +16,9 @@ from hypothesis import strategies as st
 from scenario_files import POOL_FILE
 
 from apad_bridge.commands.main import main
-from apad_bridge.runs.studies.rule_choice import (
+from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.schema import RandomStart
+from apad_bridge.studies.rule_choice import (
     AS_IT_IS,
     EQUAL_CHARGE,
     PAPERS,
@@ -27,11 +29,9 @@ from apad_bridge.runs.studies.rule_choice import (
     keys_of,
     rules_study,
 )
-from apad_bridge.runs.studies.specification import load_study
-from apad_bridge.scenario.loader import load
-from apad_bridge.scenario.schema import RandomStart
+from apad_bridge.studies.specification import load_study
 
-STUDIES = Path(__file__).parents[4] / "launch_scripts/studies"
+STUDIES = Path(__file__).parents[3] / "launch_scripts/studies"
 KNOWN = ("cautious", "greedy")
 Row = dict[str, Any]
 

@@ -21,10 +21,13 @@ from scenario_files import POOL_FILE, WHOLE_FILE
 
 from apad_bridge.commands.main import main
 from apad_bridge.planning.registry import Trust
-from apad_bridge.runs.studies import runner
-from apad_bridge.runs.studies.figures import COLUMNS
-from apad_bridge.runs.studies.runner import JOURNAL, AnotherStudy, StudyFailed, fly_study
-from apad_bridge.runs.studies.specification import (
+from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.scenario.loader import load, resolve, write_resolved
+from apad_bridge.scenario.starts import starts_of
+from apad_bridge.studies import runner
+from apad_bridge.studies.figures import COLUMNS
+from apad_bridge.studies.runner import JOURNAL, AnotherStudy, StudyFailed, fly_study
+from apad_bridge.studies.specification import (
     STUDY_FILE,
     StudyPlan,
     load_study,
@@ -32,11 +35,8 @@ from apad_bridge.runs.studies.specification import (
     with_seeds,
     write_study,
 )
-from apad_bridge.scenario.errors import ScenarioError
-from apad_bridge.scenario.loader import load, resolve, write_resolved
-from apad_bridge.scenario.starts import starts_of
 
-SHIPPED = Path(__file__).parents[4] / "launch_scripts/studies"
+SHIPPED = Path(__file__).parents[3] / "launch_scripts/studies"
 STUDY = {
     "name": "short",
     "scenarios": [str(POOL_FILE)],
@@ -98,7 +98,7 @@ def test_a_run_needs_no_package_of_studies_and_prints_what_nobody_can_exceed(
 def test_without_pyarrow_a_study_says_how_to_get_it_before_it_flies(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("apad_bridge.commands.compare.study.find_spec", lambda name: None)
+    monkeypatch.setattr("apad_bridge.studies.commands.study.find_spec", lambda name: None)
     assert main(["study", "table2", "--out", str(tmp_path / "out")]) == 2
     assert (
         "pyarrow, which writes the results, is missing" in capsys.readouterr().err

@@ -19,13 +19,13 @@ from rich.table import Table
 
 from apad_bridge.assembly.capacity import Bounds
 from apad_bridge.planning.registry import Trust
-from apad_bridge.runs.studies.findings import Findings, table_of
-from apad_bridge.runs.studies.models import Model, fly
-from apad_bridge.runs.studies.runner import Row
-from apad_bridge.runs.studies.specification import StudyPlan, plan_of
 from apad_bridge.scenario.loader import SHIPPED, from_data, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.text_file import write_atomically
+from apad_bridge.studies.findings import Findings, table_of
+from apad_bridge.studies.models import Model, fly
+from apad_bridge.studies.runner import Row
+from apad_bridge.studies.specification import StudyPlan, plan_of
 
 AMUSSELS = range(9, 17)
 """About the pool's two bounds: 11.9 if each charge begins at empty, and 15.2."""

@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from importlib.metadata import version
 
-from apad_bridge.runs.studies.runner import Block, Row, StudyFailed, fly_block
-from apad_bridge.runs.studies.specification import StudyPlan
+from apad_bridge.studies.runner import Block, Row, StudyFailed, fly_block
+from apad_bridge.studies.specification import StudyPlan
 
 _CONNECT_S = 30
 """Wall seconds until a scheduler has to answer."""

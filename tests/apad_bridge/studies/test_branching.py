@@ -16,10 +16,10 @@ from scenario_files import POOL_FILE
 from apad_bridge.commands.main import main
 from apad_bridge.planning.registry import Trust
 from apad_bridge.records.run_directory import RunDirectory
-from apad_bridge.runs.branching import Branches, NoBranch, Turn, branch
 from apad_bridge.runs.children import supervising
 from apad_bridge.scenario.loader import load, resolve
 from apad_bridge.scenario.run_options import RunOptions, TimeSource
+from apad_bridge.studies.branching import Branches, NoBranch, Turn, branch
 
 DURATION_S = 900
 
@@ -157,7 +157,7 @@ def test_the_command_reads_a_time_as_people_write_it(
         asked.append(turn)
         return Branches({}, {}, {}, True)
 
-    monkeypatch.setattr("apad_bridge.runs.branching.branch", only_keep)
+    monkeypatch.setattr("apad_bridge.studies.branching.branch", only_keep)
     for time in ("14:20", "860", "0:14:20"):
         assert (
             main(["branch", str(run), "--at", time, "--set", "charge_to=0.8", "--strategy", "njnp", "--json"])

@@ -16,10 +16,10 @@ from typing import Any
 from rich.table import Table
 
 from agents.time_scale import TimeScale
-from apad_bridge.runs.studies.findings import Findings, table_of
-from apad_bridge.runs.studies.runner import Row
-from apad_bridge.runs.studies.specification import StudyPlan, plan_of
 from apad_bridge.scenario.loader import SHIPPED
+from apad_bridge.studies.findings import Findings, table_of
+from apad_bridge.studies.runner import Row
+from apad_bridge.studies.specification import StudyPlan, plan_of
 
 THETA = 30
 """The paper's time scale, at which alone its figures compare with ours."""

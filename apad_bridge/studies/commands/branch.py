@@ -19,7 +19,7 @@ from apad_bridge.runs.rich_console import Console
 from apad_bridge.scenario.yaml_text import parse_yaml
 
 if TYPE_CHECKING:
-    from apad_bridge.runs.branching import Branches
+    from apad_bridge.studies.branching import Branches
 
 
 def add_parser(commands: Any) -> None:
@@ -59,7 +59,7 @@ def add_parser(commands: Any) -> None:
 def run(arguments: argparse.Namespace) -> int:
     # Imported here: a branch needs all parts of a flight.
     from apad_bridge.records.run_directory import RunDirectory
-    from apad_bridge.runs.branching import NoBranch, Turn, branch
+    from apad_bridge.studies.branching import NoBranch, Turn, branch
 
     rules = dict(_rule(text) for text in arguments.set)
     if arguments.strategy is not None:
@@ -95,7 +95,7 @@ def _rule(text: str) -> tuple[str, Any]:
 
 
 def _show(branches: Branches, at_s: float, console: Console) -> None:
-    from apad_bridge.runs.branching import FIGURES
+    from apad_bridge.studies.branching import FIGURES
 
     table = Table(title=f"changed at {at_s:g} s of mission time", title_justify="left")
     for heading in ("", "as flown", "unchanged", "changed", "difference"):

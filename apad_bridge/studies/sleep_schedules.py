@@ -14,11 +14,11 @@ from typing import Any
 from rich.table import Table
 
 from apad_bridge.assembly.capacity import bounds_of
-from apad_bridge.runs.studies.findings import Findings, table_of
-from apad_bridge.runs.studies.models import Model
-from apad_bridge.runs.studies.runner import Row
-from apad_bridge.runs.studies.specification import StudyPlan, plan_of
 from apad_bridge.scenario.loader import SHIPPED
+from apad_bridge.studies.findings import Findings, table_of
+from apad_bridge.studies.models import Model
+from apad_bridge.studies.runner import Row
+from apad_bridge.studies.specification import StudyPlan, plan_of
 
 AMUSSELS = 24
 """More than the law allows for the longest wakes of the most frequent schedules, and fewer than for all others."""

@@ -18,13 +18,13 @@ from typing import Any
 from rich.table import Table
 
 from apad_bridge.planning.registry import Trust
-from apad_bridge.runs.studies.event_driven import model_gap
-from apad_bridge.runs.studies.findings import Findings, table_of
-from apad_bridge.runs.studies.models import Model
-from apad_bridge.runs.studies.runner import Row
-from apad_bridge.runs.studies.specification import StudyPlan, plan_of
 from apad_bridge.scenario.loader import file_of, load
 from apad_bridge.scenario.schema import RandomStart, Scenario
+from apad_bridge.studies.event_driven import model_gap
+from apad_bridge.studies.findings import Findings, table_of
+from apad_bridge.studies.models import Model
+from apad_bridge.studies.runner import Row
+from apad_bridge.studies.specification import StudyPlan, plan_of
 
 _COMMON: dict[str, Any] = {
     "collection": "core",

@@ -8,8 +8,8 @@ from __future__ import annotations
 import os
 import sys
 
-from apad_bridge.runs.studies.runner import StudyFailed, fly_block, receive, send
-from apad_bridge.runs.studies.specification import StudyPlan
+from apad_bridge.studies.runner import StudyFailed, fly_block, receive, send
+from apad_bridge.studies.specification import StudyPlan
 
 
 def main() -> None:

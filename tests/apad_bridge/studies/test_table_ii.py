@@ -5,9 +5,11 @@ from pathlib import Path
 import pytest
 
 from apad_bridge.runs.in_memory import fly_in_memory
-from apad_bridge.runs.studies.models import Model, fly
-from apad_bridge.runs.studies.runner import fly_study
-from apad_bridge.runs.studies.table_two import (
+from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.starts import starts_of
+from apad_bridge.studies.models import Model, fly
+from apad_bridge.studies.runner import fly_study
+from apad_bridge.studies.table_two import (
     COLUMNS,
     PAPER,
     TableTwo,
@@ -16,8 +18,6 @@ from apad_bridge.runs.studies.table_two import (
     table_two,
     table_two_study,
 )
-from apad_bridge.scenario.loader import load
-from apad_bridge.scenario.starts import starts_of
 
 SCENARIOS = Path(__file__).parents[3] / "launch_scripts/scenarios"
 

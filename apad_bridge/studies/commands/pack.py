@@ -35,7 +35,7 @@ def add_parser(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     # Imported here: packing needs the parts of studies.
-    from apad_bridge.runs.packing import NotPacked, pack
+    from apad_bridge.studies.packing import NotPacked, pack
 
     try:
         with WorkProgress(arguments.json) as progress:

@@ -22,9 +22,9 @@ from apad_bridge.runs.rich_console import Console
 from apad_bridge.scenario.errors import ScenarioError
 
 if TYPE_CHECKING:
-    from apad_bridge.runs.studies.findings import Findings
-    from apad_bridge.runs.studies.runner import Fly
-    from apad_bridge.runs.studies.specification import StudyPlan
+    from apad_bridge.studies.findings import Findings
+    from apad_bridge.studies.runner import Fly
+    from apad_bridge.studies.specification import StudyPlan
 
 TABLE_TWO = "table2"
 SLEEP = "sleep"
@@ -81,8 +81,8 @@ def add_parser(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     # Imported here: a study's parts are many, and the other commands start without them.
-    from apad_bridge.runs.studies.report import RESULTS, write_parquet
-    from apad_bridge.runs.studies.runner import AnotherStudy, StudyFailed, fly_study
+    from apad_bridge.studies.report import RESULTS, write_parquet
+    from apad_bridge.studies.runner import AnotherStudy, StudyFailed, fly_study
 
     if find_spec("pyarrow") is None:
         raise UserError("pyarrow, which writes the results, is missing: run launch_scripts/install")
@@ -121,12 +121,12 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _study_of(arguments: argparse.Namespace) -> tuple[StudyPlan, type[Findings]]:
     """The study that the arguments name, and the class of its findings. ScenarioError for a mistake in a file."""
-    from apad_bridge.runs.studies.capacity_diagram import CapacityDiagram, capacity_study
-    from apad_bridge.runs.studies.findings import Findings
-    from apad_bridge.runs.studies.rule_choice import RuleChoice, is_choice, rules_study
-    from apad_bridge.runs.studies.sleep_schedules import SleepSchedules, sleep_study
-    from apad_bridge.runs.studies.specification import is_scenario, load_study
-    from apad_bridge.runs.studies.table_two import TableTwo, table_two_study
+    from apad_bridge.studies.capacity_diagram import CapacityDiagram, capacity_study
+    from apad_bridge.studies.findings import Findings
+    from apad_bridge.studies.rule_choice import RuleChoice, is_choice, rules_study
+    from apad_bridge.studies.sleep_schedules import SleepSchedules, sleep_study
+    from apad_bridge.studies.specification import is_scenario, load_study
+    from apad_bridge.studies.table_two import TableTwo, table_two_study
 
     built_in: dict[str, tuple[Callable[..., StudyPlan], type[Findings]]] = {
         TABLE_TWO: (table_two_study, TableTwo),
@@ -176,7 +176,7 @@ def _on_dask(arguments: argparse.Namespace) -> Fly:
         raise UserError("--workers is of this machine: a cluster has its own, leave it out with --dask")
     if find_spec("distributed") is None:
         raise UserError("--dask needs Dask: pip install 'musselbed[studies]'")
-    from apad_bridge.runs.studies.dask_cluster import fly_on_dask
+    from apad_bridge.studies.dask_cluster import fly_on_dask
 
     return partial(fly_on_dask, address=arguments.dask)
 

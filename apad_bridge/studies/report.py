@@ -16,11 +16,11 @@ from pathlib import Path
 from typing import Any
 
 from apad_bridge.assembly.capacity import Bounds, bounds_of
-from apad_bridge.runs.studies.figures import COLUMNS
-from apad_bridge.runs.studies.runner import Row
-from apad_bridge.runs.studies.specification import Setting, StudyPlan
-from apad_bridge.runs.studies.statistics import Difference, Estimate, Standing, standings
 from apad_bridge.scenario.text_file import write_atomically
+from apad_bridge.studies.figures import COLUMNS
+from apad_bridge.studies.runner import Row
+from apad_bridge.studies.specification import Setting, StudyPlan
+from apad_bridge.studies.statistics import Difference, Estimate, Standing, standings
 
 RESULTS, REPORT = "results.parquet", "report.html"
 HEADINGS = {

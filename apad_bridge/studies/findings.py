@@ -13,8 +13,8 @@ from typing import Any
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from apad_bridge.runs.studies.figures import COLUMNS
-from apad_bridge.runs.studies.report import (
+from apad_bridge.studies.figures import COLUMNS
+from apad_bridge.studies.report import (
     HEADINGS,
     NO_ENERGY,
     REPORT,
@@ -26,8 +26,8 @@ from apad_bridge.runs.studies.report import (
     that_fit,
     write_report,
 )
-from apad_bridge.runs.studies.runner import Row
-from apad_bridge.runs.studies.specification import StudyPlan
+from apad_bridge.studies.runner import Row
+from apad_bridge.studies.specification import StudyPlan
 
 
 class Findings:

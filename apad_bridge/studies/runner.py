@@ -23,8 +23,8 @@ import msgpack
 from agents.hosting import started
 from apad_bridge.records.line_file import LineFile, read_lines
 from apad_bridge.records.run_directory import PRIVATE
-from apad_bridge.runs.studies.models import StrategyFailed, fly
-from apad_bridge.runs.studies.specification import StudyPlan, write_study
+from apad_bridge.studies.models import StrategyFailed, fly
+from apad_bridge.studies.specification import StudyPlan, write_study
 
 JOURNAL = "trials.jsonl"
 Row = dict[str, Any]
@@ -34,7 +34,7 @@ Block = tuple[int, int]
 Fly = Callable[[StudyPlan, Sequence[Block]], Iterator[tuple[Block, list[Row]]]]
 """Flies blocks somewhere; yields each when it is done, in any order."""
 Worker = Popen[bytes]
-_WORKER = "apad_bridge.runs.studies.worker"
+_WORKER = "apad_bridge.studies.worker"
 _LENGTH = struct.Struct("<I")
 """A message between a study and a worker is msgpack behind its length."""
 

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from apad_bridge.runs.studies.figures import COLUMNS
-from apad_bridge.runs.studies.statistics import holm, standings
+from apad_bridge.studies.figures import COLUMNS
+from apad_bridge.studies.statistics import holm, standings
 
 
 def rows(strategy: str, **columns: list[float | None]) -> list[dict[str, Any]]:

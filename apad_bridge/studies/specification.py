@@ -22,9 +22,6 @@ from annotated_types import Ge, Gt, Le, Lt, MinLen
 from pydantic import TypeAdapter, ValidationError
 
 from apad_bridge.planning import registry
-from apad_bridge.runs.studies.event_driven import model_gap
-from apad_bridge.runs.studies.figures import COLUMNS
-from apad_bridge.runs.studies.models import Model
 from apad_bridge.scenario.cross_checks import check_code
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import file_of, from_data, load, resolve, write_with_files
@@ -32,6 +29,9 @@ from apad_bridge.scenario.quantities import FileName, frozen
 from apad_bridge.scenario.schema import RandomStart, Scenario
 from apad_bridge.scenario.text_file import read_text, write_atomically
 from apad_bridge.scenario.yaml_text import parse_yaml
+from apad_bridge.studies.event_driven import model_gap
+from apad_bridge.studies.figures import COLUMNS
+from apad_bridge.studies.models import Model
 
 PAPER_START = TypeAdapter(RandomStart).validate_python({"charge": (0.6, 1.0)})
 """The interval of the paper's starting charges (section V-A)."""

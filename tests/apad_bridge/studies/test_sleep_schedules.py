@@ -10,8 +10,8 @@ import pytest
 from rich.console import Console
 
 from apad_bridge.commands.main import main
-from apad_bridge.runs.studies import report, runner
-from apad_bridge.runs.studies.sleep_schedules import (
+from apad_bridge.studies import report, runner
+from apad_bridge.studies.sleep_schedules import (
     AMUSSELS,
     ScheduleOutcome,
     reason_of,
@@ -19,7 +19,7 @@ from apad_bridge.runs.studies.sleep_schedules import (
     schedules_table,
     sleep_study,
 )
-from apad_bridge.runs.studies.specification import StudyPlan
+from apad_bridge.studies.specification import StudyPlan
 
 
 def rows_of(plan: StudyPlan, lost_above_samples: float) -> list[dict[str, Any]]:
@@ -90,7 +90,7 @@ def test_the_command_prints_the_schedules_and_the_reason(
 def _short_study() -> StudyPlan:
     from scenario_files import POOL_FILE
 
-    from apad_bridge.runs.studies.specification import plan_of
+    from apad_bridge.studies.specification import plan_of
 
     study = {
         "name": "one",
