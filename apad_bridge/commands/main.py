@@ -86,12 +86,12 @@ GROUPS = {
         "preflight": "check a real aPad and everything around it before a mission",
         "bridge": "real aMussels by a nanomodem on a serial port, for a mission on ROS",
         "modems": "simulated nanomodems on a table, to try a bridge without hardware",
-        "shadow": "somebody else's mission, live or from a bag: their decisions beside what ours would have been",
     },
     "logs of real hardware": {
         "logs": "bags of one mission that were recorded on two machines",
         "calibrate": "a vehicle's own numbers from its logs, with intervals, as a scenario's keys",
         "fit": "fit a battery's charge or discharge curve to your own log",
+        "shadow": "somebody else's mission, live or from a bag: their decisions beside what ours would have been",
     },
     "firmware": {
         "mu": "run one MU board by itself: Table I, an energy budget, its states",
@@ -106,7 +106,7 @@ _PACKAGES = {
     "look into a run": "apad_bridge.commands.look",
     "compare": "apad_bridge.studies.commands",
     "real hardware": "apad_bridge.commands.hardware",
-    "logs of real hardware": "apad_bridge.commands.hardware",
+    "logs of real hardware": "apad_bridge.field.commands",
 }
 """The package of a group's modules where it is not the folder of commands that has the group's name."""
 _NS = "__ns:="

@@ -1,0 +1,523 @@
+"""Somebody else's mission beside ours: at each of their decisions, what our strategy would have done on our beliefs.
+
+The shadow only reads facts: of a bag, or of a graph that it listens to. It keeps beliefs as a supervisor does, from the
+packets of their aMussels, from those aMussels' own topics, or from a supervisor's fresh beliefs where a bag has nothing
+else. Each later packet tells how far the estimate had gone wrong.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from math import dist, fsum, sqrt
+from typing import Any
+
+from agents.time_scale import MissionMs
+from apad_bridge.assembly.energy_model import energy_model
+from apad_bridge.assembly.flight_config import flight_config
+from apad_bridge.assembly.parts import fleet_beliefs
+from apad_bridge.beliefs.belief import Belief
+from apad_bridge.beliefs.measurement import Docked, Released
+from apad_bridge.field.field_log.facts import (
+    AmusselCharged,
+    AmusselPlaced,
+    BeliefsTold,
+    Fact,
+    Held,
+    PacketLogged,
+    Place,
+    Posed,
+    Teller,
+    Work,
+    WorkBegan,
+    WorkEnded,
+)
+from apad_bridge.mission.charging_watch import ChargingWatch
+from apad_bridge.mission.dispatch import dispatch_of, due_now, fullest_first
+from apad_bridge.mission.home_places import with_exchanged_homes, with_new_homes
+from apad_bridge.mission.plans import plan_or_reason
+from apad_bridge.mission.pool import ChargingPool, placeholder_belief, situation_of
+from apad_bridge.mission.state import MissionState
+from apad_bridge.planning import registry
+from apad_bridge.planning.candidates import Situation
+from apad_bridge.planning.exchange import tour
+from apad_bridge.planning.solution import Solution, Step, StepKind
+from apad_bridge.scenario.firmware_config import codec_of
+from apad_bridge.scenario.schema import Dispatch, Places, Scenario
+from apad_bridge.scenario.surface import LegForecast, surface_of
+from firmware_model.packets import ShortStatus, Status, StatusPacket, basic_of
+from firmware_model.states import State
+
+_TOPIC_PERIOD_MS = 1000
+"""An aMussel's own topics come at 10 Hz: as its packets would, they count once a second."""
+_FRESH_S = 1.0
+"""A supervisor's belief no older than this is what a packet said."""
+_SETTLED_MS = 500
+"""Half a tick after their order all is heard that they knew: ROS keeps no order between topics."""
+_SAME_MS = 2000
+"""The vehicle and a supervisor tell of one go-to within this time."""
+_JOINED_MS = 10_000
+"""So long after the first fact, the vehicle may report a dock that was filled before: subscribing takes time."""
+_ESTIMATED_S = 10.0
+"""A belief that is older than this is an estimate, and not the last report."""
+WAIT = "wait"
+ELSEWHERE = "elsewhere"
+
+
+@dataclass(frozen=True, slots=True)
+class TheirMove:
+    """`kind` is collect, deploy, wait, or elsewhere for a go-to without an aMussel; `agent_id` is None for the last two."""
+
+    kind: str
+    agent_id: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ComparedBelief:
+    """Our belief of one aMussel. The errors, believed minus told, are by the first packet after it, None before one."""
+
+    age_s: float
+    charge: float
+    place_m: Place
+    charge_error: float | None = None
+    place_error_m: float | None = None
+    told_after_s: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ComparedDecision:
+    """A decision of theirs, beside ours at the same time. Times are seconds since the first fact."""
+
+    at_s: float
+    theirs: TheirMove
+    ours: TheirMove
+    estimate: ComparedBelief | None
+    """Our estimate of the aMussel that they chose."""
+
+    @property
+    def agrees(self) -> bool:
+        return self.theirs == self.ours
+
+    def to_json(self) -> dict[str, Any]:
+        return asdict(self) | {"agrees": self.agrees}
+
+
+@dataclass(frozen=True, slots=True)
+class Accuracy:
+    """The errors of estimates older than 10 s against the packet that ended the silence."""
+
+    packets: int
+    charge_rms: float | None
+    place_rms_m: float | None
+    inside: float | None
+    """The share of charges within our interval of 95 %; None for an estimator that gives none."""
+
+
+@dataclass(slots=True)
+class _Pending:
+    """A decision of theirs, from its begin on: a go-to whose purpose is not known yet, until `theirs` is.
+
+    Our choice waits for all that was said at the same time as their order.
+    """
+
+    at_ms: MissionMs
+    goal_m: Place | None = None
+    theirs: TheirMove | None = None
+    ours: TheirMove | None = None
+    beliefs: dict[int, Belief] | None = None
+
+
+class Shadow:
+    """`take` returns the decisions that a fact completes, and `end` the last ones. Facts come in the order heard."""
+
+    def __init__(self, scenario: Scenario, trust: registry.Trust | None = None) -> None:
+        """ScenarioError, or ValueError, for a scenario whose board or strategy cannot be loaded.
+
+        A strategy in a file is executed with `trust` alone.
+        """
+        mission = scenario.mission
+        config = flight_config(scenario)
+        self.decisions: list[ComparedDecision] = []
+        self._mission = mission
+        self._scale = scenario.time_scale
+        self._codec = codec_of(scenario)
+        self._beliefs = fleet_beliefs(config)
+        self._ids = frozenset(config.ids)
+        self._collection = registry.collection(mission.collection, mission.costs, trust)
+        self._redeployment = registry.redeployment(mission.redeployment, trust)
+        self._model = energy_model(scenario)
+        self._legs = LegForecast(scenario.apad, surface_of(scenario))
+        self._pool = ChargingPool(mission, self._beliefs)
+        self._charging = ChargingWatch(mission)
+        self._dispatch = dispatch_of(mission, self._charging, self._pool.batch_of)
+        self._exchanges_places = mission.places is Places.EXCHANGED
+        self._state = MissionState(dock_count=scenario.apad.docks)
+        self._place_m: Place | None = None
+        self._pose_teller = Teller.SUPERVISOR
+        self._supervised_ms: int | None = None
+        """The time of a supervisor's first sample, which tells what the docks hold already; None without a supervisor.
+
+        With one, the vehicle's own silence about a dock may be a busy network's.
+        """
+        self._ordered: set[int] = set()
+        """aMussels of which the shadow heard an order to dock, or knew the dock before: their dockings are new ones."""
+        self._begin_s: float | None = None
+        self._now_ms = MissionMs(0)
+        self._pending: _Pending | None = None
+        self._plan: tuple[Step, ...] = ()
+        """The rest of our plan, as long as they follow it."""
+        self._last: TheirMove | None = None
+        """Their last decision."""
+        self._collects = False
+        """Their last decision was to collect: the batch is under way."""
+        self._works: dict[str, WorkBegan] = {}
+        self._sends: set[int] = set()
+        """aMussels whose packets are heard: their topics, and others' beliefs of them, say nothing more."""
+        self._believed: set[int] = set()
+        """aMussels of which a supervisor tells its beliefs, and so their states, which their topics lack."""
+        self._topics: dict[int, tuple[Place | None, float | None, int]] = {}
+        self._errors: list[tuple[float, float, bool | None]] = []
+
+    def take(self, fact: Fact) -> list[ComparedDecision]:
+        if self._begin_s is None:
+            self._begin_s = fact.at_s
+        done = len(self.decisions)
+        now_ms = MissionMs(max(self._now_ms, round(1000 * (fact.at_s - self._begin_s))))
+        if now_ms > self._now_ms:
+            if self._pending is not None and now_ms > self._pending.at_ms + _SETTLED_MS:
+                self._choose()
+            self._now_ms = now_ms
+            self._beliefs.advance(now_ms)
+        self._learn(fact)
+        return self.decisions[done:]
+
+    def end(self) -> list[ComparedDecision]:
+        """Completes the go-to under way."""
+        done = len(self.decisions)
+        self._choose()
+        self._resolve_by_place()
+        return self.decisions[done:]
+
+    @property
+    def accuracy(self) -> Accuracy:
+        count = len(self._errors)
+        known = [inside for _, _, inside in self._errors if inside is not None]
+        return Accuracy(
+            count,
+            sqrt(fsum(charge**2 for charge, _, _ in self._errors) / count) if count else None,
+            sqrt(fsum(place_m**2 for _, place_m, _ in self._errors) / count) if count else None,
+            sum(known) / len(known) if known else None,
+        )
+
+    def _learn(self, fact: Fact) -> None:
+        match fact:
+            case Posed(_, teller, _, place_m):
+                if teller is Teller.SUPERVISOR and self._supervised_ms is None:
+                    self._supervised_ms = self._now_ms
+                if teller is Teller.VEHICLE or self._pose_teller is Teller.SUPERVISOR:
+                    self._pose_teller, self._place_m = teller, place_m
+            case PacketLogged(_, agent_id, _, data):
+                self._sends.add(agent_id)
+                packet = self._codec.decode(data)
+                if isinstance(packet, ShortStatus):
+                    self._beliefs.hear_short(packet, self._now_ms)
+                elif isinstance(packet, Status):
+                    self._hear(basic_of(packet))
+            case AmusselPlaced(_, agent_id, place_m):
+                self._of_topics(agent_id, place_m, None)
+            case AmusselCharged(_, agent_id, charge):
+                self._of_topics(agent_id, None, charge)
+            case BeliefsTold():
+                self._of_others(fact)
+            case Held(_, teller, agent_id, is_held):
+                if teller is Teller.SUPERVISOR or self._supervised_ms is None:
+                    self._held(
+                        agent_id, is_held=is_held, was_held=is_held and self._was_held(agent_id, teller)
+                    )
+            case WorkBegan():
+                self._began(fact)
+            case WorkEnded(_, _, key, is_done):
+                self._ended(key, is_done=is_done)
+            case _:
+                pass
+
+    # What we believe.
+
+    def _hear(self, packet: StatusPacket) -> None:
+        agent_id = packet.agent_id
+        before = self._beliefs.get(agent_id) if agent_id in self._ids else None
+        if self._beliefs.hear(packet, self._now_ms) is not None:
+            return
+        self._state = replace(self._state, homes=with_new_homes(self._state.homes, self._beliefs.all()))
+        if before is None:
+            return
+        place_error_m = dist((before.north_m, before.east_m), (packet.north_m, packet.east_m))
+        if before.age_s(self._now_ms) >= _ESTIMATED_S:
+            low, high = before.charge_interval() if before.is_predicted else (0.0, 0.0)
+            inside = low <= packet.primary <= high if before.is_predicted else None
+            self._errors.append((before.primary - packet.primary, place_error_m, inside))
+        self._tell_error(packet)
+
+    def _tell_error(self, packet: StatusPacket) -> None:
+        """Completes the estimates of the aMussel's decisions, which this packet is the first to check."""
+        for n, it in enumerate(self.decisions):
+            estimate = it.estimate
+            if it.theirs.agent_id != packet.agent_id or estimate is None or estimate.told_after_s is not None:
+                continue
+            after_s = self._now_ms / 1000 - it.at_s
+            told = replace(
+                estimate,
+                charge_error=estimate.charge - packet.primary,
+                place_error_m=dist(estimate.place_m, (packet.north_m, packet.east_m)),
+                told_after_s=after_s,
+            )
+            self.decisions[n] = replace(it, estimate=told)
+
+    def _of_topics(self, agent_id: int, place_m: Place | None, charge: float | None) -> None:
+        """Their topics carry no state: such an aMussel is taken to float, and to charge while a dock holds it."""
+        if agent_id in self._sends or agent_id in self._believed or agent_id not in self._ids:
+            return
+        place_before, charge_before, told_ms = self._topics.get(agent_id, (None, None, -_TOPIC_PERIOD_MS))
+        place_m, charge = place_m or place_before, charge_before if charge is None else charge
+        is_due = place_m is not None and charge is not None and self._now_ms >= told_ms + _TOPIC_PERIOD_MS
+        self._topics[agent_id] = place_m, charge, self._now_ms if is_due else told_ms
+        if is_due and place_m is not None and charge is not None:
+            state = State.CHARGING if agent_id in self._docked else State.FLOATING
+            stamp_ms = self._scale.agent_ms(self._now_ms)
+            self._hear(StatusPacket(agent_id, 0, state, charge, 1.0, *place_m, 0.0, stamp_ms))
+
+    def _of_others(self, told: BeliefsTold) -> None:
+        """A supervisor's fresh belief is what the packet said; nothing else of it counts here."""
+        for row in told.rows:
+            self._believed.add(row.id)
+            if row.id in self._sends or row.age_s > _FRESH_S:
+                continue
+            stamp_ms = round(self._scale.agent_time(told.mission_ms - 1000 * float(row.age_s)))
+            charge, secondary = (min(1.0, max(0.0, float(it))) for it in (row.charge, row.secondary))
+            place_m = row.north, row.east
+            self._hear(StatusPacket(row.id, 0, State(row.state), charge, secondary, *place_m, 0.0, stamp_ms))
+
+    # What they do.
+
+    @property
+    def _docked(self) -> dict[int, int]:
+        return {agent_id: dock_index for dock_index, agent_id in self._state.docked}
+
+    def _was_held(self, agent_id: int, teller: Teller) -> bool:
+        """The dock that now tells of this aMussel was filled before the shadow listened: no decision that it heard."""
+        if agent_id in self._ordered:
+            return False
+        if teller is Teller.SUPERVISOR:
+            return self._now_ms == self._supervised_ms
+        return self._now_ms <= _JOINED_MS
+
+    def _held(self, agent_id: int, *, is_held: bool, was_held: bool) -> None:
+        """`was_held`: the dock is full, and was so before; what we would have done with an empty one does not count."""
+        docked = self._docked
+        if is_held == (agent_id in docked) or agent_id not in self._ids:
+            return
+        move = TheirMove(StepKind.COLLECT if is_held else StepKind.DEPLOY, agent_id)
+        if was_held:
+            self._plan = ()
+            if self._pending is not None:
+                self._pending.ours = None
+        else:
+            if move != self._last:
+                self._resolve(move)
+            if self._pending is not None and self._pending.theirs is not None:
+                self._choose()  # as the docks were before
+        self._ordered.add(agent_id)
+        self._charging.restart(agent_id)
+        if is_held:
+            free = set(range(self._state.dock_count)) - set(docked.values())
+            if not free:
+                return
+            docked[agent_id] = min(free)
+            self._beliefs.learn(agent_id, Docked(), self._now_ms)
+            self._charging.begin(docked, self._now_ms)
+        else:
+            del docked[agent_id]
+            if self._place_m is not None:
+                self._beliefs.learn(agent_id, Released(*self._place_m), self._now_ms)
+                if self._exchanges_places:
+                    self._take_place(agent_id, self._place_m)
+            released = dict(self._state.released) | {agent_id: self._now_ms}
+            self._state = replace(self._state, released=tuple(sorted(released.items())))
+        self._state = replace(
+            self._state, docked=tuple(sorted((index, agent) for agent, index in docked.items()))
+        )
+
+    def _take_place(self, agent_id: int, place_m: Place) -> None:
+        """The released one takes the place at which it was released from whoever had it."""
+        homes = self._state.homes
+        other = min(homes, key=lambda it: (dist(place_m, it[1:]), it[0]), default=(agent_id,))[0]
+        self._state = replace(self._state, homes=with_exchanged_homes(homes, [(agent_id, other)]))
+
+    def _began(self, began: WorkBegan) -> None:
+        self._works[began.key] = began
+        agent_id = began.agent_id
+        if began.work is Work.DOCK and agent_id is not None:
+            self._ordered.add(agent_id)
+            if agent_id not in self._docked:
+                self._resolve(TheirMove(StepKind.COLLECT, agent_id))
+        elif began.work is Work.UNDOCK and agent_id is not None and agent_id in self._docked:
+            self._resolve(TheirMove(StepKind.DEPLOY, agent_id))
+        elif began.work is Work.GO_TO and not self._is_same(began.goal_m):
+            self._resolve_by_place()
+            self._pending = _Pending(self._now_ms, began.goal_m)
+
+    def _is_same(self, goal_m: Place | None) -> bool:
+        """A hold, or a go-to that another teller or another try repeats, is no decision."""
+        near_m = 2 * self._mission.victory_radius_m
+        pending = None if self._pending is None or self._pending.theirs is not None else self._pending
+        is_new = pending is not None and pending.at_ms >= self._now_ms - _SAME_MS
+        if goal_m is None:
+            return is_new
+        if pending is not None and pending.goal_m is None and is_new:
+            pending.goal_m = goal_m
+            return True
+        places = [self._place_m, None if pending is None else pending.goal_m]
+        return any(it is not None and dist(goal_m, it) <= near_m for it in places)
+
+    def _ended(self, key: str, *, is_done: bool) -> None:
+        began = self._works.pop(key, None)
+        if began is None or began.work is not Work.GO_TO or self._pending is None:
+            return
+        if is_done and self._pending.goal_m is None:
+            self._pending.goal_m = self._place_m
+
+    # Theirs beside ours.
+
+    def _choose(self) -> None:
+        pending = self._pending
+        if pending is None:
+            return
+        if pending.ours is None:
+            pending.ours = self._our_move()
+            pending.beliefs = {it.agent_id: it for it in self._beliefs.all()}
+        if pending.theirs is not None:
+            self._pending = None
+            self._note(pending, pending.theirs, pending.ours)
+
+    def _our_move(self) -> TheirMove:
+        """The first step of our plan as long as they follow it; else of a plan that we make now."""
+        if not self._plan and self._place_m is not None:
+            self._plan = self._planned(self._place_m)
+        if not self._plan:
+            return TheirMove(WAIT)
+        return TheirMove(self._plan[0].kind, self._plan[0].agent_id)
+
+    def _planned(self, place_m: Place) -> tuple[Step, ...]:
+        held, now_ms = self._docked, self._now_ms
+        docked = {agent_id: self._beliefs.get(agent_id) for agent_id in held}
+        candidates = self._pool.candidates(now_ms, served=self._state.served)
+        pool = [it for it in candidates if it.agent_id not in held]
+        free = self._state.dock_count - len(held)
+        released, waiting, count = due_now(
+            self._dispatch, self._mission, self._charging, lambda: pool, docked, free
+        )
+        if released:
+            known = [docked[it] or placeholder_belief(it, place_m) for it in released]
+            if count:
+                return self._collection_steps(place_m, waiting, count, fullest_first(known))
+            others = [it for it in self._beliefs.all() if it.agent_id not in released]
+            situation = self._situation(place_m, known, held, others)
+            return self._steps(
+                plan_or_reason(
+                    self._mission.redeployment,
+                    lambda: self._redeployment.plan(situation),
+                    situation,
+                    StepKind.DEPLOY,
+                )
+            )
+        if held and self._collects and self._mission.dispatch is Dispatch.BATCH:
+            # Their batch is under way, and we have another opinion of its rest.
+            count = min(self._mission.batch - len(held), len(pool), free)
+        return self._collection_steps(place_m, pool, count) if count > 0 else ()
+
+    def _situation(
+        self,
+        place_m: Place,
+        beliefs: Iterable[Belief],
+        docks: Mapping[int, int],
+        others: Iterable[Belief],
+        leaving: Iterable[Belief] = (),
+    ) -> Situation:
+        rules, now_ms = self._mission, self._now_ms
+        sea = self._legs.at(now_ms, rules.speed_m_s) if rules.costs.flow else None
+        return situation_of(self._state, place_m, beliefs, docks, now_ms, others, self._model, leaving, sea)
+
+    def _collection_steps(
+        self, place_m: Place, pool: Sequence[Belief], count: int, leaving: Sequence[Belief] = ()
+    ) -> tuple[Step, ...]:
+        """The steps of a collection of `count` of the pool; docked ones that are `leaving` exchange places with them."""
+        known = {it.agent_id for it in (*pool, *leaving)}
+        others = [it for it in self._beliefs.all() if it.agent_id not in known]
+        situation = self._situation(place_m, pool, {}, others, leaving)
+        steps = self._steps(
+            plan_or_reason(
+                self._mission.collection,
+                lambda: self._collection.plan(situation, count),
+                situation,
+                StepKind.COLLECT,
+            )
+        )
+        return tour(Solution(steps), situation).steps
+
+    def _steps(self, solution: Solution | str) -> tuple[Step, ...]:
+        if isinstance(solution, str):
+            raise StrategyFailed(solution)
+        return solution.steps
+
+    def _resolve_by_place(self) -> None:
+        """A go-to that came to no docking: whom they went to is told by the place alone."""
+        self._choose()
+        pending = self._pending
+        if pending is None:
+            return
+        goal_m, beliefs = pending.goal_m, pending.beliefs or {}
+        if goal_m is None:
+            self._pending = None
+            return
+        homes = {agent_id: (north_m, east_m) for agent_id, north_m, east_m in self._state.homes}
+        docked = self._docked
+        moves = {
+            TheirMove(StepKind.COLLECT, it.agent_id): (it.north_m, it.east_m)
+            for it in beliefs.values()
+            if it.agent_id not in docked
+        } | {
+            TheirMove(StepKind.DEPLOY, agent_id): homes[agent_id] for agent_id in docked if agent_id in homes
+        }
+        nearest = min(moves, key=lambda it: dist(goal_m, moves[it]), default=None)
+        is_near = nearest is not None and dist(goal_m, moves[nearest]) <= self._mission.docking.catch_radius_m
+        self._resolve(nearest if nearest is not None and is_near else TheirMove(ELSEWHERE))
+
+    def _resolve(self, theirs: TheirMove) -> None:
+        """Their decision was taken when the go-to under way began; without one, it is taken now.
+
+        What repeats the last decision is another try, or another go-to after an aMussel that has drifted.
+        """
+        if theirs == self._last and theirs.kind != ELSEWHERE:
+            self._pending = None
+            return
+        self._last = theirs
+        if self._pending is None:
+            self._pending = _Pending(self._now_ms)
+        self._pending.theirs = theirs
+        if self._pending.ours is not None:
+            self._choose()
+
+    def _note(self, pending: _Pending, theirs: TheirMove, ours: TheirMove) -> None:
+        belief = None if theirs.agent_id is None else (pending.beliefs or {}).get(theirs.agent_id)
+        estimate = None
+        if belief is not None:
+            place_m = belief.north_m, belief.east_m
+            estimate = ComparedBelief(belief.age_s(pending.at_ms), belief.primary, place_m)
+        self.decisions.append(ComparedDecision(pending.at_ms / 1000, theirs, ours, estimate))
+        self._plan = self._plan[1:] if theirs == ours else ()
+        if theirs.kind != ELSEWHERE:
+            self._collects = theirs.kind == StepKind.COLLECT
+
+
+class StrategyFailed(Exception):
+    """The strategy raised, or made a plan that cannot be flown; the text is one line."""

@@ -1,0 +1,320 @@
+"""A vehicle's numbers from its logs: vehicles whose numbers only the test knows are flown, logged and measured."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from field_days import Recorder, Vehicle, drawn, of_generation_a, of_generation_b, write_bag
+from scenario_files import POOL_FILE
+
+from apad_bridge.commands import main
+from apad_bridge.field.calibration.calibration import Calibration, ReadBag, calibrate
+from apad_bridge.field.calibration.intervals import Figure, mean, share
+from apad_bridge.field.calibration.losses import by_range, of_wifi
+from apad_bridge.field.field_log.facts import PacketLogged, Posed, Teller
+from apad_bridge.field.field_log.reader import FactReader
+from apad_bridge.field.field_log.vehicle_log import vehicle_log
+from apad_bridge.records.bag import RecordedMessage
+from apad_bridge.scenario.choices import Hosting
+from apad_bridge.scenario.loader import load, write_resolved
+from apad_bridge.scenario.yaml_text import parse_yaml
+from apad_bridge.vehicle.generation_a.messages import (
+    GO_TO,
+    ActionGoal,
+    BatteryAndProgressPublished,
+    GoalEnded,
+    GoalOutcome,
+)
+from apad_bridge.vehicle.simulated.kinematics import Pose
+from apad_bridge.vehicle.stack_messages import PosePublished
+from firmware_model.packets import StatusPacket
+from firmware_model.packets.codec import load_codec
+from firmware_model.states import State
+
+POOL = load(POOL_FILE)
+SEEDS = range(4)
+GO_TOS = 15
+DAYS = {"a": of_generation_a, "b": of_generation_b}
+
+
+@cache
+def day(generation: str, seed: int) -> tuple[Vehicle, list[RecordedMessage]]:
+    vehicle = drawn(POOL.apad, seed)
+    return vehicle, DAYS[generation](vehicle, seed, GO_TOS)
+
+
+def measured(messages: list[RecordedMessage]) -> Calibration:
+    reader = FactReader("the log", "apad1")
+    facts = [fact for it in messages for fact in reader.read(it)]
+    return calibrate([ReadBag(vehicle_log("the log", facts, reader.missing.values()), facts)], POOL)
+
+
+def truths(vehicle: Vehicle) -> dict[str, float]:
+    config = vehicle.config
+    return {
+        "speed": vehicle.speed_m_s,
+        "stopping distance": vehicle.stopping_m,
+        "power at rest": config.battery.hotel_w,
+        "power per thrust": config.thruster_w_per_n,
+        "power per dock": config.battery.charging_w_per_dock,
+        "dockings missed": config.dock_miss_probability,
+        "drift north": config.drift_m_s[0],
+        "drift east": config.drift_m_s[1],
+    }
+
+
+@cache
+def trials(generation: str) -> list[tuple[str, float, Figure]]:
+    """(name, truth, figure) of several vehicles."""
+    found = []
+    for seed in SEEDS:
+        vehicle, messages = day(generation, seed)
+        figures = measured(messages).figures
+        found += [(name, truth, figures[name]) for name, truth in truths(vehicle).items() if name in figures]
+    return found
+
+
+@pytest.mark.parametrize(
+    ("generation", "names"),
+    [
+        (
+            "a",
+            {
+                "speed",
+                "stopping distance",
+                "power at rest",
+                "power per thrust",
+                "power per dock",
+                "dockings missed",
+            },
+        ),
+        (
+            "b",
+            {"speed", "stopping distance", "power at rest", "power per thrust", "drift north", "drift east"},
+        ),
+    ],
+)
+def test_each_true_value_lies_in_its_interval_as_often_as_it_says(generation: str, names: set[str]) -> None:
+    found = trials(generation)
+    assert {name for name, _, _ in found} == names
+    assert len(found) == len(SEEDS) * len(names)
+    # Of 24 with 95 % each, 20 or fewer would come once in 150 times.
+    inside = [it for it in found if it[2].low <= it[1] <= it[2].high]
+    assert len(inside) >= 21, [it for it in found if it not in inside]
+
+
+@pytest.mark.parametrize("generation", ["a", "b"])
+def test_the_intervals_are_narrow_enough_to_be_of_use(generation: str) -> None:
+    widest = {"speed": 0.02, "stopping distance": 0.2, "power per thrust": 0.8}
+    for name, truth, figure in trials(generation):
+        if name in widest:
+            assert (figure.high - figure.low) / 2 < widest[name] * truth, name
+        if name.startswith("drift"):
+            assert figure.high - figure.low < 0.01, name
+
+
+def test_what_a_log_of_each_generation_cannot_tell_has_its_reason() -> None:
+    of_a, of_b = measured(day("a", 0)[1]), measured(day("b", 0)[1])
+    assert "let it drift for two minutes" in of_a.unmeasured["drift north"]
+    assert "answers at once" in of_a.unmeasured["docking time"]
+    assert "never says whether it caught one" in of_b.unmeasured["dockings missed"]
+    assert "do not tell when docks held" in of_b.unmeasured["power per dock"]
+    for found in (of_a, of_b):
+        assert "no message of either generation has the wind" in found.unmeasured["leeway"]
+        assert not found.unmeasured.keys() & found.figures.keys()
+
+
+def test_a_go_to_that_is_flown_again_by_the_measured_numbers_takes_as_long() -> None:
+    residuals = measured(day("a", 1)[1]).residuals
+    assert residuals is not None and residuals.go_tos == GO_TOS
+    assert residuals.rms_s is not None and residuals.rms_s < 0.5
+    assert residuals.mean_go_to_s is not None and residuals.mean_go_to_s > 10
+
+
+def proportional_day() -> list[RecordedMessage]:
+    """Go-tos of the published simulator's controller: a speed of a third of the distance that is left; a still battery."""
+    recorder = Recorder("apad1", np.random.default_rng(3), 0.02)
+    place, velocity, now_ms = np.zeros(2), np.zeros(2), 0
+    for n in range(8):
+        goal = np.array([(12.0, 3.0), (0.0, 10.0), (15.0, 15.0), (-4.0, 2.0)][n % 4])
+        recorder.goal(now_ms, ActionGoal(f"goal {n}", GO_TO, float(goal[0]), float(goal[1]), ""))
+        arrived = False
+        for _ in range(300):
+            now_ms += 100
+            change = (goal - place) / 3 - velocity
+            velocity = velocity + change * min(1.0, 0.2 / max(float(np.hypot(*change)), 1e-9))
+            place = place + 0.1 * velocity
+            recorder.take([PosePublished(now_ms, Pose(float(place[0]), float(place[1])))])
+            if now_ms % 1000 == 0:
+                recorder.take([BatteryAndProgressPublished(now_ms, 50.0, None, 0.0)])
+            if not arrived and np.hypot(*(goal - place)) < 0.5:
+                arrived = True
+                recorder.take([GoalEnded(now_ms, f"goal {n}", GoalOutcome.SUCCEEDED)])
+    return recorder.messages
+
+
+def test_a_vehicle_without_a_cruise_speed_does_not_fit_and_a_still_battery_is_not_measured() -> None:
+    found = measured(proportional_day())
+    for name in ("speed", "stopping distance"):
+        assert found.unmeasured[name].startswith("does not fit: "), found.unmeasured[name]
+    assert not found.figures.keys() & {"speed", "stopping distance", "power at rest", "power per thrust"}
+    assert found.unmeasured["power at rest"] == "the battery's level never moved from 50 %"
+    assert "speed_m_s" not in found.block.get("mission", {}) and not found.block.get("apad")
+
+
+def test_a_named_span_adrift_gives_the_drift_of_generation_a(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The track of a day, and then four minutes in which the water alone carries the vehicle."""
+    _, messages = day("a", 2)
+    positions = [it for it in messages if it.connection.topic == "/apad1/position"]
+    reader = FactReader("the log", "apad1")
+    (last,) = [it for it in reader.read(positions[-1]) if isinstance(it, Posed)]
+    begin_s = positions[0].stamp_ns / 1e9
+    from_s = last.at_s - begin_s
+    recorder = Recorder("apad1", np.random.default_rng(1), 0.05)
+    sent_ms = round((last.at_s - 1.7e9) * 1000) // 100 * 100
+    for n in range(1, 2400):
+        place = last.place_m[0] + 0.05 * n / 10, last.place_m[1] - 0.03 * n / 10
+        at_ms = sent_ms + 100 * n
+        recorder.put(at_ms, "/apad1/position", "auv_msgs/msg/NavSts", recorder.nav(at_ms, place, 0))
+    bag = write_bag(tmp_path / "day.bag", [*messages, *recorder.messages])
+    words = ["calibrate", str(bag), "--scenario", str(POOL_FILE), "--json"]
+    assert main.main([*words, "--adrift", f"{from_s + 1}:{from_s + 238}"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["scenario"]["apad"]["drift_m_s"] == pytest.approx([0.05, -0.03], abs=0.002)
+    assert told["figures"]["drift north"]["samples"] >= 6
+
+
+def with_text(
+    messages: list[RecordedMessage], topic: str, change: Callable[[str], str]
+) -> Iterator[RecordedMessage]:
+    for it in messages:
+        if it.connection.topic == topic:
+            connection = replace(it.connection, definition=change(it.connection.definition), md5="0" * 32)
+            it = replace(it, connection=connection)
+        yield it
+
+
+def test_a_bag_is_read_by_its_own_definitions_and_a_field_that_it_lacks_costs_only_what_needs_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    _, messages = day("a", 0)
+    renamed = write_bag(
+        tmp_path / "other.bag",
+        with_text(
+            messages, "/apad1/battery_level", lambda text: text.replace("float64 data", "float64 percent")
+        ),
+    )
+    assert main.main(["calibrate", str(renamed), "--scenario", str(POOL_FILE)]) == 0
+    told = " ".join(capsys.readouterr().out.split())
+    assert (
+        "/apad1/battery_level (std_msgs/Float64, md5 00000000000000000000000000000000) has no field `data`"
+        in told
+    )
+    assert "not measured: power at rest: no battery level in the bags" in told
+
+    longer = write_bag(
+        tmp_path / "longer.bag",
+        with_text(messages, "/apad1/battery_level", lambda text: "uint8 SPARE=1\n" + text),
+    )
+    plain = write_bag(tmp_path / "plain.bag", messages)
+    figures = []
+    for bag in (longer, plain):
+        assert main.main(["calibrate", str(bag), "--scenario", str(POOL_FILE), "--json"]) == 0
+        figures.append(json.loads(capsys.readouterr().out)["figures"])
+    assert figures[0] == figures[1] and "power at rest" in figures[0]
+
+
+def test_the_block_is_what_the_loader_reads_and_the_written_scenario_flies(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    vehicle, messages = day("a", 1)
+    bag, out = write_bag(tmp_path / "day.bag", messages), tmp_path / "like-the-real.yaml"
+    words = ["calibrate", str(bag), "--scenario", str(POOL_FILE)]
+    assert main.main([*words, "--out", str(out)]) == 0
+    block = parse_yaml(capsys.readouterr().out.partition("# for the scenario\n")[2])
+    written = load(out)
+    assert (
+        written.mission.speed_m_s
+        == block["mission"]["speed_m_s"]
+        == pytest.approx(vehicle.speed_m_s, rel=0.02)
+    )
+    assert written.apad.battery.hotel_w == block["apad"]["battery"]["hotel_w"]
+    assert written.apad.mass_kg == POOL.apad.mass_kg
+    assert main.main([*words, "--out", str(out)]) == 2
+    assert "exists already" in capsys.readouterr().err
+
+
+def test_a_run_of_ours_is_a_log_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Its own bag has places once a second, and every primitive: dockings with their time, but no brakings."""
+    run, scenario = tmp_path / "run", tmp_path / "short.yaml"
+    write_resolved(
+        scenario, replace(POOL, duration_s=900.0, fleet=replace(POOL.fleet, hosting=Hosting.ONE_PROCESS))
+    )
+    assert main.main(["run", str(scenario), "--time", "asap", "--out", str(run), "--json"]) == 0
+    capsys.readouterr()
+    assert main.main(["calibrate", str(run / "run.bag"), "--scenario", str(POOL_FILE), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    docking = POOL.mission.docking
+    assert told["figures"]["speed"]["value"] == pytest.approx(POOL.mission.speed_m_s, rel=0.01)
+    assert told["scenario"]["mission"]["docking"]["dock_s"] == pytest.approx(docking.dock_s, abs=1)
+    assert told["scenario"]["apad"]["battery"]["hotel_w"] == pytest.approx(
+        POOL.apad.battery.hotel_w, rel=0.05
+    )
+    assert "record the vehicle's own, at 4 Hz or more" in told["unmeasured"]["stopping distance"]
+
+
+@pytest.mark.parametrize("what", ["no file", "no bag", "another vehicle"])
+def test_what_is_no_log_of_this_vehicle_is_one_line(
+    tmp_path: Path, what: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bag = tmp_path / "other.bag"
+    if what == "no bag":
+        bag.write_bytes(b"#ROSBAG V1.1\n" + bytes(1000))
+    if what == "another vehicle":
+        _, messages = day("b", 0)
+        others = [
+            replace(
+                it, connection=replace(it.connection, topic=it.connection.topic.replace("apad1", "otter"))
+            )
+            for it in messages[:500]
+        ]
+        write_bag(bag, others)
+    assert main.main(["calibrate", str(bag), "--scenario", str(POOL_FILE)]) == 2
+    error = capsys.readouterr().err
+    assert str(bag) in error and error.count("\n") == 1
+
+
+def test_wifi_reports_that_were_due_and_did_not_come_are_lost_at_their_range() -> None:
+    codec = load_codec(POOL.hearing.codec)
+
+    def heard(at_s: float, north_m: float, state: State = State.FLOATING) -> PacketLogged:
+        packet = StatusPacket(7, 0, state, 0.5, 1.0, north_m, 0.0, 0.0, round(1000 * at_s))
+        return PacketLogged(at_s, 7, "wifi", codec.encode(packet))
+
+    track = vehicle_log("", [Posed(at_s, Teller.VEHICLE, None, (0.0, 0.0)) for at_s in (0.0, 100.0)]).track
+    near = [heard(float(n), 5.0) for n in range(11)]
+    # Every second one of 20 is heard from 30 m; then it sinks, and is silent for a minute.
+    far = [heard(10.0 + 2 * n, 30.0) for n in range(1, 11)]
+    sunk = [heard(31.0, 30.0, State.ACTIVE), heard(90.0, 5.0), heard(91.0, 5.0)]
+    losses = by_range(of_wifi([*near, *far, *sunk], track, codec, 1.0))
+    assert [(it.from_m, it.to_m, round(it.lost.value, 3), it.lost.samples) for it in losses] == [
+        (0.0, 10.0, 0.0, 11),
+        (20.0, 50.0, 0.5, 20),
+    ]
+
+
+def test_intervals_are_those_of_the_books() -> None:
+    # Wilson (1927) for 1 of 10, and Student for 1, 2, 3: t(0.975, 2) = 4.3027, standard error 1/sqrt(3).
+    found = share(1, 10)
+    assert found is not None and [found.low, found.high] == pytest.approx([0.01788, 0.40415], abs=1e-4)
+    middle = mean([1.0, 2.0, 3.0], "m")
+    assert middle is not None and [middle.low, middle.high] == pytest.approx([-0.4841, 4.4841], abs=1e-4)
+    assert mean([1.0, 2.0], "m") is None and share(0, 0) is None

@@ -1,0 +1,40 @@
+"""Messages of strangers among a vehicle's own: they are dropped, and the vehicle's are still read."""
+
+from __future__ import annotations
+
+import struct
+
+from apad_bridge.field.field_log.facts import BatteryTold
+from apad_bridge.field.field_log.reader import FactReader
+from apad_bridge.records.bag import RecordedConnection, RecordedMessage
+
+TEXT = RecordedConnection(
+    "/apad1/battery_level", "std_msgs/msg/String", "string data\n", "992ce8a1687cec8c8bd883ec73ca41d1"
+)
+NUMBER = RecordedConnection(
+    "/apad1/battery_level", "std_msgs/msg/Float64", "float64 data\n", "fdb28210bfa9d7c91146260178d9a584"
+)
+NAMED_OTHERWISE = RecordedConnection(
+    "/apad1/battery_level", "lab_msgs/msg/Level", "float64 level\n", "0123456789abcdef0123456789abcdef"
+)
+
+
+def percent(value: float, connection: RecordedConnection = NUMBER) -> RecordedMessage:
+    return RecordedMessage(connection, 10**9, struct.pack("<d", value))
+
+
+def test_a_text_where_a_number_is_read_is_dropped_and_counted() -> None:
+    reader = FactReader("the log", "apad1")
+    assert reader.read(RecordedMessage(TEXT, 10**9, struct.pack("<I", 5) + b"hello")) == []
+    assert reader.dropped == {"/apad1/battery_level: no sense": 1}
+    (told,) = reader.read(percent(55.0))
+    assert isinstance(told, BatteryTold) and told.fraction == 0.55
+
+
+def test_a_publisher_that_lacks_a_field_does_not_hide_another_that_has_it() -> None:
+    reader = FactReader("the log", "apad1")
+    assert reader.read(percent(55.0, NAMED_OTHERWISE)) == []
+    (line,) = reader.missing.values()
+    assert "lab_msgs/Level" in line and "`data`" in line
+    assert len(reader.read(percent(55.0))) == 1
+    assert reader.read(percent(55.0, NAMED_OTHERWISE)) == [] and len(reader.missing) == 1
