@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from _blake2 import blake2b
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from struct import Struct
@@ -29,6 +28,7 @@ from firmware_model.config import (
     Timekeeping,
     Timeslots,
 )
+from firmware_model.digest import blake2b
 from firmware_model.power.ageing import AS_NEW, rescaled
 from firmware_model.power.charge import Battery, ChargeModel, Flow, grains
 from firmware_model.power.rails import Loads

@@ -7,13 +7,13 @@ modem; an opened modem has a line for whoever opened it.
 from __future__ import annotations
 
 import heapq
-from _blake2 import blake2b
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 from agents.modem.facts import ModemAction, ModemStimulus
 from agents.modem.firmware import ModemConfig
 from agents.modem.modem import Modem
+from firmware_model.digest import blake2b
 
 NodeAction = tuple[int, ModemAction]
 """A node, and an action of its modem."""

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from _blake2 import blake2b
 from dataclasses import dataclass
 from struct import Struct
 
 from agents.water.fields import Fields
 from agents.water.stream import Stream
 from firmware_model.actions import Buoyancy
+from firmware_model.digest import blake2b
 from firmware_model.sinking import Sinking
 
 _KEY = Struct("<QQQ").pack

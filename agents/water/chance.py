@@ -6,9 +6,10 @@ number twice, because a sender begins no two packets at the same time.
 
 from __future__ import annotations
 
-from _blake2 import blake2b
 from math import cos, log, pi, sqrt
 from struct import Struct
+
+from firmware_model.digest import blake2b
 
 _KEY = Struct("<Qqqq").pack
 _WORDS = Struct("<QQQQ").unpack

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from _blake2 import blake2b
 from collections.abc import Mapping
 from dataclasses import dataclass
 from struct import Struct
 from typing import Protocol
 
+from firmware_model.digest import blake2b
 from firmware_model.sampling.sensors import SENSORS, Values
 
 SURFACE_MBAR = 1013.25

@@ -19,7 +19,7 @@ from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.measurement import Measurement, measurement_of, measurement_row
 from apad_bridge.records.line_file import LineFile, read_lines
 
-FORMAT = 3
+FORMAT = 4
 ROWS = 10_000
 PERIOD_MS = 600_000
 """A full record is due after so many rows, or so much mission time: a resumed supervisor replays no more than that."""
@@ -94,7 +94,7 @@ class Checkpoint:
             self._file.close()
             self._file = self._write_full_record(now_ms)
             return
-        extra = ({} if updates is None else {"ears": updates}) | (
+        extra = ({} if updates is None else {"ranging": updates}) | (
             {"counts": counts} if counts_changed else {}
         )
         self._written_counts = counts
@@ -112,7 +112,7 @@ class Checkpoint:
         file = LineFile(fresh)
         ranging = None if self._ranging is None else self._ranging.full_state()
         self._written_counts = self._counts()
-        state = {"beliefs": self._beliefs.kept(), "ears": ranging, "counts": self._written_counts}
+        state = {"beliefs": self._beliefs.kept(), "ranging": ranging, "counts": self._written_counts}
         file.append({"t": now_ms, "format": FORMAT} | state)
         file.flush()
         os.replace(fresh, self._path)
@@ -147,7 +147,7 @@ def restore(path: Path, beliefs: FleetBeliefs, ranging: CheckpointedState | None
             raise NoCheckpoint(f"{path.name} is of another version, or damaged")
         beliefs.restore(first["beliefs"])
         if ranging is not None:
-            ranging.restore(first["ears"])
+            ranging.restore(first["ranging"])
         until_ms: int = first["t"]
         counts: Counter[str] | None = Counter(first["counts"]) if "counts" in first else None
     except OSError as error:
@@ -161,8 +161,8 @@ def restore(path: Path, beliefs: FleetBeliefs, ranging: CheckpointedState | None
         try:
             for row in line["learned"]:
                 _learn(beliefs, row)
-            if ranging is not None and "ears" in line:
-                ranging.apply_updates(line["ears"])
+            if ranging is not None and "ranging" in line:
+                ranging.apply_updates(line["ranging"])
             if "counts" in line:
                 counts = Counter(line["counts"])
             rows, until_ms = rows + len(line["learned"]), line["t"]

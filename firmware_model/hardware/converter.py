@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from _blake2 import blake2b
 from struct import Struct
 
+from firmware_model.digest import blake2b
 from firmware_model.power.charge import FULL
 
 _KEY = Struct("<QQB").pack

@@ -7,10 +7,10 @@ sample over `settle_ms` was beyond it: so the sag of a transmission, or a charge
 
 from __future__ import annotations
 
-from _blake2 import blake2b
 from struct import Struct
 
 from firmware_model.config import Metering
+from firmware_model.digest import blake2b
 from firmware_model.power.charge import FULL, Battery, ChargeModel, Flow
 
 _KEY = Struct("<QQQ").pack
