@@ -70,6 +70,9 @@ GROUPS = {
         "check": "check that a run's records obey the rules that hold in every run",
         "export": "every series of a run as MCAP, for MATLAB, as CSV or as Parquet",
     },
+    "viewers": {
+        "layout": "write a layout with which RViz, rqt, PlotJuggler or Foxglove shows a scenario's fleet",
+    },
     "compare": {
         "study": "compare strategies on many random configurations, with confidence intervals",
         "branch": "fly a run again from a moment on with another strategy, another threshold, or without an aPad",
@@ -80,7 +83,6 @@ GROUPS = {
         "new": "write a commented scenario to begin with",
         "doctor": "check this machine, its ROS, the network both ways, and a scenario",
         "python": "run a Python file, pytest or pip with musselbed's own Python",
-        "layout": "write a layout with which RViz, rqt, PlotJuggler or Foxglove shows a scenario's fleet",
     },
     "real hardware": {
         "preflight": "check a real aPad and everything around it before a mission",
@@ -104,6 +106,7 @@ COMMANDS = {name: line for group in GROUPS.values() for name, line in group.item
 _PACKAGES = {
     "order": "apad_bridge.commands.fly",
     "look into a run": "apad_bridge.commands.look",
+    "viewers": "apad_bridge.viewers.commands",
     "compare": "apad_bridge.studies.commands",
     "real hardware": "apad_bridge.commands.hardware",
     "logs of real hardware": "apad_bridge.field.commands",

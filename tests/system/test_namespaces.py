@@ -20,8 +20,6 @@ from layout_topics import named_topics
 from rosbags.rosbag1 import Reader
 from scenario_files import POOL_FILE
 
-from apad_bridge.analysis.layouts.fleet import layout_fleet
-from apad_bridge.analysis.layouts.kinds import KINDS
 from apad_bridge.doctor.graph import Graph
 from apad_bridge.doctor.network import Unreachable
 from apad_bridge.ros.system.master import loopback_environment
@@ -30,6 +28,8 @@ from apad_bridge.ros.types.messages import generated_folder
 from apad_bridge.ros_names.table import SECTIONS, NameKind
 from apad_bridge.scenario.loader import load, with_overrides
 from apad_bridge.scenario.starts import starts_of
+from apad_bridge.viewers.layouts.fleet import layout_fleet
+from apad_bridge.viewers.layouts.kinds import KINDS
 
 pytestmark = pytest.mark.system
 ROOT = Path(__file__).parents[2]

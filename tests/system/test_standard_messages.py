@@ -18,13 +18,13 @@ from layout_topics import TYPES, named_topics
 from rosbags.highlevel import AnyReader
 from scenario_files import POOL_FILE
 
-from apad_bridge.analysis.layouts.fleet import layout_fleet
-from apad_bridge.analysis.layouts.kinds import KINDS
 from apad_bridge.commands import main
 from apad_bridge.ros.system.master import loopback_environment, start_master
 from apad_bridge.ros.types.messages import generated_folder
 from apad_bridge.scenario.loader import load, with_overrides
 from apad_bridge.scenario.starts import starts_of
+from apad_bridge.viewers.layouts.fleet import layout_fleet
+from apad_bridge.viewers.layouts.kinds import KINDS
 
 pytestmark = pytest.mark.system
 HERE = Path(__file__).parent

@@ -56,6 +56,7 @@ def test_the_help_has_every_command_once_in_its_group(capsys: pytest.CaptureFixt
         "order",
         "look",
         "look into a run",
+        "viewers",
         "compare",
         "prepare",
         "real hardware",

@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from apad_bridge.analysis.layouts.fleet import LayoutAPad, LayoutFleet
+from apad_bridge.viewers.layouts.fleet import LayoutAPad, LayoutFleet
 
 _PLOT, _MONITOR = "rqt_plot/Plot", "rqt_runtime_monitor/RuntimeMonitor"
 _TOPICS, _CONSOLE = "rqt_topic/TopicPlugin", "rqt_console/Console"

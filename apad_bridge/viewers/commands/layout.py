@@ -8,13 +8,13 @@ import re
 from pathlib import Path
 from typing import Any
 
-from apad_bridge.analysis.layouts.fleet import layout_fleet
-from apad_bridge.analysis.layouts.kinds import KINDS
 from apad_bridge.commands.help_text import ending
 from apad_bridge.runs.exits import Exit, UserError
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.scenario.text_file import write_atomically
+from apad_bridge.viewers.layouts.fleet import layout_fleet
+from apad_bridge.viewers.layouts.kinds import KINDS
 
 _NAMESPACE = re.compile(r"/?[A-Za-z]\w*(/[A-Za-z]\w*)*/?")
 

@@ -16,8 +16,6 @@ from rosbags.interfaces import Nodetype
 from rosbags.rosbag1 import Reader
 
 from agents.time_scale import TimeScale
-from apad_bridge.analysis.layouts.fleet import LayoutFleet, hexadecimal, layout_fleet
-from apad_bridge.analysis.layouts.kinds import KINDS
 from apad_bridge.assembly.division import Member, members
 from apad_bridge.commands.main import main
 from apad_bridge.records.bag import BagWriter
@@ -28,6 +26,8 @@ from apad_bridge.ros_names.table import SECTIONS, NameKind
 from apad_bridge.scenario.loader import from_data, load, resolve, with_overrides
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
+from apad_bridge.viewers.layouts.fleet import LayoutFleet, hexadecimal, layout_fleet
+from apad_bridge.viewers.layouts.kinds import KINDS
 
 LAUNCH = Path(__file__).parents[4] / "launch_scripts"
 SHIPPED = LAUNCH / "layouts"

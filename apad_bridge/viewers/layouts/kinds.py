@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from apad_bridge.analysis.layouts import foxglove, plotjuggler, rqt, rviz
-from apad_bridge.analysis.layouts.fleet import LayoutFleet
+from apad_bridge.viewers.layouts import foxglove, plotjuggler, rqt, rviz
+from apad_bridge.viewers.layouts.fleet import LayoutFleet
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from apad_bridge.analysis.layouts.fleet import LayoutAPad, LayoutFleet, hexadecimal, in_bag
+from apad_bridge.viewers.layouts.fleet import LayoutAPad, LayoutFleet, hexadecimal, in_bag
 
 _OF_BAG = ("truth", "beliefs", "apad")
 

@@ -6,8 +6,8 @@ import json
 from collections.abc import Iterable
 from typing import Any
 
-from apad_bridge.analysis.layouts.fleet import LayoutAPad, LayoutFleet, grid_of, hexadecimal, in_bag
 from apad_bridge.ros_names.names import DIAGNOSTICS, plain
+from apad_bridge.viewers.layouts.fleet import LayoutAPad, LayoutFleet, grid_of, hexadecimal, in_bag
 
 _MAX_LEGEND = 24
 """A legend with more lines than this would hide its plot."""

@@ -6,7 +6,7 @@ from typing import Any
 
 import yaml
 
-from apad_bridge.analysis.layouts.fleet import LayoutAPad, LayoutFleet, colour, grid_of
+from apad_bridge.viewers.layouts.fleet import LayoutAPad, LayoutFleet, colour, grid_of
 
 _WIDTH_PX, _HEIGHT_PX = 1360, 860
 _WATER_WIDTH_PX, _WATER_HEIGHT_PX = 1320, 760
