@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import Any, Protocol
 
 from agents.time_scale import AgentMs, MissionMs, TimeScale
-from apad_bridge.beliefs.belief import Belief
+from apad_bridge.beliefs.belief import Belief, Suspicion
 from apad_bridge.beliefs.input_ranges import out_of_range
 from apad_bridge.beliefs.measurement import ClockSet, Measurement, Rejected
 from apad_bridge.beliefs.stamp_checker import Stamp, StampChecker, StampVerdict
@@ -89,6 +89,11 @@ class FleetBeliefs:
                 belief = self._count_silence(self.estimator.predict(newest, self._now_ms))
             self._at_now[agent_id] = belief
         return belief
+
+    def suspicion(self, agent_id: int) -> Suspicion | None:
+        """The suspicion against an aMussel; None, too, for one of which nothing is believed."""
+        newest = self._beliefs.get(agent_id)
+        return None if newest is None else newest.suspicion
 
     def all(self) -> list[Belief]:
         """All beliefs, sorted by agent id."""

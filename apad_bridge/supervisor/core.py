@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from agents.packet_medium import Medium
 from agents.time_scale import MissionMs
 from apad_bridge.acoustics.ranging import NoRanging, RangingService
-from apad_bridge.beliefs.belief import Belief, Suspicion
+from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.measurement import Docked, Permitted, Released
 from apad_bridge.events.event import Event
@@ -75,7 +75,15 @@ from apad_bridge.vehicle.primitives import (
     PrimitiveEnded,
     PrimitiveFailed,
 )
-from firmware_model.packets import CommandPacket, Kind, LogRecords, Packet, ShortStatus, Status, basic_of
+from firmware_model.packets import (
+    CommandPacket,
+    Kind,
+    LogRecords,
+    ShortStatus,
+    Status,
+    StatusPacket,
+    basic_of,
+)
 from firmware_model.packets.codec import Codec
 
 TICK_MS = 1000
@@ -240,11 +248,12 @@ class Supervisor:
                 packet = self._codec.decode(data)
                 if isinstance(packet, LogRecords):
                     return self._collect_samples(packet)
-                suspicion = self._suspicion_of(packet)
-                if (reason := self._believe_status(packet, at_ms)) is not None:
-                    self.dropped[reason] += 1
-                    return []
-                return [*self._doubt_dock(packet), *self._tell_suspect(packet, suspicion)]
+                if isinstance(packet, ShortStatus):
+                    return self._believe(packet, at_ms)
+                if isinstance(packet, Status):
+                    return self._believe(basic_of(packet), at_ms)
+                self.dropped["bytes that are no status packet"] += 1
+                return []
             case RangeHeard():
                 return self._ranging.hear(fact, self.pose, self.beliefs, now_ms)
             case EndRequested(_, end):
@@ -282,56 +291,41 @@ class Supervisor:
             actions.append(SamplesGone(packet.agent_id, len(taken.gone), first, last))
         return actions
 
-    def _doubt_dock(self, packet: Packet | None) -> list[SupervisorAction]:
+    def _believe(self, status: StatusPacket | ShortStatus, at_ms: MissionMs) -> list[SupervisorAction]:
+        """Updates the beliefs from the status, and tells if its sender became suspect by it."""
+        agent_id, beliefs = status.agent_id, self.beliefs
+        was_suspect = beliefs.suspicion(agent_id) is not None
+        actions: list[SupervisorAction] = []
+        if isinstance(status, ShortStatus):
+            self._ranging.short_status_received(agent_id)
+            reason = beliefs.hear_short(status, at_ms)
+        elif (reason := beliefs.hear(status, at_ms)) is None:
+            if (belief := beliefs.get(agent_id)) is not None:
+                self.samples.note_place(belief, status.agent_ms)
+            actions += self._doubt_dock(status)
+        if reason is not None:
+            self.dropped[reason] += 1
+        elif not was_suspect and (suspicion := beliefs.suspicion(agent_id)) is not None:
+            actions.append(AMusselSuspected(agent_id, suspicion.reason))
+        return actions
+
+    def _doubt_dock(self, status: StatusPacket) -> list[SupervisorAction]:
         """Tells once that an aMussel reports to lie on the bottom while, by the vehicle's report, a dock holds it."""
-        if not isinstance(packet, Status):
-            return []
-        agent_id, state = basic_of(packet).agent_id, basic_of(packet).state
-        if state not in ON_BOTTOM or agent_id not in self.mission.docks:
+        agent_id = status.agent_id
+        docks = {held: dock_index for dock_index, held in self.mission.state.docked}
+        if status.state not in ON_BOTTOM or agent_id not in docks:
             self._doubted.discard(agent_id)
             return []
         if agent_id in self._doubted:
             return []
         self._doubted.add(agent_id)
-        dock_index = self.mission.docks.index(agent_id)
-        reason = f"dock {dock_index + 1} holds it by the vehicle's report, and it reports {state.name}, on the bottom"
+        name, state = f"dock {docks[agent_id] + 1}", status.state.name
+        reason = f"{name} holds it by the vehicle's report, and it reports {state}, on the bottom"
         return [DocksDisagree(agent_id, reason)]
-
-    def _suspicion_of(self, packet: Packet | None) -> Suspicion | None:
-        """The suspicion against the packet's sender, if it is believed anything."""
-        if not isinstance(packet, Status | ShortStatus):
-            return None
-        belief = self.beliefs.get(_sender(packet))
-        return None if belief is None else belief.suspicion
-
-    def _tell_suspect(self, packet: Packet | None, before: Suspicion | None) -> list[SupervisorAction]:
-        """Tells that the sender became suspect by this packet."""
-        after = self._suspicion_of(packet)
-        if before is not None or after is None:
-            return []
-        assert isinstance(packet, Status | ShortStatus), "the packet gave a belief"
-        return [AMusselSuspected(_sender(packet), after.reason)]
 
     def _acknowledge(self) -> list[SupervisorAction]:
         acks = self.samples.acknowledgements()
         return [Send(Medium.WIFI, ack.agent_id, self._codec.encode(ack)) for ack in acks]
-
-    def _believe_status(self, packet: Packet | None, at_ms: MissionMs) -> str | None:
-        """Updates the beliefs from the packet; returns the reason when it is dropped."""
-        if isinstance(packet, ShortStatus):
-            return self._believe_short_status(packet, at_ms)
-        if not isinstance(packet, Status):
-            return "bytes that are no status packet"
-        basic = basic_of(packet)
-        reason = self.beliefs.hear(basic, at_ms)
-        belief = self.beliefs.get(basic.agent_id)
-        if reason is None and belief is not None:
-            self.samples.note_place(belief, basic.agent_ms)
-        return reason
-
-    def _believe_short_status(self, packet: ShortStatus, at_ms: MissionMs) -> str | None:
-        self._ranging.short_status_received(packet.agent_id)
-        return self.beliefs.hear_short(packet, at_ms)
 
     def _reason_to_end(self, now_ms: MissionMs) -> EndReason | None:
         if now_ms >= self._duration_ms:
@@ -458,7 +452,3 @@ def _primitive_event(
         east_m=getattr(primitive, "east_m", None),
         reason=reason,
     )
-
-
-def _sender(packet: Status | ShortStatus) -> int:
-    return packet.agent_id if isinstance(packet, ShortStatus) else basic_of(packet).agent_id
