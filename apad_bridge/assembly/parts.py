@@ -14,6 +14,7 @@ from apad_bridge.assembly.energy_model import energy_model
 from apad_bridge.assembly.flight_config import FlightConfig
 from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.hold_last import HoldLast
+from apad_bridge.events.mission import MissionState
 from apad_bridge.events.persons import Steering
 from apad_bridge.mission.breakdown import NeverStandsDown
 from apad_bridge.mission.call_queue import CallQueue
@@ -25,7 +26,6 @@ from apad_bridge.mission.manual import CommandSource, ManualMission
 from apad_bridge.mission.plans import Planning, untold
 from apad_bridge.mission.role import MissionRole
 from apad_bridge.mission.sources import Allocation, BeliefSource
-from apad_bridge.mission.state import MissionState
 from apad_bridge.planning import registry
 from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.errors import ScenarioError

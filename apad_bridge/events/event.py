@@ -7,11 +7,12 @@ consoles, and the table in docs/records.md follow from an event's class.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import MISSING, Field, fields
+from dataclasses import MISSING, Field, fields, is_dataclass
 from enum import Enum, StrEnum
 from typing import Annotated, Any, ClassVar, NamedTuple, Self, get_args, get_origin, get_type_hints
 
 from annotated_types import Ge, Lt
+from pydantic import TypeAdapter
 
 from apad_bridge.scenario.choices import MAX_DOCKS
 
@@ -86,9 +87,8 @@ class Event:
         told = {}
         for it in fields_of(type(self)):
             value = getattr(self, it.attribute)
-            if value is None and it.is_optional:
-                continue
-            told[it.name] = value if value is None or it.enum is None else _plain(value)
+            if value is not None or not it.is_optional:
+                told[it.name] = it.plain(value)
         return told
 
     def text(self) -> str | None:
@@ -112,9 +112,21 @@ class EventField(NamedTuple):
     """The enum of its values, if they are of one."""
     meaning: Meaning
     is_optional: bool
+    of_class: TypeAdapter[Any] | None
+    """The form of its values in the journal, if they are of a dataclass."""
+
+    def plain(self, value: Any) -> Any:
+        """The journal's form of a value of the class. One of another type stays, and the line's check refuses it."""
+        if self.of_class is not None:
+            return self.of_class.dump_python(value, mode="json")
+        if self.enum is None or not isinstance(value, Enum):
+            return value
+        return value.value if isinstance(value, StrEnum) else value.name
 
     def read(self, value: Any) -> Any:
-        """The value of the class, from that of the journal."""
+        """The value of the class, from that of the journal. ValueError for one that the class does not allow."""
+        if self.of_class is not None:
+            return self.of_class.validate_python(value)
         if self.enum is None or value is None:
             return value
         return self.enum(value) if issubclass(self.enum, StrEnum) else self.enum[value]
@@ -148,11 +160,5 @@ def _field_of(declared: Field[Any], hint: Any) -> EventField | None:
         next((it for it in members if isinstance(it, type) and issubclass(it, Enum)), None),
         meaning,
         declared.default is not MISSING,
+        TypeAdapter(annotation) if is_dataclass(annotation) else None,
     )
-
-
-def _plain(value: Any) -> Any:
-    """The journal's form of an enum's value. A value of another kind stays, and the line's check refuses it."""
-    if not isinstance(value, Enum):
-        return value
-    return value.value if isinstance(value, StrEnum) else value.name

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Annotated, NotRequired, TypedDict
 
 from apad_bridge.events.event import AMussel, Category, DockIndex, Event, Meaning, Reason
 from apad_bridge.events.run import EndReason
-from apad_bridge.planning.solution import StepKind
+from apad_bridge.planning.solution import Step
+from apad_bridge.scenario.choices import PAPER_DOCKS
 
 PRE_EMPTED = "pre-empted"
 """The reason of a primitive that makes way for another: it has not failed."""
@@ -54,34 +56,90 @@ class ExchangePhase(StrEnum):
 _Point = tuple[float, float]
 
 
-class LegUnderWay(TypedDict):
+@dataclass(frozen=True, slots=True)
+class MissionEnd:
+    """A reason, and the text for people where it says more than the reason; the text alone is `str(end)`."""
+
+    reason: EndReason
+    text: str = ""
+
+    def __str__(self) -> str:
+        return self.text or self.reason.value
+
+
+@dataclass(frozen=True, slots=True)
+class Leg:
+    """The way of the go-to under way. Points are (north, east) in metres."""
+
     primitive_id: int
     start: _Point
     goal: _Point
     counted: _Point
+    """The point up to which the driven way is counted."""
+
+    @property
+    def planned_m(self) -> float:
+        return math.dist(self.start, self.goal)
 
 
-class MissionSnapshot(TypedDict):
-    """The mission's whole state, as a resumed mission reads it."""
+@dataclass(frozen=True, slots=True)
+class MissionState:
+    """The mission's whole state, journaled at every change. Times are mission milliseconds."""
 
-    phase: Phase
-    since_ms: int
-    plan: list[tuple[StepKind, int, int]]
-    docked: list[tuple[int, int]]
-    homes: list[tuple[int, float, float]]
-    primitive_id: int
-    cost_m: float
-    services: int
-    leaves_full: bool
-    planned_m: float
-    leg: LegUnderWay | None
-    dock_count: int
-    failed_tries: list[tuple[int, int]]
-    failed_undockings: list[tuple[int, int]]
-    released: list[tuple[int, int]]
-    exchanged: list[tuple[int, int, ExchangePhase]]
-    ended_by: str | None
-    end_reason: EndReason | None
+    phase: Phase = Phase.IDLE
+    since_ms: int = 0
+    plan: tuple[Step, ...] = ()
+    """The steps not yet finished, the one under way first."""
+    dock_count: int = PAPER_DOCKS
+    docked: tuple[tuple[int, int], ...] = ()
+    """The docks as the docking port last told them: (dock index, agent)."""
+    homes: tuple[tuple[int, float, float], ...] = ()
+    """(agent, north, east): the place to which each aMussel is brought back. It was first heard there, or has taken it from
+    another one."""
+    primitive_id: int = 0
+    """The id of the primitive under way."""
+    leg: Leg | None = None
+    """The leg under way, for a go-to."""
+    cost_m: float = 0.0
+    """Metres driven on legs."""
+    planned_m: float = 0.0
+    """Metres of the straight legs; see `OrderBook`."""
+    services: int = 0
+    leaves_full: bool = False
+    """The aMussel being undocked was believed full at the order, which counts because sinking costs charge."""
+    failed_tries: tuple[tuple[int, int], ...] = ()
+    """(agent, number of tries to serve it that failed since one last helped), by agent; only those above 0."""
+    failed_undockings: tuple[tuple[int, int], ...] = ()
+    """(agent, number of failed tries to open the dock that holds it), by agent; only those above 0."""
+    released: tuple[tuple[int, int], ...] = ()
+    """(agent, mission ms of its last release), by agent."""
+    exchanged: tuple[tuple[int, int, ExchangePhase], ...] = ()
+    """(released, collected, phase) of each exchange of places that is not over: planned, or half done."""
+    ended_by: str | None = None
+    """The reason of the mission's end, for people."""
+    end_reason: EndReason | None = None
+
+    @property
+    def end(self) -> MissionEnd | None:
+        """The mission's end; None before it."""
+        return None if self.end_reason is None else MissionEnd(self.end_reason, self.ended_by or "")
+
+    @property
+    def served(self) -> frozenset[int]:
+        """The aMussels that it brought back at least once."""
+        return frozenset(agent_id for agent_id, _ in self.released)
+
+    def phase_text(self, unheard: str) -> str:
+        """The phase, by the name that people use. Nothing is done before what is `unheard` of the aPad was heard."""
+        waits = unheard and self.phase is not Phase.ENDED
+        return f"waits for the aPad's {unheard}" if waits else self.phase.value
+
+    def stood_down(self) -> MissionState:
+        """The same state without a plan and with nothing under way."""
+        return replace(self, phase=Phase.STANDS_DOWN, plan=())
+
+    def ended(self, end: MissionEnd, now_ms: int) -> MissionState:
+        return replace(self, phase=Phase.ENDED, since_ms=now_ms, ended_by=str(end), end_reason=end.reason)
 
 
 class PlanStep(TypedDict):
@@ -123,7 +181,7 @@ class MissionChanged(Event):
     counted = ("phase",)
 
     phase: Annotated[Phase, Meaning("the box of the paper's Fig. 7")]
-    snapshot: Annotated[MissionSnapshot, Meaning("the whole state", "m, mission ms")]
+    snapshot: Annotated[MissionState, Meaning("the whole state", "m, mission ms")]
 
 
 @dataclass(frozen=True)

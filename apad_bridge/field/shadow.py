@@ -18,6 +18,7 @@ from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.assembly.parts import fleet_beliefs
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.measurement import Docked, Released
+from apad_bridge.events.mission import MissionState
 from apad_bridge.field.field_log.facts import (
     AmusselCharged,
     AmusselPlaced,
@@ -37,7 +38,6 @@ from apad_bridge.mission.dispatch import dispatch_of, due_now, fullest_first
 from apad_bridge.mission.home_places import with_exchanged_homes, with_new_homes
 from apad_bridge.mission.plans import plan_or_reason
 from apad_bridge.mission.pool import ChargingPool, placeholder_belief, situation_of
-from apad_bridge.mission.state import MissionState
 from apad_bridge.planning import registry
 from apad_bridge.planning.candidates import Situation
 from apad_bridge.planning.exchange import tour

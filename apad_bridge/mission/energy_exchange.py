@@ -8,7 +8,7 @@ given-up steps.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from math import inf
 
@@ -16,6 +16,8 @@ from apad_bridge.beliefs.belief import Belief
 from apad_bridge.events.mission import (
     BeyondReach,
     InReach,
+    MissionEnd,
+    MissionState,
     Phase,
     StandsDown,
     StepGivenUp,
@@ -44,7 +46,6 @@ from apad_bridge.mission.pool import ChargingPool, floats, placeholder_belief, s
 from apad_bridge.mission.service_tries import ServiceTries
 from apad_bridge.mission.sink_reminders import SinkReminders
 from apad_bridge.mission.sources import BeliefSource
-from apad_bridge.mission.state import MissionEnd, MissionState
 from apad_bridge.planning.candidates import Situation
 from apad_bridge.planning.energy_model import EnergyModel
 from apad_bridge.planning.exchange import exchanges, tour
@@ -186,7 +187,7 @@ class EnergyExchange(OrderBook):
             if isinstance(outcome, PrimitiveFailed):
                 if self.state.phase is Phase.DOCK:
                     self._dock_again(outcome.reason, now_ms)
-                elif self.state.plan.steps:
+                elif self.state.plan:
                     self._give_up(outcome.reason, now_ms)
                 elif self.state.phase is Phase.GO_HOME:
                     self._home_failed_ms = now_ms
@@ -270,7 +271,7 @@ class EnergyExchange(OrderBook):
         if self.state.phase not in (Phase.STANDS_DOWN, Phase.ENDED):
             self.tell(StandsDown(reason))
             self.docking_routine.pre_empt()
-            self._enter(Phase.STANDS_DOWN, now_ms, plan=Solution(()))
+            self._enter(Phase.STANDS_DOWN, now_ms, plan=())
         return self.take_orders()
 
     def take_over(self, by: Steering = Steering.PERSON) -> str:
@@ -287,13 +288,14 @@ class EnergyExchange(OrderBook):
         if self.state.phase is not Phase.ENDED:
             self.docking_routine.pre_empt()
             self.hold_at_end()
-            self._enter(Phase.ENDED, now_ms, ended_by=end)
+            self.state = self.state.ended(end, now_ms)
+            self.snapshot()
 
     def _can_begin(self, now_ms: int) -> bool:
         """A resumed step waits until its aMussel is heard again, or has been silent for the stated time."""
         if self._began_ms is None:
             self._began_ms = now_ms
-        if not self.state.plan.steps or self._beliefs.get(self._step.agent_id) is not None:
+        if not self.state.plan or self._beliefs.get(self._step.agent_id) is not None:
             return True
         return now_ms - self._began_ms > self._config.silence_timeout_s * 1000
 
@@ -336,7 +338,7 @@ class EnergyExchange(OrderBook):
         if phase in _COLLECTING:
             self.docking_routine.pre_empt()
         if phase in (*_COLLECTING, Phase.IDLE):
-            self.set(plan=Solution(()))
+            self.set(plan=())
             self._next_step(now_ms)
 
     def _look_at_the_sea(self, now_ms: int) -> None:
@@ -435,7 +437,7 @@ class EnergyExchange(OrderBook):
                     "collect", name, solution, situation, self._config.costs, self._collection, pairs + taken
                 )
             )
-            self.set(plan=flown)
+            self.set(plan=flown.steps)
             self._places.exchange(pairs)
         return bool(solution.steps)
 
@@ -470,8 +472,8 @@ class EnergyExchange(OrderBook):
                 self.tell(StepGivenUp(step.agent_id, step.kind.value, "no dock is free"))
                 self._finish_step(now_ms)
                 return
-            step = replace(step, dock_index=self.docks.index(None))
-            self.set(plan=Solution((step, *self.state.plan.steps[1:])))
+            step = step._replace(dock_index=self.docks.index(None))
+            self.set(plan=(step, *self.state.plan[1:]))
         self._legs, self._dockings = 1, 0
         self._go_to(*self._meeting_m(belief, now_ms))
         self._called_up.add(belief.agent_id)
@@ -513,7 +515,7 @@ class EnergyExchange(OrderBook):
 
     def _start_charging(self, now_ms: int) -> None:
         self._hold_and_charge(now_ms)
-        self._enter(Phase.CHARGE, now_ms, plan=Solution(()))
+        self._enter(Phase.CHARGE, now_ms, plan=())
 
     def _watch_charging(self, now_ms: int) -> None:
         for agent_id, reason in self._charging.give_up_stalled(self._docked, now_ms):
@@ -564,7 +566,7 @@ class EnergyExchange(OrderBook):
         self.tell(
             plan_event("redeploy", name, solution, situation, self._config.costs, self._redeployment, taken)
         )
-        self.set(plan=solution)
+        self.set(plan=solution.steps)
         self._next_step(now_ms)
 
     def _is_called_home(self, now_ms: int) -> bool:
@@ -576,7 +578,7 @@ class EnergyExchange(OrderBook):
 
     def _go_home(self, now_ms: int) -> None:
         self._go_to(*self._home.place_m)
-        self._enter(Phase.GO_HOME, now_ms, plan=Solution(()))
+        self._enter(Phase.GO_HOME, now_ms, plan=())
 
     def _stay_at_home(self, now_ms: int) -> None:
         self._home_failed_ms = None
@@ -600,7 +602,7 @@ class EnergyExchange(OrderBook):
 
     def _idle(self, now_ms: int) -> None:
         self._hold(now_ms)
-        self._enter(Phase.IDLE, now_ms, plan=Solution(()))
+        self._enter(Phase.IDLE, now_ms, plan=())
 
     def _await_surfacing(self, now_ms: int) -> None:
         self.docking_routine.dock(self._step.dock_index, self._step.agent_id, now_ms)
@@ -637,8 +639,8 @@ class EnergyExchange(OrderBook):
         self._finish_step(now_ms)
 
     def _finish_step(self, now_ms: int) -> None:
-        finished, left = self._step, self.state.plan.steps[1:]
-        self.set(plan=Solution(left))
+        finished, left = self._step, self.state.plan[1:]
+        self.set(plan=left)
         collects = finished.kind is StepKind.COLLECT and all(it.kind is StepKind.COLLECT for it in left)
         if collects and left and getattr(self._collection, "pre_empts", False):
             self._plan_rest_of_batch(len(left), now_ms)
@@ -653,7 +655,7 @@ class EnergyExchange(OrderBook):
             self._plan_collection(pool, count, now_ms)
 
     def _next_step(self, now_ms: int) -> None:
-        if not self.state.plan.steps:
+        if not self.state.plan:
             # Docks that could not be opened are charged and tried again, so often as `collection_attempts` says.
             if self._to_release:
                 self._start_charging(now_ms)
@@ -715,7 +717,7 @@ class EnergyExchange(OrderBook):
 
     @property
     def _step(self) -> Step:
-        return self.state.plan.steps[0]
+        return self.state.plan[0]
 
     def _situation(
         self,
@@ -747,7 +749,7 @@ class EnergyExchange(OrderBook):
     @property
     def _expected(self) -> set[int]:
         """The aMussels of the plan and of the docks, which need no reminder to sink."""
-        return {step.agent_id for step in self.state.plan.steps} | set(dict(self.state.docked).values())
+        return {step.agent_id for step in self.state.plan} | set(dict(self.state.docked).values())
 
     def _go_to(self, north_m: float, east_m: float) -> None:
         config = self._config

@@ -13,14 +13,12 @@ from dataclasses import replace
 from typing import Protocol
 
 from apad_bridge.events.event import Event
-from apad_bridge.events.mission import Phase
+from apad_bridge.events.mission import MissionEnd, MissionState, Phase
 from apad_bridge.events.persons import Overridden, Steering
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.orders import AllowMotion, Order
-from apad_bridge.mission.state import MissionEnd, MissionState
 from apad_bridge.mission.values import Refused, Status
-from apad_bridge.planning.solution import Solution
 from apad_bridge.vehicle.commands import GoTo
 from apad_bridge.vehicle.guards.stops import StopsEnded
 from apad_bridge.vehicle.primitives import Outcome
@@ -220,9 +218,7 @@ class FlightMission:
         self.order(allowed)
         self._change(
             self._planned(
-                replace(
-                    self.state, phase=Phase.IDLE, plan=Solution(()), failed_tries=(), failed_undockings=()
-                )
+                replace(self.state, phase=Phase.IDLE, plan=(), failed_tries=(), failed_undockings=())
             ),
             taken=False,
             by=Steering.PERSON,

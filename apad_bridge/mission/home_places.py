@@ -88,7 +88,7 @@ class HomePlaces:
         if not book.state.exchanged:
             return
         held = {agent_id for _, agent_id in book.state.docked}
-        collects = {it.agent_id for it in book.state.plan.steps if it.kind is StepKind.COLLECT}
+        collects = {it.agent_id for it in book.state.plan if it.kind is StepKind.COLLECT}
         open_ones: list[tuple[int, int, ExchangePhase]] = []
         for released, collected, phase in reversed(book.state.exchanged):
             found = phase

@@ -13,7 +13,7 @@ from typing import Protocol
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.input_ranges import FARTHEST_M
-from apad_bridge.events.mission import PRE_EMPTED, Phase, StepGivenUp
+from apad_bridge.events.mission import PRE_EMPTED, MissionEnd, MissionState, Phase, StepGivenUp
 from apad_bridge.mission.charging_watch import is_full
 from apad_bridge.mission.docking_routine import NOT_FOUND, DockingRoutine, GivenUp, OutOfReach, Progress
 from apad_bridge.mission.event_log import EventLog
@@ -22,7 +22,6 @@ from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.orders import Order, TellClear
 from apad_bridge.mission.sink_reminders import SinkReminders
 from apad_bridge.mission.sources import PredictingBeliefSource
-from apad_bridge.mission.state import MissionEnd, MissionState
 from apad_bridge.mission.values import Refused, Status, dock_of
 from apad_bridge.scenario.schema import Mission
 from apad_bridge.vehicle.commands import DEFAULT_MANOEUVRE, CloseDock, GoTo, Hold, Manoeuvre, OpenDock
@@ -154,7 +153,7 @@ class ManualMission(OrderBook):
         if self.state.phase is Phase.ENDED:
             return
         self.hold_at_end()
-        self.set(phase=Phase.ENDED, since_ms=self.now_ms, ended_by=end)
+        self.state = self.state.ended(end, self.now_ms)
         self.snapshot()
         for command_source in self._command_sources:
             command_source.close(str(end))

@@ -7,9 +7,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from apad_bridge.events.event import Event
-from apad_bridge.events.mission import DockSwitched, LegBegan, MissionChanged
+from apad_bridge.events.mission import DockSwitched, Leg, LegBegan, MissionChanged, MissionState
 from apad_bridge.mission.orders import Order
-from apad_bridge.mission.state import Leg, MissionState
 from apad_bridge.vehicle.commands import GoTo, Hold, Primitive
 from apad_bridge.vehicle.primitives import DockChanged, Outcome, PrimitiveFailed, PrimitiveSucceeded
 
@@ -82,7 +81,7 @@ class OrderBook:
         self._orders.append(event)
 
     def snapshot(self) -> None:
-        self.tell(MissionChanged(self.state.phase, self.state.to_json()))
+        self.tell(MissionChanged(self.state.phase, self.state))
 
     def order(self, order: Order) -> None:
         """Gives an order; a primitive ends the leg under way, and a go-to begins one (the aPad's place is known then)."""

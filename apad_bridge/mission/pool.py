@@ -10,8 +10,8 @@ from collections.abc import Container, Iterable, Mapping, Sequence
 from agents.time_scale import MissionMs
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.modes import DOCKED, LIKELY, Mode
+from apad_bridge.events.mission import MissionState
 from apad_bridge.mission.sources import BeliefSource
-from apad_bridge.mission.state import MissionState
 from apad_bridge.planning.candidates import Candidate, Sea, Situation
 from apad_bridge.planning.energy_model import EnergyModel
 from apad_bridge.scenario.schema import Mission, Suspects

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Protocol
 
+from apad_bridge.events.mission import MissionEnd, MissionState
 from apad_bridge.events.persons import Steering
 from apad_bridge.mission.orders import Order
-from apad_bridge.mission.state import MissionEnd, MissionState
 from apad_bridge.vehicle.primitives import Outcome
 
 

@@ -10,7 +10,6 @@ its own place, and names other redeployments as possible (section V).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 from apad_bridge.planning.candidates import Situation
 from apad_bridge.planning.solution import Solution, Step, StepKind
@@ -33,7 +32,7 @@ def tour(collection: Solution, situation: Situation) -> Solution:
             steps.append(release)
             free.append(release.dock_index)
             release = None
-        steps.append(replace(step, dock_index=free.pop(0)))
+        steps.append(step._replace(dock_index=free.pop(0)))
         if release is not None:
             steps.append(release)
             free.append(release.dock_index)

@@ -6,9 +6,9 @@ form, strategies can be swapped, and plans are journaled and replayed alike.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import NamedTuple
 
 from apad_bridge.planning.candidates import Situation
 
@@ -20,8 +20,9 @@ class StepKind(StrEnum):
     DEPLOY = "deploy"
 
 
-@dataclass(frozen=True, slots=True)
-class Step:
+class Step(NamedTuple):
+    """The journal has it as a row: `["collect", 7, 0]`."""
+
     kind: StepKind
     agent_id: int
     dock_index: int
@@ -32,17 +33,6 @@ class Solution:
     """Steps in the order of execution; an empty solution is a plan to go on waiting."""
 
     steps: tuple[Step, ...]
-
-    def encode(self) -> list[list[str | int]]:
-        """Encodes as plain lists for the journal: `["collect", 7, 0]` for each step."""
-        return [[step.kind.value, step.agent_id, step.dock_index] for step in self.steps]
-
-    @classmethod
-    def decode(cls, rows: Iterable[Sequence[str | int]]) -> Solution:
-        """Inverts `encode`. Raises ValueError for an unknown kind or a row of another length."""
-        return cls(
-            tuple(Step(StepKind(str(kind)), int(agent), int(dock_index)) for kind, agent, dock_index in rows)
-        )
 
 
 def check_solution(solution: Solution, situation: Situation, kind: StepKind) -> None:

@@ -7,6 +7,7 @@ fields of a line follow from the class of its event.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import is_dataclass
 from enum import Enum, StrEnum
 from functools import cache
 from types import GenericAlias, NoneType
@@ -70,12 +71,16 @@ def _type_of(annotation: Any) -> Type:
     origin, members = get_origin(annotation), get_args(annotation)
     if annotation in _PLAIN:
         return _PLAIN[annotation]
-    if is_typeddict(annotation):
+    if is_typeddict(annotation) or is_dataclass(annotation):
         fields = _members_of(annotation)
         return Type(_model(annotation.__name__, fields), "{" + ", ".join(it.name for it in fields) + "}")
     if isinstance(annotation, type) and issubclass(annotation, Enum):
         values = [it.value if isinstance(it, StrEnum) else it.name for it in annotation]
         return Type(Literal[*values], "text")
+    if origin is tuple and members[1:] == (...,):
+        return _type_of(GenericAlias(list, (members[0],)))
+    if isinstance(annotation, type) and issubclass(annotation, tuple):
+        return _type_of(GenericAlias(tuple, tuple(get_type_hints(annotation).values())))
     if origin is Annotated:
         plain = _type_of(members[0])
         return Type(Annotated[plain.annotation, *members[1:]], plain.text)

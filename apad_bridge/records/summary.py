@@ -19,13 +19,13 @@ from apad_bridge.events.mission import (
     DockSwitched,
     InReach,
     LeftAlone,
+    MissionEnd,
     PrimitiveChanged,
     StepGivenUp,
 )
 from apad_bridge.events.persons import Overridden, PersonOrdered
 from apad_bridge.events.run import EndReason
 from apad_bridge.events.vehicle import DocksDisagree
-from apad_bridge.mission.state import MissionEnd
 from apad_bridge.records.line_types import BOOLEAN, INTEGER, NUMBER, TEXT, LineField, Type
 from apad_bridge.records.uptime import AgentUptime, UptimeMeter
 from firmware_model.power.charge import fraction

@@ -15,10 +15,10 @@ from apad_bridge.assembly.safety import safety_of
 from apad_bridge.doctor.finding import CheckStatus
 from apad_bridge.doctor.origin_check import check_origin
 from apad_bridge.events.event import Event
+from apad_bridge.events.mission import MissionEnd
 from apad_bridge.events.run import EndReason
 from apad_bridge.events.vehicle import VehicleHeard, VehicleSilent
 from apad_bridge.mission.sources import Allocation
-from apad_bridge.mission.state import MissionEnd
 from apad_bridge.ros.gateway.agent_topics import AgentReport
 from apad_bridge.ros.gateway.battery_alerts import BatteryAlerts
 from apad_bridge.ros.gateway.claims import ClaimBoard

@@ -27,11 +27,11 @@ from apad_bridge.assembly.capacity import battery_worth_min
 from apad_bridge.assembly.flight_config import FlightConfig, flight_config
 from apad_bridge.assembly.safety import safety_of
 from apad_bridge.events.event import Event
+from apad_bridge.events.mission import MissionEnd, MissionState
 from apad_bridge.events.persons import Steering
 from apad_bridge.events.run import EndReason, RunBegan, RunEnded
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.manual import CommandSource
-from apad_bridge.mission.state import MissionEnd, MissionState
 from apad_bridge.planning.registry import Trust, label
 from apad_bridge.records.journal import FORMAT_VERSION
 from apad_bridge.records.recorder import Recorder, RecordsFailed
@@ -273,7 +273,7 @@ def prepare(
             forecast()
         context.show_forecast(now_ms, forecast)
         progress.show_status(now_ms, status)
-        if spec.until_first_plan and flight.supervisor.mission.state.plan.steps:
+        if spec.until_first_plan and flight.supervisor.mission.state.plan:
             flight.stop(MissionEnd(EndReason.FIRST_PLAN))
 
     def print_told(at_ms: MissionMs, event: Event) -> None:

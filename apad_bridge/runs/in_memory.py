@@ -17,10 +17,10 @@ from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.events.event import Event
 from apad_bridge.events.fleet import PresenceChanged
+from apad_bridge.events.mission import MissionState
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.events import PlacedSample
 from apad_bridge.mission.manual import CommandSource
-from apad_bridge.mission.state import MissionState
 from apad_bridge.planning.registry import Trust
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.records.uptime import UptimeMeter

@@ -28,13 +28,13 @@ from apad_bridge.events.mission import (
     PRE_EMPTED,
     DockSwitched,
     MissionChanged,
+    MissionState,
     PrimitiveChanged,
     PrimitivePhase,
 )
 from apad_bridge.events.persons import Overridden, Steering
 from apad_bridge.events.run import KnowledgeRestored, RunEnded
 from apad_bridge.events.vehicle import APadMoved
-from apad_bridge.mission.state import MissionState
 from apad_bridge.records.checkpoint import NoCheckpoint, restore
 from apad_bridge.records.journal import JournalContents, read_journal
 from apad_bridge.records.recorder import Recorder, Resumed
@@ -75,7 +75,7 @@ def find_resume_point(journal: JournalContents, epoch: int, gap_ms: int) -> Resu
     for _, event in journal.events(MissionChanged, DockSwitched, APadMoved, RunEnded):
         match event:
             case MissionChanged():
-                state = MissionState.from_json(event.snapshot)
+                state = event.snapshot
             case DockSwitched():
                 docked = after_report(state.docked, event.dock, event.agent, closed=event.closed)
                 state = replace(state, docked=docked)

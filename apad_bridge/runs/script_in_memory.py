@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from apad_bridge.events.mission import MissionState
 from apad_bridge.events.run import EndReason
-from apad_bridge.mission.state import MissionState
 from apad_bridge.planning.registry import Trust
 from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.scenario.schema import Scenario

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 
+PAPER_DOCKS = 4
 MAX_DOCKS = 16
 """More would not fit around a hull of the paper's size."""
 

@@ -22,12 +22,12 @@ from pydantic_core import ErrorDetails
 from agents.mussel.board_link import SERIAL
 from apad_bridge.planning.registry import InFile
 from apad_bridge.scenario.area.paper_charts import PAPER_CHARTS
-from apad_bridge.scenario.choices import MAX_DOCKS
+from apad_bridge.scenario.choices import MAX_DOCKS, PAPER_DOCKS
 from apad_bridge.scenario.cross_checks import contradictions
 from apad_bridge.scenario.errors import ScenarioError, in_ranges
 from apad_bridge.scenario.explained import abbreviated, explain
 from apad_bridge.scenario.profiles import with_profiles
-from apad_bridge.scenario.schema import PAPER_DOCKS, Scenario
+from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts_table import read_ids, table_of
 from apad_bridge.scenario.text_file import read_text, write_atomically
 from apad_bridge.scenario.yaml_text import parse_yaml

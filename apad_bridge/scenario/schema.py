@@ -19,7 +19,7 @@ from agents.water.bounds import Count
 from apad_bridge.scenario.another_apad import AnotherAPad, Sharing
 from apad_bridge.scenario.area.fence import check_corners
 from apad_bridge.scenario.board import Board
-from apad_bridge.scenario.choices import MAX_DOCKS, Generation, Hosting
+from apad_bridge.scenario.choices import MAX_DOCKS, PAPER_DOCKS, Generation, Hosting
 from apad_bridge.scenario.estimator_options import Beliefs
 from apad_bridge.scenario.faults import OF_A, OF_B, Fault
 from apad_bridge.scenario.guard_options import GuardOptions
@@ -42,7 +42,6 @@ from apad_bridge.scenario.timed_faults import Faults
 from apad_bridge.scenario.water.options import Water
 
 AgentId = Annotated[int, Ge(1), Le(MAX_AGENT_ID)]
-PAPER_DOCKS = 4
 
 
 @frozen

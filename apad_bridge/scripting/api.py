@@ -16,10 +16,10 @@ from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any
 
 from apad_bridge.beliefs.input_ranges import FARTHEST_M
+from apad_bridge.events.mission import MissionEnd
 from apad_bridge.events.persons import ScriptTold
 from apad_bridge.events.run import EndReason
 from apad_bridge.mission.manual import ManualMission
-from apad_bridge.mission.state import MissionEnd
 from apad_bridge.mission.values import Event, Refused, Status, dock_index_of, dock_of, manoeuvre_of
 from apad_bridge.planning.costs import CostBreakdown
 from apad_bridge.scripting import planned

@@ -27,10 +27,9 @@ from apad_bridge.assembly.division import members
 from apad_bridge.assembly.flight_config import FlightConfig, flight_config
 from apad_bridge.assembly.safety import safety_of
 from apad_bridge.events.fleet import PresenceChanged, ProcessDied, Stimulated
-from apad_bridge.events.mission import Phase
+from apad_bridge.events.mission import MissionState, Phase
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.events import SoundHeard, StandDownRequested, WifiHeard
-from apad_bridge.mission.state import MissionState
 from apad_bridge.planning import registry
 from apad_bridge.records.journal import JournalContents, read_journal
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError

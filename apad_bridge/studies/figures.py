@@ -7,8 +7,8 @@ from dataclasses import dataclass, fields
 from agents.mussel.outputs import Truth
 from agents.time_scale import MissionMs
 from apad_bridge.assembly.capacity import battery_worth_min
+from apad_bridge.events.mission import MissionState
 from apad_bridge.events.run import EndReason
-from apad_bridge.mission.state import MissionState
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.records.uptime import UptimeMeter
 from apad_bridge.scenario.firmware_config import charge_models, takes_samples, works_on_secondary
@@ -164,7 +164,7 @@ class FigureMeter:
             state.cost_m,
             state.services,
             str(state.ended_by),
-            None if state.ended_by is None else state.ended_by.reason,
+            state.end_reason,
             apad_travel_wh=ledger.travel_wh if scale.is_real else None,
             apad_hotel_wh=ledger.hotel_wh if scale.is_real else None,
             apad_handed_wh=ledger.handed_wh if scale.is_real else None,

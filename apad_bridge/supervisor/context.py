@@ -10,9 +10,9 @@ from typing import Protocol
 from agents.time_scale import MissionMs
 from apad_bridge.acoustics.serial.lines import SerialLines
 from apad_bridge.events.event import Event
+from apad_bridge.events.mission import MissionEnd
 from apad_bridge.mission.breakdown import NeverStandsDown, StandDownRule
 from apad_bridge.mission.plans import Planning, untold
-from apad_bridge.mission.state import MissionEnd
 from apad_bridge.supervisor.clock import Pace
 from apad_bridge.supervisor.contacts import Contacts
 from apad_bridge.supervisor.core import Supervisor

@@ -20,12 +20,12 @@ from pydantic import AfterValidator, TypeAdapter, ValidationError
 
 from agents.nursery.protocol import is_of_our_user
 from apad_bridge.events.guards import DOES_NOT_OBEY, StopState
+from apad_bridge.events.mission import MissionEnd
 from apad_bridge.events.persons import PersonOrdered, Remarked
 from apad_bridge.events.run import EndReason
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.flight_mission import FLIES_ALREADY, FlightMission
 from apad_bridge.mission.orders import AllowMotion, GoBackIn, StopVehicle
-from apad_bridge.mission.state import MissionEnd
 from apad_bridge.mission.values import Refused
 from apad_bridge.supervisor.amussel_orders import NO_AMUSSELS, AMusselOrders, AMusselRequest
 from apad_bridge.supervisor.control_client import SOCKET_NAME, Act, Answer, Request, answer_of, short_path

@@ -13,7 +13,7 @@ from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.measurement import Docked, Permitted, Released
 from apad_bridge.events.event import Event
 from apad_bridge.events.fleet import AMusselSuspected
-from apad_bridge.events.mission import Phase, PrimitiveChanged, PrimitivePhase, Stuck
+from apad_bridge.events.mission import MissionEnd, Phase, PrimitiveChanged, PrimitivePhase, Stuck
 from apad_bridge.events.persons import Steering
 from apad_bridge.events.run import EndReason
 from apad_bridge.events.sound import SamplesGone
@@ -42,7 +42,6 @@ from apad_bridge.mission.orders import (
 )
 from apad_bridge.mission.role import MissionRole
 from apad_bridge.mission.sources import Allocation
-from apad_bridge.mission.state import MissionEnd
 from apad_bridge.supervisor.forecast import Forecast, Forecaster
 from apad_bridge.supervisor.sample_collection import NoSampleCollection, SampleCollection
 from apad_bridge.vehicle.commands import (

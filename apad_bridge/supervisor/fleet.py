@@ -20,10 +20,10 @@ from agents.water.sea import Station
 from agents.water.sea_client import RemoteStation
 from agents.water.sea_events import SeaResult
 from agents.water.topology import Topology
+from apad_bridge.events.mission import MissionEnd
 from apad_bridge.events.run import EndReason
 from apad_bridge.events.sound import HeardRow, PacketPassed
 from apad_bridge.mission.events import Send
-from apad_bridge.mission.state import MissionEnd
 from apad_bridge.scenario.water.links import read_links
 from firmware_model.config import Timeslots
 from firmware_model.packets.wire import EVERYONE

@@ -14,9 +14,8 @@ from dataclasses import dataclass
 from statistics import median
 
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.events.mission import Phase
+from apad_bridge.events.mission import MissionState, Phase
 from apad_bridge.mission.pool import can_be_fetched
-from apad_bridge.mission.state import MissionState
 from apad_bridge.planning.solution import StepKind
 from apad_bridge.scenario.schema import Mission
 from firmware_model.state_groups import DOCKED
@@ -154,7 +153,7 @@ class Forecaster:
     ) -> tuple[float | None, float | None]:
         """Until the next pick-up, and until a batch is full."""
         aboard = [known[agent_id] for _, agent_id in state.docked if agent_id in known]
-        steps = [it for it in state.plan.steps if it.agent_id in known]
+        steps = [it for it in state.plan if it.agent_id in known]
         since_s = (now_ms - state.since_ms) / 1000
         if steps and steps[0].kind is StepKind.COLLECT:
             targets = [known[it.agent_id] for it in steps]

@@ -27,6 +27,7 @@ from agents.water.sea_events import (
 )
 from apad_bridge.events.event import Event
 from apad_bridge.events.fleet import APadLeftWater, ProcessDied, StateDisbelieved, Stimulated
+from apad_bridge.events.mission import MissionEnd
 from apad_bridge.events.run import EndReason
 from apad_bridge.events.sound import LinksRead, ModemTold, RangeMeasured
 from apad_bridge.mission.events import (
@@ -39,7 +40,6 @@ from apad_bridge.mission.events import (
     WifiHeard,
 )
 from apad_bridge.mission.orders import AllowMotion, GoBackIn, StopVehicle
-from apad_bridge.mission.state import MissionEnd
 from apad_bridge.supervisor.clock import StopSign
 from apad_bridge.supervisor.context import FlightContext, Watcher
 from apad_bridge.supervisor.core import TICK_MS, Supervisor
@@ -121,9 +121,9 @@ class Flight:
     @property
     def ended_by(self) -> MissionEnd:
         """The mission's end; only after it has ended."""
-        ended_by = self.supervisor.mission.state.ended_by
-        assert ended_by is not None
-        return ended_by
+        end = self.supervisor.mission.state.end
+        assert end is not None
+        return end
 
     def step(self) -> bool:
         """Waits for the next tick and runs it; True if the mission has ended with it."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from apad_bridge.scenario.schema import PAPER_DOCKS
+from apad_bridge.scenario.choices import PAPER_DOCKS
 
 _PUBLISHED_M = ((-0.1, -0.1), (-0.1, 0.1), (0.1, -0.1), (0.1, 0.1))
 

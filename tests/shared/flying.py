@@ -1,12 +1,13 @@
 """A flight that a test moves tick by tick, with calls of other threads."""
 
+import json
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, wait
 from typing import Any
 
 from agents.time_scale import MissionMs
 from apad_bridge.events.guards import StopState
-from apad_bridge.events.mission import Phase
+from apad_bridge.events.mission import MissionChanged, MissionState, Phase
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.flight_mission import FlightMission
 from apad_bridge.mission.manual import ManualMission
@@ -15,6 +16,12 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.vehicle.guards.gate import Gate
+
+
+def journaled(state: MissionState) -> MissionState:
+    """The state as the journal gives it back."""
+    line = json.dumps(MissionChanged(state.phase, state).data)
+    return MissionChanged.of(json.loads(line)).snapshot
 
 
 class Flying:

@@ -20,8 +20,8 @@ from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.events.event import Event
 from apad_bridge.events.fleet import Presence
+from apad_bridge.events.mission import MissionEnd
 from apad_bridge.events.run import EndReason
-from apad_bridge.mission.state import MissionEnd
 from apad_bridge.ros.gateway.battery_alerts import BatteryAlerts
 from apad_bridge.ros.gateway.claims import ClaimBoard
 from apad_bridge.ros.gateway.fleet_guard import SecondFleet

@@ -15,9 +15,9 @@ from agents.time_scale import TimeScale
 from apad_bridge.beliefs.belief import Belief, ClockBelief, Source
 from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.beliefs.modes import Mode
+from apad_bridge.events.mission import MissionState
 from apad_bridge.mission.sources import Allocation
-from apad_bridge.mission.state import MissionState
-from apad_bridge.planning.solution import Solution, Step, StepKind
+from apad_bridge.planning.solution import Step, StepKind
 from apad_bridge.ros.gateway.fleet_diagnostics import Limits
 from apad_bridge.ros.gateway.gateway import open_gateway
 from apad_bridge.ros.gateway.standard_topics import StandardTopics
@@ -72,7 +72,7 @@ def supervisor() -> SimpleNamespace:
         port=SimpleNamespace(first_failure=None),
         dropped={},
         mission=SimpleNamespace(
-            state=MissionState(plan=Solution((Step(StepKind.COLLECT, 1, 0),))),
+            state=MissionState(plan=(Step(StepKind.COLLECT, 1, 0),)),
             docks=(None, None, None, None),
             unheard="",
         ),

@@ -20,11 +20,17 @@ from agents.mussel.physical import Physical
 from apad_bridge.analysis.replay.build import build_replay
 from apad_bridge.beliefs.belief import Belief, CapacityLeft
 from apad_bridge.beliefs.modes import Mode
-from apad_bridge.events.mission import MissionChanged, Phase, PlanMade, PrimitiveChanged, PrimitivePhase
+from apad_bridge.events.mission import (
+    MissionChanged,
+    MissionState,
+    Phase,
+    PlanMade,
+    PrimitiveChanged,
+    PrimitivePhase,
+)
 from apad_bridge.events.run import RunEnded
 from apad_bridge.events.sound import PacketPassed
-from apad_bridge.mission.state import MissionState
-from apad_bridge.planning.solution import Solution, Step, StepKind
+from apad_bridge.planning.solution import Step, StepKind
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.flying import journal_start
@@ -127,9 +133,9 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
                     ],
                 ),
             )
-            collect = Solution(tuple(Step(StepKind.COLLECT, it["agent"], it["dock"]) for it in steps))
+            collect = tuple(Step(StepKind.COLLECT, it["agent"], it["dock"]) for it in steps)
             state = MissionState(Phase.GO_COLLECT, plan=collect, cost_m=7.5)
-            recorder.event(now_ms, MissionChanged(state.phase, state.to_json()))
+            recorder.event(now_ms, MissionChanged(state.phase, state))
             recorder.event(
                 now_ms, PrimitiveChanged("go to point", PrimitivePhase.STARTED, north_m=5.0, east_m=15.0)
             )

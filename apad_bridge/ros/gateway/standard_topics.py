@@ -156,7 +156,7 @@ def _goals(supervisor: Supervisor) -> list[tuple[float, float]]:
     state = supervisor.mission.state
     homes = {agent_id: (north_m, east_m) for agent_id, north_m, east_m in state.homes}
     goals = []
-    for step in state.plan.steps:
+    for step in state.plan:
         if step.kind is StepKind.DEPLOY:
             goal = homes.get(step.agent_id)
         else:

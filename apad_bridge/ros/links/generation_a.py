@@ -28,7 +28,8 @@ from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.ros.types.live_types import differing_listeners, unreadable_topics
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import AMUSSEL, of_amussel, of_apad
-from apad_bridge.scenario.schema import PAPER_DOCKS, Scenario
+from apad_bridge.scenario.choices import PAPER_DOCKS
+from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle.commands import CloseDock, OpenDock, VehicleCommand
 from apad_bridge.vehicle.generation_a.core import GenerationACore
 from apad_bridge.vehicle.generation_a.messages import (

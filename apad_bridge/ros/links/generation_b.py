@@ -32,9 +32,10 @@ from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.ros.types.live_types import live_services, unreadable_topics
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_apad
+from apad_bridge.scenario.choices import PAPER_DOCKS
 from apad_bridge.scenario.lab_interface.fields import has, write
 from apad_bridge.scenario.lab_interface.messages import DockReport
-from apad_bridge.scenario.schema import PAPER_DOCKS, Docking, DockingProfile, Scenario
+from apad_bridge.scenario.schema import Docking, DockingProfile, Scenario
 from apad_bridge.vehicle.commands import MoveArm, OrderCut, VehicleCommand
 from apad_bridge.vehicle.errors import VehicleNotReady
 from apad_bridge.vehicle.generation_b.core import GenerationBCore

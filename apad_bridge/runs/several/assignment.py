@@ -118,7 +118,7 @@ def view_of(name: str, start_m: tuple[float, float], supervisor: Supervisor) -> 
     """`start_m` stands for the aPad's place until a pose was reported."""
     state, pose = supervisor.mission.state, supervisor.pose
     is_down = state.phase is Phase.STANDS_DOWN
-    busy = {step.agent_id for step in state.plan.steps} | set(dict(state.docked).values())
+    busy = {step.agent_id for step in state.plan} | set(dict(state.docked).values())
     served = [it for it in supervisor.allocation.all() if not _is_lost(it)]
     return APadView(
         name,

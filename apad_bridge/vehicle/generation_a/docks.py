@@ -16,7 +16,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from apad_bridge.scenario.schema import PAPER_DOCKS
+from apad_bridge.scenario.choices import PAPER_DOCKS
 from apad_bridge.vehicle.capabilities import DockPlaces, published_docks
 from apad_bridge.vehicle.commands import DockClosed, DockOpened, DocksNamed
 from apad_bridge.vehicle.generation_a.messages import OBJECT_PREFIX, DocksReceived, HeldPositionReceived

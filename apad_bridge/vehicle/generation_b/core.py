@@ -11,8 +11,9 @@ from collections import Counter, deque
 from collections.abc import Iterable, Mapping
 
 from apad_bridge.beliefs.input_ranges import out_of_range
+from apad_bridge.scenario.choices import PAPER_DOCKS
 from apad_bridge.scenario.lab_interface.messages import DockReport
-from apad_bridge.scenario.schema import PAPER_DOCKS, Docking
+from apad_bridge.scenario.schema import Docking
 from apad_bridge.vehicle.commands import CloseDock, GoTo, Hold, OpenDock, OrderCut, Stop, VehicleCommand
 from apad_bridge.vehicle.generation_b.docks import BenchDocks
 from apad_bridge.vehicle.generation_b.messages import (

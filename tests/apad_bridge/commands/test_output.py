@@ -23,8 +23,8 @@ from apad_bridge.assembly.capacity import bounds_of
 from apad_bridge.commands.main import COMMANDS, main
 from apad_bridge.commands.outcome import report
 from apad_bridge.commands.table import print_table
+from apad_bridge.events.mission import MissionEnd
 from apad_bridge.events.run import EndReason
-from apad_bridge.mission.state import MissionEnd
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.summary import Ending, apad_energy
 from apad_bridge.runs.progress import WorkProgress

@@ -1,25 +1,24 @@
 """The energy-exchange mission, with beliefs and port answers set by the test."""
 
-import json
 import sys
 from dataclasses import replace
 from typing import Any
 
 import pytest
+from flying import journaled
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenario_files import POOL_FILE
 
 from apad_bridge.beliefs.belief import Belief, Suspicion
 from apad_bridge.events.event import Event
-from apad_bridge.events.mission import ExchangePhase, Phase
+from apad_bridge.events.mission import ExchangePhase, MissionEnd, MissionState, Phase
 from apad_bridge.events.run import EndReason
 from apad_bridge.mission.docking_routine import NOT_FOUND, SEARCH_S
 from apad_bridge.mission.end_by import KnownEnd
 from apad_bridge.mission.energy_exchange import DOCKINGS_PER_STEP, LEGS_PER_STEP, EnergyExchange
 from apad_bridge.mission.home_stays import NO_HOME, HomeStays
 from apad_bridge.mission.orders import Order, PermitSurfacing, TellClear
-from apad_bridge.mission.state import MissionEnd, MissionState
 from apad_bridge.planning import registry
 from apad_bridge.planning.solution import Solution, Step, StepKind
 from apad_bridge.scenario.loader import load
@@ -238,7 +237,7 @@ def test_a_leg_that_a_resumed_mission_takes_up_is_counted_once() -> None:
     bench = Bench()
     bench.tick()
     bench.mission.moved(4.0, 0.0)
-    after = Bench(state=MissionState.from_json(bench.mission.state.to_json()), place=(6.0, 0.0))
+    after = Bench(state=journaled(bench.mission.state), place=(6.0, 0.0))
     after.tick()
     after.succeed()
     assert after.mission.state.cost_m == pytest.approx(10.0)
@@ -292,7 +291,7 @@ def test_one_that_is_tried_in_vain_is_left_alone_and_the_others_are_served() -> 
     bench.tick(int(MISSION.silence_timeout_s) + 1)
     assert PermitSurfacing(2) in bench.orders
     # Another supervisor of the run leaves it alone as well; a person who gives the aPad back does not.
-    state = MissionState.from_json(bench.mission.state.to_json())
+    state = journaled(bench.mission.state)
     assert dict(state.failed_tries) == {1: MISSION.collection_attempts}
 
 
@@ -396,13 +395,12 @@ def test_a_dock_that_never_opens_is_given_up_and_the_others_go_on() -> None:
     for agent_id in (2, 3, 4):
         bench.told.say(agent_id, bench.now_ms, State.ACTIVE, 0.5)
     bench.tick()
-    assert [(it.agent_id, it.dock_index) for it in bench.mission.state.plan.steps] == [(2, 1), (3, 2), (4, 3)]
+    assert [(it.agent_id, it.dock_index) for it in bench.mission.state.plan] == [(2, 1), (3, 2), (4, 3)]
 
 
 def test_a_resumed_mission_does_not_try_a_jammed_dock_again_until_it_opens() -> None:
     bench, _ = with_jammed_dock()
-    data = json.loads(json.dumps(bench.mission.state.to_json()))
-    resumed = Bench(state=MissionState.from_json(data))
+    resumed = Bench(state=journaled(bench.mission.state))
     resumed.told.say(1, 0, State.CHARGING, 1.0)
     for _ in range(20):
         assert not [it for it in resumed.tick() if isinstance(it, OpenDock)]
@@ -475,7 +473,7 @@ def test_one_that_the_catch_radius_does_not_hold_is_searched_for_and_docked() ->
         assert isinstance(bench.primitive(), CloseDock)
     bench.succeed()
     assert dict(bench.mission.state.docked) == {0: 1}
-    assert bench.mission.state.plan.steps[0].agent_id == 2
+    assert bench.mission.state.plan[0].agent_id == 2
 
 
 def test_a_search_in_vain_is_a_failed_docking() -> None:
@@ -531,7 +529,7 @@ def test_one_that_is_left_afloat_is_fetched_next_without_a_batch() -> None:
     bring_home(bench, (2,), charge=1.0)
     bench.tick()
     assert any(isinstance(order, GoTo) for order in bench.orders)
-    assert bench.mission.state.plan.steps[0].agent_id == 1
+    assert bench.mission.state.plan[0].agent_id == 1
 
 
 def test_an_empty_one_that_was_missed_is_told_to_sink_while_others_are_collected() -> None:
@@ -540,7 +538,7 @@ def test_an_empty_one_that_was_missed_is_told_to_sink_while_others_are_collected
     bench.tick()
     float_beside_the_apad(bench, charge=0.0)
     miss_all(bench)
-    assert bench.mission.state.plan.steps[0].agent_id == 2
+    assert bench.mission.state.plan[0].agent_id == 2
     assert TellClear(1) in bench.tick()
 
 
@@ -584,7 +582,7 @@ def test_it_ends_once_and_holds() -> None:
     bench = ready_for_a_round()
     orders = bench.mission.end(MissionEnd(EndReason.OPERATOR), bench.now_ms)
     assert any(isinstance(order, Hold) for order in orders)
-    assert bench.mission.state.ended_by == MissionEnd(EndReason.OPERATOR)
+    assert bench.mission.state.end == MissionEnd(EndReason.OPERATOR, str(EndReason.OPERATOR))
     assert bench.mission.end(MissionEnd(EndReason.MISSION_TIME), bench.now_ms) == []
     assert [o for o in bench.tick() if isinstance(o, Primitive)] == []
 
@@ -592,7 +590,7 @@ def test_it_ends_once_and_holds() -> None:
 @pytest.mark.parametrize("phase", [Phase.GO_COLLECT, Phase.AWAIT_SURFACING, Phase.DOCK])
 def test_a_resumed_mission_takes_up_the_step_under_way(phase: Phase) -> None:
     state = replace(ready_state(), phase=phase)
-    bench = Bench(state=MissionState.from_json(state.to_json()))
+    bench = Bench(state=journaled(state))
     bench.tick()
     assert (bench.primitive().north_m if isinstance(bench.primitive(), GoTo) else None) == 30.0
     assert PermitSurfacing(3) in bench.orders
@@ -615,7 +613,7 @@ def undocking_state() -> MissionState:
     bench.tick()
     bench.succeed()
     assert isinstance(bench.primitive(), OpenDock)
-    return MissionState.from_json(bench.mission.state.to_json())
+    return journaled(bench.mission.state)
 
 
 def test_a_resumed_undocking_is_ordered_again() -> None:
@@ -673,7 +671,7 @@ def test_an_undocking_that_ended_without_a_supervisor_is_a_service() -> None:
 
 
 def test_a_resumed_charging_wait_gives_nobody_up_before_it_was_heard_for_long_enough() -> None:
-    state = replace(ready_state(), phase=Phase.CHARGE, since_ms=0, plan=Solution(()))
+    state = replace(ready_state(), phase=Phase.CHARGE, since_ms=0, plan=())
     bench = Bench(agents=0, state=state)
     bench.now_ms = 500_000
     bench.tick()
@@ -725,36 +723,28 @@ def test_a_strategy_that_pre_empts_takes_a_nearer_request_that_came_on_the_way(
     assert isinstance(bench.succeed(), CloseDock)
     (goto,) = (order for order in bench.orders if isinstance(order, GoTo))
     assert (goto.north_m, goto.east_m) == (bench.told[second].north_m, bench.told[second].east_m)
-    steps = bench.mission.state.plan.steps
+    steps = bench.mission.state.plan
     assert len(steps) == 3 and {step.agent_id for step in steps} <= {2, 3, 4, 5}
     assert {step.dock_index for step in steps} == {1, 2, 3}
 
 
 class Raises:
-    plans = "collect"
-
     def plan(self, situation: object, batch: int) -> Solution:
         raise RuntimeError("no idea")
 
 
 class Leaves:
-    plans = "collect"
-
     def plan(self, situation: object, batch: int) -> Solution:
         sys.exit(0)
 
 
 class Foreign:
-    plans = "collect"
-
     def plan(self, situation: object, batch: int) -> Solution:
         return Solution((Step(StepKind.COLLECT, 99, 0),))
 
 
 class FailsToRefuse:
     """Has no plan, and raises when it is asked if it refuses, after so many answers."""
-
-    plans = "collect"
 
     def __init__(self, answered: int) -> None:
         self._answered = answered
@@ -786,8 +776,7 @@ def test_a_strategy_that_fails_ends_the_mission_holding(strategy: object, why: s
     if bench.mission.state.phase is Phase.IDLE:
         bench.tick()  # asks again whether it still refuses
     assert bench.mission.state.phase is Phase.ENDED
-    assert bench.mission.state.ended_by is not None
-    assert bench.mission.state.ended_by.reason is EndReason.STRATEGY_FAILED
+    assert bench.mission.state.end_reason is EndReason.STRATEGY_FAILED
     assert str(bench.mission.state.ended_by).startswith("failure of strategy 'cautious'")
     assert why in str(bench.mission.state.ended_by)
     assert isinstance([o for o in bench.orders if isinstance(o, Primitive)][-1], Hold)
@@ -838,7 +827,7 @@ def test_asynchronous_dispatch_collects_one_beside_one_that_charges() -> None:
     bench = one_by_one()
     bench.told.say(2, bench.now_ms, State.ACTIVE, 0.8)
     bench.tick()
-    assert [step.agent_id for step in bench.mission.state.plan.steps] == [2]
+    assert [step.agent_id for step in bench.mission.state.plan] == [2]
     bench.collect(2)
     assert bench.mission.docks[:2] == (1, 2) and bench.mission.state.phase is Phase.CHARGE
 
@@ -847,7 +836,7 @@ def test_an_amussel_that_was_docked_just_now_and_was_last_heard_afloat_is_not_co
     bench = one_by_one()
     bench.told.say(1, bench.now_ms, State.FLOATING, 0.51)
     bench.tick()
-    assert bench.mission.state.plan.steps == () and bench.mission.state.phase is Phase.CHARGE
+    assert bench.mission.state.plan == () and bench.mission.state.phase is Phase.CHARGE
 
 
 def test_asynchronous_dispatch_releases_the_full_one_and_goes_on_charging_the_other() -> None:
@@ -858,7 +847,7 @@ def test_asynchronous_dispatch_releases_the_full_one_and_goes_on_charging_the_ot
     bench.told.say(1, bench.now_ms, State.CHARGING, 0.995)
     bench.told.say(3, bench.now_ms, State.ACTIVE, 0.5)
     bench.tick()
-    assert [(step.kind, step.agent_id) for step in bench.mission.state.plan.steps] == [(StepKind.DEPLOY, 1)]
+    assert [(step.kind, step.agent_id) for step in bench.mission.state.plan] == [(StepKind.DEPLOY, 1)]
     bench.succeed()
     assert isinstance(bench.succeed(), OpenDock)
     assert bench.mission.state.services == 1 and bench.mission.docks[:2] == (None, 2)
@@ -876,7 +865,7 @@ def test_a_charged_one_makes_room_when_another_waits(charge_to: float | None, le
     assert bench.mission.state.phase is Phase.CHARGE
     bench.told.say(5, bench.now_ms, State.ACTIVE, 0.7)
     bench.tick()
-    assert [step.agent_id for step in bench.mission.state.plan.steps] == ([3] if leaves else [])
+    assert [step.agent_id for step in bench.mission.state.plan] == ([3] if leaves else [])
 
 
 @pytest.mark.parametrize(("waiting_charge", "leaves"), [(0.4, True), (0.5, True), (0.51, False)])
@@ -890,7 +879,7 @@ def test_one_that_leads_the_lowest_of_the_pool_makes_room_for_it(waiting_charge:
     bench.told.say(5, bench.now_ms, State.ACTIVE, 0.7)
     bench.told.say(6, bench.now_ms, State.ACTIVE, waiting_charge)
     bench.tick()
-    assert [step.agent_id for step in bench.mission.state.plan.steps] == ([3] if leaves else [])
+    assert [step.agent_id for step in bench.mission.state.plan] == ([3] if leaves else [])
 
 
 @pytest.mark.parametrize(
@@ -914,7 +903,7 @@ def test_a_batch_makes_room_when_each_of_it_leads_each_of_the_lowest_batch(
     bench.told.say(4, bench.now_ms, State.ACTIVE, last_waiting)
     bench.told.say(5, bench.now_ms, State.ACTIVE, 0.79)
     bench.tick()
-    assert {step.agent_id for step in bench.mission.state.plan.steps} == ({1, 2} if leave else set())
+    assert {step.agent_id for step in bench.mission.state.plan} == ({1, 2} if leave else set())
 
 
 def test_an_asynchronous_aPad_gives_up_one_whose_charge_does_not_rise_and_releases_it() -> None:
@@ -924,7 +913,7 @@ def test_an_asynchronous_aPad_gives_up_one_whose_charge_does_not_rise_and_releas
         if bench.notes("given_up"):
             break
     assert [note["what"] for note in bench.notes("given_up")] == ["charge"]
-    assert [step.kind for step in bench.mission.state.plan.steps] == [StepKind.DEPLOY]
+    assert [step.kind for step in bench.mission.state.plan] == [StepKind.DEPLOY]
 
 
 HOME_M = (5.0, 30.0)
@@ -956,7 +945,7 @@ def test_it_goes_home_to_be_charged_before_it_takes_up_a_plan_and_goes_on_when_i
     bench.mission.battery_heard(0.9)
     bench.tick()
     bench.tick()
-    assert [step.agent_id for step in bench.mission.state.plan.steps] == [1, 2, 3, 4]
+    assert [step.agent_id for step in bench.mission.state.plan] == [1, 2, 3, 4]
 
 
 @pytest.mark.parametrize("docked", DockedAtHome)
@@ -970,7 +959,7 @@ def test_docked_ones_come_along_or_leave_first(docked: DockedAtHome) -> None:
     bench.collect(1)
     bench.tick(seconds=20)
     if docked is DockedAtHome.RELEASED:
-        assert [step.kind for step in bench.mission.state.plan.steps] == [StepKind.DEPLOY]
+        assert [step.kind for step in bench.mission.state.plan] == [StepKind.DEPLOY]
         bench.succeed()
         assert isinstance(bench.succeed(), OpenDock)
         bench.told.say(1, bench.now_ms, State.SINKING, 0.6)
@@ -1014,7 +1003,7 @@ def test_who_lasts_until_a_known_end_is_not_collected() -> None:
             bench.told.say(agent_id, 0, State.ACTIVE, 0.9)
         bench.told.say(2, 0, State.ACTIVE, charge)
         bench.tick(600)
-        assert [step.agent_id for step in bench.mission.state.plan.steps] == ([2] if is_collected else [])
+        assert [step.agent_id for step in bench.mission.state.plan] == ([2] if is_collected else [])
 
 
 def test_who_was_charged_for_the_time_that_is_left_is_released_and_its_service_counts() -> None:
@@ -1024,7 +1013,7 @@ def test_who_was_charged_for_the_time_that_is_left_is_released_and_its_service_c
     assert bench.mission.state.phase is Phase.CHARGE
     bench.told.say(1, bench.now_ms, State.CHARGING, 0.81)
     bench.tick()
-    assert [(step.kind, step.agent_id) for step in bench.mission.state.plan.steps] == [(StepKind.DEPLOY, 1)]
+    assert [(step.kind, step.agent_id) for step in bench.mission.state.plan] == [(StepKind.DEPLOY, 1)]
     bench.succeed()
     assert isinstance(bench.succeed(), OpenDock)
     assert bench.mission.state.services == 1 and bench.mission.state.failed_tries == ()
@@ -1036,7 +1025,7 @@ def test_nobody_is_collected_for_less_charge_than_a_service_is_worth() -> None:
         for agent_id in bench.told:
             bench.told.say(agent_id, 0, State.ACTIVE, 0.1)
         bench.tick(1000 - left_s)
-        assert bool(bench.mission.state.plan.steps) is is_collected
+        assert bool(bench.mission.state.plan) is is_collected
 
 
 def test_a_known_end_raises_no_threshold() -> None:
@@ -1053,7 +1042,7 @@ def test_rules_that_change_in_flight_may_forget_the_end() -> None:
     for agent_id in bench.told:
         bench.told.say(agent_id, 0, State.ACTIVE, 0.45)
     bench.tick(600)
-    assert bench.mission.state.plan.steps == ()
+    assert bench.mission.state.plan == ()
     bench.mission.change_planning(
         replace(MISSION, batch=1),
         registry.collection("cautious"),
@@ -1061,7 +1050,7 @@ def test_rules_that_change_in_flight_may_forget_the_end() -> None:
         None,
     )
     bench.tick()
-    assert len(bench.mission.state.plan.steps) == 1
+    assert len(bench.mission.state.plan) == 1
 
 
 def exchanging(**changes: Any) -> Bench:
@@ -1083,7 +1072,7 @@ def exchanging(**changes: Any) -> Bench:
 
 
 def steps_left(bench: Bench) -> list[tuple[StepKind, int, int]]:
-    return [(it.kind, it.agent_id, it.dock_index) for it in bench.mission.state.plan.steps]
+    return [(it.kind, it.agent_id, it.dock_index) for it in bench.mission.state.plan]
 
 
 def test_charged_ones_take_the_places_of_those_that_are_collected() -> None:
@@ -1166,10 +1155,10 @@ def test_with_own_places_it_goes_to_its_own() -> None:
 def test_a_tour_that_is_resumed_after_every_step_is_flown_to_its_end() -> None:
     bench = exchanging()
     bench.tick()
-    for step in bench.mission.state.plan.steps:
+    for step in bench.mission.state.plan:
         told, now_ms, place = bench.told, bench.now_ms, bench.mission.pose
         assert place is not None
-        state = MissionState.from_json(bench.mission.state.to_json())
+        state = journaled(bench.mission.state)
         bench = Bench(agents=0, state=state, place=place, config=bench.config)
         bench.told.update(told)
         bench.now_ms = now_ms
@@ -1261,7 +1250,7 @@ def test_an_exchange_that_is_half_done_is_undone_when_the_other_one_is_aboard_ag
 
 def test_an_exchange_that_is_half_done_outlives_a_resume_and_is_told_once() -> None:
     bench = half_done()
-    state = MissionState.from_json(json.loads(json.dumps(bench.mission.state.to_json())))
+    state = journaled(bench.mission.state)
     assert state.exchanged == ((2, 4, ExchangePhase.HALF_DONE),)
     bench = Bench(agents=4, state=state, config=bench.config)
     bench.tick()
@@ -1276,8 +1265,8 @@ def test_no_two_are_left_at_one_place_without_a_word(data: st.DataObject, dock_c
     bench.mission.set(dock_count=dock_count)
     bench.tick()
     place = {3: 30.0, 4: 40.0}
-    while bench.mission.state.plan.steps:
-        step = bench.mission.state.plan.steps[0]
+    while bench.mission.state.plan:
+        step = bench.mission.state.plan[0]
         if bench.mission.state.phase is not Phase.AWAIT_SURFACING and data.draw(st.integers(0, 3)) == 0:
             bench.fail("bad luck")
         elif bench.mission.state.phase is Phase.GO_COLLECT:
@@ -1319,9 +1308,7 @@ def test_a_dock_that_does_not_open_leaves_its_place_to_another_dock(free_docks: 
     state = replace(
         bench.mission.state,
         docked=((0, 1), (1, 2), *((index, 9 + index) for index in range(2, 4 - free_docks))),
-        plan=Solution(
-            (Step(StepKind.DEPLOY, 2, 1), Step(StepKind.COLLECT, 4, 1), Step(StepKind.DEPLOY, 1, 0))
-        ),
+        plan=(Step(StepKind.DEPLOY, 2, 1), Step(StepKind.COLLECT, 4, 1), Step(StepKind.DEPLOY, 1, 0)),
         phase=Phase.UNDOCK,
     )
     bench = Bench(agents=4, config=replace(MISSION, batch=2, places=Places.EXCHANGED), state=state)
@@ -1339,8 +1326,8 @@ def test_a_dock_that_does_not_open_leaves_its_place_to_another_dock(free_docks: 
 def test_the_rest_of_a_tour_with_releases_is_not_planned_anew() -> None:
     bench = Bench(collection="njnp", config=replace(MISSION, places=Places.EXCHANGED))
     steps = (Step(StepKind.COLLECT, 4, 3), Step(StepKind.DEPLOY, 1, 0), Step(StepKind.COLLECT, 3, 0))
-    state = replace(bench.mission.state, docked=((0, 1),), plan=Solution(steps), phase=Phase.GO_COLLECT)
+    state = replace(bench.mission.state, docked=((0, 1),), plan=steps, phase=Phase.GO_COLLECT)
     bench = Bench(collection="njnp", config=replace(MISSION, places=Places.EXCHANGED), state=state)
     bench.tick()
     bench.collect(4)
-    assert bench.mission.state.plan.steps == steps[1:]
+    assert bench.mission.state.plan == steps[1:]

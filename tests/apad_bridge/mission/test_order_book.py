@@ -3,13 +3,13 @@
 import math
 
 import pytest
+from flying import journaled
 from hypothesis import given
 from hypothesis import strategies as st
 
 from apad_bridge.events.event import Event
-from apad_bridge.events.mission import LegBegan
+from apad_bridge.events.mission import LegBegan, MissionState
 from apad_bridge.mission.order_book import CHORD_M, OrderBook
-from apad_bridge.mission.state import MissionState
 from apad_bridge.vehicle.commands import GoTo, Hold
 from apad_bridge.vehicle.primitives import PrimitiveFailed, PrimitiveSucceeded
 
@@ -31,7 +31,7 @@ def go(book: OrderBook, goal: tuple[float, float] = GOAL) -> int:
 
 def resumed(book: OrderBook) -> OrderBook:
     """The book of another supervisor, which begins with the newest snapshot."""
-    return OrderBook(MissionState.from_json(book.state.to_json()))
+    return OrderBook(journaled(book.state))
 
 
 def along(share: float) -> tuple[float, float]:

@@ -13,9 +13,8 @@ from scenario_files import POOL_FILE
 from agents.time_scale import MissionMs
 from apad_bridge.assembly.energy_model import energy_model
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.events.mission import Phase
+from apad_bridge.events.mission import MissionState, Phase
 from apad_bridge.mission.energy_exchange import EnergyExchange
-from apad_bridge.mission.state import MissionState
 from apad_bridge.planning import registry
 from apad_bridge.planning.candidates import Candidate, Situation
 from apad_bridge.planning.projection import Projection
@@ -94,7 +93,7 @@ def decided_by_mission(case: Case) -> Tour:
     )
     mission.moved(0.0, 0.0)
     mission.advance(0)
-    steps = mission.state.plan.steps
+    steps = mission.state.plan
     collected = [it.agent_id for it in steps if it.kind is StepKind.COLLECT]
     released = [it.agent_id for it in steps if it.kind is StepKind.DEPLOY]
     exchanges = collected and released

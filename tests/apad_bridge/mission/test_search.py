@@ -11,6 +11,7 @@ from flying import Flying
 from scenario_files import POOL_FILE, SOUND_FILE
 
 from apad_bridge.beliefs.belief import Belief
+from apad_bridge.events.mission import MissionState
 from apad_bridge.mission.docking_routine import (
     SEARCH_S,
     DockingRoutine,
@@ -19,7 +20,6 @@ from apad_bridge.mission.docking_routine import (
     square_spiral,
 )
 from apad_bridge.mission.order_book import OrderBook
-from apad_bridge.mission.state import MissionState
 from apad_bridge.scenario.loader import load
 from apad_bridge.vehicle.commands import CloseDock, GoTo, Primitive
 from apad_bridge.vehicle.primitives import NothingCaught, PrimitiveFailed, PrimitiveSucceeded

@@ -10,17 +10,16 @@ from apad_bridge.assembly import parts
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.fleet import Estimator
 from apad_bridge.events.guards import StopKind
-from apad_bridge.events.mission import Phase
+from apad_bridge.events.mission import MissionEnd, MissionState, Phase
 from apad_bridge.events.run import EndReason
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.flight_mission import FLIES_ALREADY, FlightMission
 from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.orders import Order, TellClear
-from apad_bridge.mission.state import MissionEnd, MissionState
 from apad_bridge.mission.values import Refused, Status
 from apad_bridge.planning import registry
-from apad_bridge.planning.solution import Solution, Step, StepKind
+from apad_bridge.planning.solution import Step, StepKind
 from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.control import NOTHING_STOPPED, carry_out
@@ -90,7 +89,7 @@ def test_a_mechanism_that_opens_when_a_person_takes_over_is_a_service_all_the_sa
     told = Told({3: Belief(3, 0, State.CHARGING, 1.0, 1.0, 5.0, 5.0)})
     to_redeploy = MissionState(
         Phase.GO_DEPLOY,
-        plan=Solution((Step(StepKind.DEPLOY, 3, 0),)),
+        plan=(Step(StepKind.DEPLOY, 3, 0),),
         docked=((0, 3),),
         homes=((3, 5.0, 5.0),),
         failed_tries=((7, 5),),
@@ -278,7 +277,7 @@ def test_an_aborted_mission_ends_with_a_hold_and_takes_no_more_orders(pool: Scen
     flying = Flying(pool)
     flying.until(lambda: flying.phase is Phase.GO_COLLECT)
     assert asked(flying, Act.ABORT) == (True, "")
-    end = flying.flight.supervisor.mission.state.ended_by
+    end = flying.flight.supervisor.mission.state.end
     assert end == MissionEnd(EndReason.CALL, "a call: abort by Anna")
     started = [it["name"] for it in flying.events("primitive") if it["phase"] == "started"]
     assert started[-1] == "hold position"

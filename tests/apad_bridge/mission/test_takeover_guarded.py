@@ -122,10 +122,10 @@ def test_a_mission_that_a_guard_stopped_gives_nothing_up_and_goes_on_when_a_pers
     mission, vehicle = flying.flight.supervisor.mission, flying.flight._vehicle
     vehicle.stop("the test", flying.now_ms, off=True)
     flying.seconds(20)  # a docking under way has ended
-    steps, orders = mission.state.plan.steps, flying.events("primitive")
+    steps, orders = mission.state.plan, flying.events("primitive")
     done = len(mission.state.docked), mission.state.services
     flying.seconds(200)
-    assert vehicle.gate.awaits_person and mission.state.plan.steps == steps
+    assert vehicle.gate.awaits_person and mission.state.plan == steps
     assert flying.events("primitive") == orders
     continue_by_command(flying)
     flying.until(lambda: (len(mission.state.docked), mission.state.services) != done, limit_s=600)

@@ -73,7 +73,7 @@ def test_the_documented_package_adds_a_strategy(site: Path) -> None:
         Candidate(3, 6, 0, 0.5, 1, 6, 0),
     )
     plan = collection("farthest").plan(Situation(0, 0, agents, (0, 1)), batch=4)
-    assert plan.encode() == [["collect", 2, 0], ["collect", 3, 1]]
+    assert plan.steps == (("collect", 2, 0), ("collect", 3, 1))
 
 
 def test_a_package_that_cannot_be_imported_is_named(site: Path) -> None:

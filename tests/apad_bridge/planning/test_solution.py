@@ -1,16 +1,13 @@
-"""The encoding's round trip, and the plans that are refused before the vehicle moves."""
+"""The plans that are refused before the vehicle moves."""
 
 from __future__ import annotations
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from apad_bridge.planning.candidates import Candidate, Situation
 from apad_bridge.planning.solution import Solution, Step, StepKind, check_solution
 
 COLLECT, DEPLOY = StepKind.COLLECT, StepKind.DEPLOY
-steps = st.builds(Step, st.sampled_from(StepKind), st.integers(1, 20000), st.integers(0, 3))
 
 
 def agent(agent_id: int, dock_index: int | None = None) -> Candidate:
@@ -19,24 +16,6 @@ def agent(agent_id: int, dock_index: int | None = None) -> Candidate:
 
 POOL = Situation(0.0, 0.0, (agent(1), agent(2), agent(3)), (0, 2))
 DOCKED = Situation(0.0, 0.0, (agent(1, 3), agent(2, 0)), ())
-
-
-@given(st.lists(steps).map(lambda some: Solution(tuple(some))))
-def test_encoding_round_trips(solution: Solution) -> None:
-    assert Solution.decode(solution.encode()) == solution
-
-
-def test_the_encoding_is_plain_lists() -> None:
-    assert Solution((Step(COLLECT, 7, 0), Step(DEPLOY, 12, 3))).encode() == [
-        ["collect", 7, 0],
-        ["deploy", 12, 3],
-    ]
-
-
-@pytest.mark.parametrize("row", [["fetch", 1, 0], ["collect", 1], ["collect", 1, 0, 0], ["collect", "x", 0]])
-def test_a_row_that_is_no_step_is_refused(row: list[str | int]) -> None:
-    with pytest.raises(ValueError):
-        Solution.decode([row])
 
 
 @pytest.mark.parametrize(

@@ -23,11 +23,10 @@ from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.beliefs.belief import Belief, CapacityLeft
 from apad_bridge.events.fleet import ProcessDied
-from apad_bridge.events.mission import LegBegan
+from apad_bridge.events.mission import LegBegan, MissionEnd
 from apad_bridge.events.persons import ScriptTold
 from apad_bridge.events.run import EndReason
 from apad_bridge.mission.events import PlacedSample
-from apad_bridge.mission.state import MissionEnd
 from apad_bridge.records.journal import read_journal
 from apad_bridge.records.recorder import DAY_MS, Recorder, RecordsFailed
 from apad_bridge.records.run_directory import RunDirectory

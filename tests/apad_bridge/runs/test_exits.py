@@ -13,9 +13,8 @@ from scenario_files import POOL_FILE
 
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.commands.outcome import exit_of, report
-from apad_bridge.events.mission import Phase
+from apad_bridge.events.mission import MissionEnd
 from apad_bridge.events.run import EndReason
-from apad_bridge.mission.state import MissionEnd, MissionState
 from apad_bridge.records.journal import read_journal
 from apad_bridge.records.recorder import Recorder, RecordsFailed
 from apad_bridge.records.run_directory import RunDirectory
@@ -55,13 +54,6 @@ def test_the_reason_decides_the_exit_code_and_not_its_text(
     end: MissionEnd, code: Exit, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert code_of(summary_of(end)) is code
-
-
-@pytest.mark.parametrize("reason", EndReason)
-def test_an_end_outlives_the_journal(reason: EndReason) -> None:
-    state = MissionState(phase=Phase.ENDED, ended_by=MissionEnd(reason, f"{reason}: so it was"))
-    assert MissionState.from_json(json.loads(json.dumps(state.to_json()))) == state
-    assert MissionState.from_json(MissionState().to_json()).ended_by is None
 
 
 class ClockThatStops:

@@ -10,10 +10,9 @@ import pytest
 
 from agents.time_scale import MissionMs
 from apad_bridge.assembly.division import members
-from apad_bridge.events.mission import StepGivenUp, Stuck
+from apad_bridge.events.mission import MissionEnd, StepGivenUp, Stuck
 from apad_bridge.events.run import EndReason
 from apad_bridge.events.union import event_of
-from apad_bridge.mission.state import MissionEnd
 from apad_bridge.records.journal import read_journal
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory

@@ -16,11 +16,10 @@ from apad_bridge.assembly import parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.events.event import Event
 from apad_bridge.events.fleet import Presence, PresenceChanged
-from apad_bridge.events.mission import DockSwitched, MissionChanged, Phase
+from apad_bridge.events.mission import DockSwitched, MissionChanged, MissionEnd, MissionState, Phase
 from apad_bridge.events.run import EndReason, RunEnded
 from apad_bridge.events.vehicle import APadMoved
-from apad_bridge.mission.state import MissionEnd, MissionState
-from apad_bridge.planning.solution import Solution, Step, StepKind
+from apad_bridge.planning.solution import Step, StepKind
 from apad_bridge.records.journal import JournalContents, read_journal
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
@@ -39,7 +38,7 @@ from firmware_model.states import State
 STATE = MissionState(
     phase=Phase.DOCK,
     since_ms=41_000,
-    plan=Solution((Step(StepKind.COLLECT, 7, 1), Step(StepKind.COLLECT, 8, 2))),
+    plan=(Step(StepKind.COLLECT, 7, 1), Step(StepKind.COLLECT, 8, 2)),
     docked=((0, 5),),
     homes=((5, 1.0, 2.0), (7, 3.0, 4.0)),
     primitive_id=12,
@@ -61,7 +60,7 @@ def line(at_ms: int, event: Event) -> dict[str, Any]:
 
 
 def snapshot(at_ms: int, state: MissionState) -> dict[str, Any]:
-    return line(at_ms, MissionChanged(state.phase, state.to_json()))
+    return line(at_ms, MissionChanged(state.phase, state))
 
 
 def apad_with(battery: float) -> APadMoved:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import copy
-import json
 from dataclasses import asdict
 from typing import Any
 
 import pytest
+from flying import journaled
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenario_files import POOL_FILE, WHOLE_FILE
@@ -23,7 +23,6 @@ from apad_bridge.events.event import Event
 from apad_bridge.events.mission import Phase, PlanMade, StepGivenUp
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.orders import Order
-from apad_bridge.mission.state import MissionState
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Horizon, Scenario
 from apad_bridge.scenario.starts import starts_of
@@ -291,9 +290,8 @@ class Killed:
         supervisor = ticks._supervisor
         state = supervisor.mission.state
         self.phase = state.phase
-        journaled = MissionState.from_json(json.loads(json.dumps(state.to_json())))
         learned = LearnedState(supervisor.beliefs, NoRanging(), supervisor.allocation)
-        resumed = parts.supervisor(flight_config(self._scenario), journaled, 10_000, learned=learned)
+        resumed = parts.supervisor(flight_config(self._scenario), journaled(state), 10_000, learned=learned)
         resumed.port._distance_m = supervisor.port._distance_m
         assert isinstance(resumed.mission, EnergyExchange)
         supervisor.mission = ticks._mission = resumed.mission

@@ -9,10 +9,10 @@ from agents.packet_medium import Medium
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.events.fleet import AMusselSuspected
+from apad_bridge.events.mission import MissionEnd
 from apad_bridge.events.run import EndReason
 from apad_bridge.events.vehicle import DocksDisagree
 from apad_bridge.mission.events import EndRequested, Fact, Send, SoundHeard, SupervisorAction, WifiHeard
-from apad_bridge.mission.state import MissionEnd
 from apad_bridge.scenario.loader import load
 from apad_bridge.supervisor.core import Supervisor
 from apad_bridge.vehicle.commands import BatteryReported, DockClosed, GoTo, Hold, PoseReported

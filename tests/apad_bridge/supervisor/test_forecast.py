@@ -12,9 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.events.mission import Phase
-from apad_bridge.mission.state import MissionState
-from apad_bridge.planning.solution import Solution, Step, StepKind
+from apad_bridge.events.mission import MissionState, Phase
+from apad_bridge.planning.solution import Step, StepKind
 from apad_bridge.runs.parent_protocol import from_line, to_line
 from apad_bridge.runs.progress import FlightProgress
 from apad_bridge.runs.status import RunStatus
@@ -120,7 +119,7 @@ def test_nothing_is_foretold_for_the_past_or_after_the_end(
 ) -> None:
     forecaster = Forecaster(pool.mission, 1000 * (90 + left_s))
     kind = StepKind.DEPLOY if phase in (Phase.GO_DEPLOY, Phase.UNDOCK) else StepKind.COLLECT
-    plan = Solution(tuple(Step(kind, n + 1, n) for n in range(planned)))
+    plan = tuple(Step(kind, n + 1, n) for n in range(planned))
     docked = tuple((n, n + 1) for n in range(planned)) if kind is StepKind.DEPLOY else ()
     state = MissionState(phase=phase, since_ms=60_000, plan=plan, docked=docked)
     for now_s in range(0, 91, 5):

@@ -9,8 +9,8 @@ from scenario_files import POOL_FILE
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.events.event import Event
+from apad_bridge.events.mission import MissionState
 from apad_bridge.mission.order_book import OrderBook
-from apad_bridge.mission.state import MissionState
 from apad_bridge.records.journal import JournalContents
 from apad_bridge.runs.resuming import find_resume_point
 from apad_bridge.scenario.loader import load

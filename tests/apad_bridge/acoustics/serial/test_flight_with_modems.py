@@ -19,8 +19,8 @@ from apad_bridge.acoustics.serial.lines import SerialLines, open_serial_lines
 from apad_bridge.acoustics.serial.nanomodem import AnswerReader, PacketDirection, ReceivedData, RoutedPacket
 from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.flight_config import flight_config
+from apad_bridge.events.mission import MissionEnd
 from apad_bridge.events.run import EndReason
-from apad_bridge.mission.state import MissionEnd
 from apad_bridge.runs.in_memory import MemoryRecorder
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario

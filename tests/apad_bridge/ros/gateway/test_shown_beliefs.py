@@ -12,7 +12,7 @@ from sensor_msgs.msg import BatteryState, NavSatFix
 
 from apad_bridge.beliefs.belief import Belief, ClockBelief, Source
 from apad_bridge.beliefs.modes import Mode
-from apad_bridge.mission.state import MissionState
+from apad_bridge.events.mission import MissionState
 from apad_bridge.ros.gateway.fleet_diagnostics import Limits, diagnose
 from apad_bridge.ros.gateway.standard_messages import (
     agent_battery,

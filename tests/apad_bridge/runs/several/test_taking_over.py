@@ -98,7 +98,7 @@ def test_at_every_tick_each_is_in_exactly_one_share(tmp_path: Path) -> None:
         assert served == list(range(1, 9))
         # And no aPad plans for an aMussel that another serves.
         for it in supervisors:
-            assert {step.agent_id for step in it.mission.state.plan.steps} <= it.allocation.served
+            assert {step.agent_id for step in it.mission.state.plan} <= it.allocation.served
         return tick()
 
     opened.flights["apad2"].flight.step = watched  # type: ignore[method-assign]
