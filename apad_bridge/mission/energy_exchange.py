@@ -642,7 +642,7 @@ class EnergyExchange(OrderBook):
         finished, left = self._step, self.state.plan[1:]
         self.set(plan=left)
         collects = finished.kind is StepKind.COLLECT and all(it.kind is StepKind.COLLECT for it in left)
-        if collects and left and getattr(self._collection, "pre_empts", False):
+        if collects and left and self._collection.pre_empts:
             self._plan_rest_of_batch(len(left), now_ms)
         self._places.settle(self._is_given_up)
         if self.state.phase is not Phase.ENDED:

@@ -13,6 +13,7 @@ from apad_bridge.planning.candidates import Situation
 from apad_bridge.planning.costs import Scales, cost_of
 from apad_bridge.planning.registry import A_USERS_ERROR, label
 from apad_bridge.planning.solution import Solution, StepKind, check_solution
+from apad_bridge.planning.strategy import CollectionStrategy, Strategy
 
 Planning = Callable[[str], AbstractContextManager[None]]
 """Makes, of a strategy's name, what is entered while that strategy plans."""
@@ -35,10 +36,10 @@ def plan_or_reason(
     return solution
 
 
-def refuses_or_reason(name: str, strategy: object, situation: Situation) -> bool | str:
+def refuses_or_reason(name: str, strategy: CollectionStrategy, situation: Situation) -> bool | str:
     """True if the strategy refuses this pool for the present (`CollectionStrategy`); a user's error is a reason to end."""
     try:
-        return bool(getattr(strategy, "refuses", lambda _: False)(situation))
+        return bool(strategy.refuses(situation))
     except A_USERS_ERROR as error:
         return _failure(name, error)
 
@@ -53,7 +54,7 @@ def plan_event(
     solution: Solution,
     situation: Situation,
     scales: Scales,
-    strategy: object = None,
+    strategy: Strategy | None = None,
     exchanged: Sequence[tuple[int, int]] = (),
 ) -> PlanMade:
     """The plan for the journal, with the reasons that `strategy` gives, if it gives any.
@@ -88,13 +89,12 @@ def plan_event(
     )
 
 
-def _reasons(strategy: object, situation: Situation, solution: Solution) -> dict[str, Any]:
+def _reasons(strategy: Strategy | None, situation: Situation, solution: Solution) -> dict[str, Any]:
     """The fields of an explanation. A user's error in one must not end a flight: it stands in the place of the reasons."""
-    explain = getattr(strategy, "explain", None)
-    if explain is None:
-        return {}
     try:
-        options = list(explain(situation, solution))
+        options = [] if strategy is None else list(strategy.explain(situation, solution))
+        if not options:
+            return {}
         if not all(isfinite(cost) for option in options for cost in (option.cost, *option.parts.values())):
             raise ValueError("a cost that is no finite number")
         return {

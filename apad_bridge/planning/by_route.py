@@ -20,16 +20,14 @@ from apad_bridge.planning.costs import CostScales, Scales
 from apad_bridge.planning.explanation import Option, way_m, with_exchanges
 from apad_bridge.planning.paper_strategies import Cautious
 from apad_bridge.planning.routes import cheapest_choice
-from apad_bridge.planning.solution import Solution, StepKind
-from apad_bridge.planning.strategy import collect_in_order, docks_to_fill
+from apad_bridge.planning.solution import Solution
+from apad_bridge.planning.strategy import CollectionStrategy, collect_in_order, docks_to_fill
 
 _MOST_EXACT = 6
 
 
-class Blend:
+class Blend(CollectionStrategy):
     """The cheapest of all choices and orders; of equally cheap plans the first by ids."""
-
-    plans = StepKind.COLLECT
 
     def __init__(self, scales: Scales) -> None:
         self._scales = scales
@@ -65,13 +63,11 @@ class BestOfPool(Blend):
         super().__init__(CostScales(distance_per_m=1.0, energy_per_charge=0.0))
 
 
-class ShortestOrder:
+class ShortestOrder(CollectionStrategy):
     """The agents that Cautious chooses, along the shortest route: exact for six docks and fewer (`routes.py`).
 
     All of a batch wait for the last one to be docked, so their order costs way alone, and not charge.
     """
-
-    plans = StepKind.COLLECT
 
     def plan(self, situation: Situation, batch: int) -> Solution:
         chosen = {step.agent_id for step in Cautious().plan(situation, batch).steps}
@@ -84,14 +80,12 @@ class ShortestOrder:
         return Cautious().explain(situation, solution)
 
 
-class Exact:
+class Exact(CollectionStrategy):
     """The exact optimum of the cost for six agents and fewer, by every choice and every order.
 
     Source: enumeration; a pool of six has 720 plans at most for each size of a batch. It is the yardstick of the other
     strategies, and shares no code with them. Raises ValueError for a pool of more than six.
     """
-
-    plans = StepKind.COLLECT
 
     def __init__(self, scales: Scales) -> None:
         self._scales = scales

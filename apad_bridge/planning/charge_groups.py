@@ -23,14 +23,12 @@ from apad_bridge.planning.costs import Scales
 from apad_bridge.planning.energy_model import EnergyModel
 from apad_bridge.planning.explanation import Option, way_m, way_s, with_exchanges
 from apad_bridge.planning.routes import cheapest_choice
-from apad_bridge.planning.solution import Solution, StepKind
-from apad_bridge.planning.strategy import collect_in_order, docks_to_fill
+from apad_bridge.planning.solution import Solution
+from apad_bridge.planning.strategy import CollectionStrategy, collect_in_order, docks_to_fill
 
 
-class ChargeGroups:
+class ChargeGroups(CollectionStrategy):
     """Raises ValueError for a situation without an energy model."""
-
-    plans = StepKind.COLLECT
 
     def __init__(self, scales: Scales) -> None:
         self._scales = scales

@@ -7,8 +7,8 @@ from math import fsum
 from apad_bridge.planning.candidates import Situation
 from apad_bridge.planning.explanation import Option, with_exchanges
 from apad_bridge.planning.paper_strategies import Greedy
-from apad_bridge.planning.solution import Solution, StepKind
-from apad_bridge.planning.strategy import collect_in_order, docks_to_fill
+from apad_bridge.planning.solution import Solution
+from apad_bridge.planning.strategy import CollectionStrategy, collect_in_order, docks_to_fill
 
 
 class NearestJobNext(Greedy):
@@ -25,7 +25,7 @@ class NearestJobNext(Greedy):
     pre_empts = True
 
 
-class EarliestDeadline:
+class EarliestDeadline(CollectionStrategy):
     """Chooses the agents with the least charge in both batteries together, of equal ones the lowest id.
 
     Source: C. L. Liu, J. W. Layland, "Scheduling Algorithms for Multiprogramming in a Hard-Real-Time Environment", JACM
@@ -35,8 +35,6 @@ class EarliestDeadline:
     mission knows, so the order is by the charge of both batteries together. In the paper's worst case every secondary is
     full, and the order is that of Cautious.
     """
-
-    plans = StepKind.COLLECT
 
     def plan(self, situation: Situation, batch: int) -> Solution:
         count = docks_to_fill(situation, batch)

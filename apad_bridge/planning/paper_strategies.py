@@ -7,17 +7,21 @@ from math import fsum
 from apad_bridge.planning.candidates import Candidate, Situation
 from apad_bridge.planning.explanation import Option, way_m, with_exchanges
 from apad_bridge.planning.solution import Solution, Step, StepKind
-from apad_bridge.planning.strategy import collect_in_order, docks_to_fill, nearest
+from apad_bridge.planning.strategy import (
+    CollectionStrategy,
+    RedeploymentStrategy,
+    collect_in_order,
+    docks_to_fill,
+    nearest,
+)
 
 
-class Greedy:
+class Greedy(CollectionStrategy):
     """Goes from the aPad's place to the nearest candidate, from there to the nearest of the rest, and so on.
 
     Equally near candidates follow by id, lowest first. The strategy ignores charge, and its whole route need not be
     the shortest.
     """
-
-    plans = StepKind.COLLECT
 
     def plan(self, situation: Situation, batch: int) -> Solution:
         agents = {agent.agent_id: agent for agent in situation.candidates}
@@ -34,10 +38,8 @@ class Greedy:
         return with_exchanges(situation, solution, lambda agents: {"way_m": way_m(situation, agents)})
 
 
-class Cautious:
+class Cautious(CollectionStrategy):
     """Chooses the lowest charge in each step, of equal charges the lowest id, and ignores the aPad's movement."""
-
-    plans = StepKind.COLLECT
 
     def plan(self, situation: Situation, batch: int) -> Solution:
         count = docks_to_fill(situation, batch)
@@ -50,23 +52,19 @@ class Cautious:
         )
 
 
-class NoCollection:
+class NoCollection(CollectionStrategy):
     """Never collects anybody: the aPad waits for the whole mission."""
-
-    plans = StepKind.COLLECT
 
     def plan(self, situation: Situation, batch: int) -> Solution:
         return Solution(())
 
 
-class GreedyRedeploy:
+class GreedyRedeploy(RedeploymentStrategy):
     """Goes from the aPad's place to the nearest home, from there to the nearest home of the rest, and so on.
 
     The strategy takes "current" proximity from the aPad's place at each step. Equally near homes follow by id,
     lowest first. Raises ValueError if a candidate is not docked: that is our own mistake.
     """
-
-    plans = StepKind.DEPLOY
 
     def plan(self, situation: Situation) -> Solution:
         docks: dict[int, int] = {}

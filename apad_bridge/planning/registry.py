@@ -19,7 +19,7 @@ from functools import lru_cache
 from importlib.metadata import EntryPoint, EntryPoints, entry_points
 from pathlib import Path
 from types import ModuleType
-from typing import Any, NamedTuple, cast
+from typing import NamedTuple, TypeVar
 
 from apad_bridge.planning.by_route import BestOfPool, Blend, Exact, ShortestOrder
 from apad_bridge.planning.charge_groups import ChargeGroups
@@ -32,10 +32,11 @@ from apad_bridge.planning.strategy import CollectionStrategy, RedeploymentStrate
 from apad_bridge.planning.triage import ByLoad, Core, Triage
 
 GROUP = "musselbed.strategies"
+Sort = TypeVar("Sort", CollectionStrategy, RedeploymentStrategy)
 A_USERS_ERROR = (Exception, SystemExit)
 """The errors that a strategy of a user may raise: `sys.exit` in it would end the command without a word."""
 
-_BUILT_IN: dict[str, Callable[[], Any]] = {
+_BUILT_IN: dict[str, type[CollectionStrategy | RedeploymentStrategy]] = {
     "best-of-pool": BestOfPool,
     "cautious": Cautious,
     "edf": EarliestDeadline,
@@ -46,7 +47,7 @@ _BUILT_IN: dict[str, Callable[[], Any]] = {
     "shortest-order": ShortestOrder,
     "triage": Triage,
 }
-_SCALED: dict[str, Callable[[Scales], Any]] = {
+_SCALED: dict[str, Callable[[Scales], CollectionStrategy]] = {
     "blend": Blend,
     "by-load": ByLoad,
     "core": Core,
@@ -119,9 +120,7 @@ def known_names() -> list[str]:
 
 def _known_of(kind: StepKind) -> list[str]:
     """Returns the strategies that can be of this kind: a package's may be of either, for none is loaded."""
-    other = {
-        name for name, strategy in _BUILT_IN.items() if getattr(strategy, "plans", None) not in (None, kind)
-    }
+    other = {name for name, strategy in _BUILT_IN.items() if strategy.plans is not kind}
     scaled = set() if kind is StepKind.COLLECT else set(_SCALED)
     return [name for name in known_names() if name not in other | scaled]
 
@@ -132,7 +131,7 @@ def collection(name: str, scales: Scales | None = None, trust: Trust | None = No
     `scales` are the factors of distance and energy, 1 by default, for the strategies that weigh the two. A strategy in a
     file is executed with `trust` alone.
     """
-    return cast(CollectionStrategy, _create(name, StepKind.COLLECT, scales or CostScales(), trust))
+    return _create(name, CollectionStrategy, scales or CostScales(), trust)
 
 
 def redeployment(name: str, trust: Trust | None = None) -> RedeploymentStrategy:
@@ -140,10 +139,11 @@ def redeployment(name: str, trust: Trust | None = None) -> RedeploymentStrategy:
 
     A strategy in a file is executed with `trust` alone.
     """
-    return cast(RedeploymentStrategy, _create(name, StepKind.DEPLOY, CostScales(), trust))
+    return _create(name, RedeploymentStrategy, CostScales(), trust)
 
 
-def _create(name: str, kind: StepKind, scales: Scales, trust: Trust | None) -> object:
+def _create(name: str, sort: type[Sort], scales: Scales, trust: Trust | None) -> Sort:
+    kind = sort.plans
     in_file = InFile.of(name)
     if in_file is not None:
         if trust is None or not trust.covers(in_file.path):
@@ -153,7 +153,16 @@ def _create(name: str, kind: StepKind, scales: Scales, trust: Trust | None) -> o
         source, strategy = _create_by_name(name, kind, scales)
     if lacking := _lacking(strategy, kind):
         raise ValueError(f"{source} is no {kind} strategy: it needs {' and '.join(lacking)}")
-    return strategy
+    return strategy if isinstance(strategy, sort) else _completed(strategy, sort)
+
+
+def _completed(strategy: object, sort: type[Sort]) -> Sort:
+    """A strategy with the members of this one, and with the defaults of its sort for those that it lacks."""
+    completed = sort()
+    for name in ("plan", "pre_empts", "refuses", "explain"):
+        if hasattr(strategy, name):
+            setattr(completed, name, getattr(strategy, name))
+    return completed
 
 
 def _create_by_name(name: str, kind: StepKind, scales: Scales) -> tuple[str, object]:
@@ -231,8 +240,8 @@ def _where(error: BaseException, path: Path) -> str:
 
 def _built_in(name: str, scales: Scales) -> object | None:
     if name in _SCALED:
-        return cast(object, _SCALED[name](scales))
-    return cast(object, _BUILT_IN[name]()) if name in _BUILT_IN else None
+        return _SCALED[name](scales)
+    return _BUILT_IN[name]() if name in _BUILT_IN else None
 
 
 def _entries() -> EntryPoints:

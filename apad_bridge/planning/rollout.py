@@ -24,8 +24,8 @@ from apad_bridge.planning.energy_model import EnergyModel
 from apad_bridge.planning.explanation import Option, best_of
 from apad_bridge.planning.projection import ProjectedOutcome, Projection
 from apad_bridge.planning.routes import cheapest_choice
-from apad_bridge.planning.solution import Solution, StepKind
-from apad_bridge.planning.strategy import collect_in_order, docks_to_fill
+from apad_bridge.planning.solution import Solution
+from apad_bridge.planning.strategy import CollectionStrategy, collect_in_order, docks_to_fill
 
 SALVAGE = 0.75
 """The share of a charge left at the horizon that is spent at work later."""
@@ -41,10 +41,9 @@ SOON = 2
 """An exchange takes those whom the base policy would collect with a plan of so many times the length."""
 
 
-class Rollout:
+class Rollout(CollectionStrategy):
     """Raises ValueError for a situation without an energy model."""
 
-    plans = StepKind.COLLECT
     unfairness = 0.0
     """The worth of an aMussel's idle time falls with its square, so that nobody idles long; 0 counts idle time alike."""
 

@@ -6,39 +6,52 @@ ties, and docks are filled in the order in which the situation lists them.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from math import dist
-from typing import Protocol
 
 from apad_bridge.planning.candidates import Candidate, Situation
+from apad_bridge.planning.explanation import Option
 from apad_bridge.planning.solution import Solution, Step, StepKind
 
 
-class CollectionStrategy(Protocol):
-    """Chooses the agents to collect, and their order.
+class Strategy:
+    """The common part of both sorts. A class of a user's need not derive: the registry adds the members that it lacks."""
 
-    A strategy may have an attribute `pre_empts`: if it is True, the mission plans the rest of a batch anew after each
-    docking. It may have a method `refuses(situation)`: True if it refuses the whole pool, and will until another aMussel
-    joins it. Falling charges and time may end that, and places may not. A study then skips the time until the end.
-    """
+    plans: StepKind
+    """The sort of strategy."""
 
-    @property
-    def plans(self) -> StepKind:
-        """StepKind.COLLECT, by which the registry tells the two sorts of strategy apart."""
+    def explain(self, situation: Situation, solution: Solution) -> Sequence[Option]:
+        """Returns the reasons of a plan: the plan itself first, and its runner-up second; nothing without reasons."""
+        return ()
+
+
+class CollectionStrategy(Strategy):
+    """Chooses the agents to collect, and their order."""
+
+    plans = StepKind.COLLECT
+    pre_empts = False
+    """True if the mission plans the rest of a batch anew after each docking."""
 
     def plan(self, situation: Situation, batch: int) -> Solution:
         """Returns COLLECT steps for at most `batch` candidates, and for no more than there are free docks."""
+        raise NotImplementedError
+
+    def refuses(self, situation: Situation) -> bool:
+        """True if it refuses the whole pool, and will until another aMussel joins it.
+
+        Falling charges and time may end that, and places may not. A study then skips the time until the end.
+        """
+        return False
 
 
-class RedeploymentStrategy(Protocol):
+class RedeploymentStrategy(Strategy):
     """Chooses the order in which docked agents go back to their homes."""
 
-    @property
-    def plans(self) -> StepKind:
-        """StepKind.DEPLOY, by which the registry tells the two sorts of strategy apart."""
+    plans = StepKind.DEPLOY
 
     def plan(self, situation: Situation) -> Solution:
         """Returns a DEPLOY step for each candidate; all of them are docked (`dock_index` is known)."""
+        raise NotImplementedError
 
 
 def docks_to_fill(situation: Situation, batch: int) -> int:

@@ -30,7 +30,7 @@ from apad_bridge.planning.candidates import Candidate, Situation
 from apad_bridge.planning.costs import Scales
 from apad_bridge.planning.energy_model import EnergyModel
 from apad_bridge.planning.paper_strategies import Cautious
-from apad_bridge.planning.solution import Solution, StepKind
+from apad_bridge.planning.solution import Solution
 from apad_bridge.planning.strategy import CollectionStrategy, collect_in_order, docks_to_fill
 
 FLOOR_DISCHARGES = 4.0
@@ -38,10 +38,9 @@ SPARING_FLOOR_DISCHARGES = 8.0
 """The floor of `by-load`, and the least of `core`. Most of triage's metres are ways to those at the floor."""
 
 
-class Triage:
+class Triage(CollectionStrategy):
     """Raises ValueError for a situation without an energy model."""
 
-    plans = StepKind.COLLECT
     floor_discharges = FLOOR_DISCHARGES
 
     def __init__(self, without_overload: CollectionStrategy | None = None) -> None:
@@ -115,13 +114,11 @@ FLOORS_SHARE = 0.1
 """The part of the docks' time that `core` spends on those who were unserved for long."""
 
 
-class Core:
+class Core(CollectionStrategy):
     """Keeps a core of near aMussels alive in heavy overload; otherwise it plans as `by-load`. It may refuse the whole pool.
 
     Raises ValueError for a situation without an energy model.
     """
-
-    plans = StepKind.COLLECT
 
     def __init__(self, scales: Scales) -> None:
         self._by_load = ByLoad(scales)

@@ -16,6 +16,7 @@ from apad_bridge.planning.candidates import Candidate, Situation
 from apad_bridge.planning.costs import CostScales
 from apad_bridge.planning.explanation import Option
 from apad_bridge.planning.solution import Solution
+from apad_bridge.planning.strategy import CollectionStrategy
 from apad_bridge.records.journal import Journal
 from apad_bridge.runs.exits import UserError
 
@@ -57,7 +58,7 @@ def test_it_prints_the_plan_in_force_with_its_runner_up(
     assert "60 s: mine planned to collect 1, 2" in shown and "runner-up" in shown and "+0.100" in shown
 
 
-class Silent:
+class Silent(CollectionStrategy):
     """Gives no reasons."""
 
     def plan(self, situation: Situation, batch: int) -> Solution:
@@ -105,7 +106,7 @@ def test_a_mistake_is_one_line(tmp_path: Path) -> None:
 def test_the_plan_comes_first_and_its_options_by_rising_cost(name: str) -> None:
     strategy = registry.collection(name, CostScales(1.0, 50.0))
     plan = strategy.plan(SITUATION, 2)
-    options = strategy.explain(SITUATION, plan)  # type: ignore[attr-defined]
+    options = strategy.explain(SITUATION, plan)
     assert list(options[0].agents) == [step.agent_id for step in plan.steps]
     costs = [option.cost for option in options[1:]]
     assert costs == sorted(costs) and len(options) == 5

@@ -21,6 +21,7 @@ from apad_bridge.mission.home_stays import NO_HOME, HomeStays
 from apad_bridge.mission.orders import Order, PermitSurfacing, TellClear
 from apad_bridge.planning import registry
 from apad_bridge.planning.solution import Solution, Step, StepKind
+from apad_bridge.planning.strategy import CollectionStrategy
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Dispatch, DockedAtHome, Home, Places, Suspects, Unavailable
 from apad_bridge.scenario.schema import Mission as MissionConfig
@@ -728,22 +729,22 @@ def test_a_strategy_that_pre_empts_takes_a_nearer_request_that_came_on_the_way(
     assert {step.dock_index for step in steps} == {1, 2, 3}
 
 
-class Raises:
+class Raises(CollectionStrategy):
     def plan(self, situation: object, batch: int) -> Solution:
         raise RuntimeError("no idea")
 
 
-class Leaves:
+class Leaves(CollectionStrategy):
     def plan(self, situation: object, batch: int) -> Solution:
         sys.exit(0)
 
 
-class Foreign:
+class Foreign(CollectionStrategy):
     def plan(self, situation: object, batch: int) -> Solution:
         return Solution((Step(StepKind.COLLECT, 99, 0),))
 
 
-class FailsToRefuse:
+class FailsToRefuse(CollectionStrategy):
     """Has no plan, and raises when it is asked if it refuses, after so many answers."""
 
     def __init__(self, answered: int) -> None:

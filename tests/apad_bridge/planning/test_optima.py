@@ -114,4 +114,4 @@ def test_nearest_job_next_plans_as_greedy_and_pre_empts() -> None:
     agents = tuple(Candidate(k, k * k, -k, 0.5, 1.0, 0, 0) for k in range(1, 6))
     situation = Situation(3, 3, agents, (2, 0))
     assert NearestJobNext().plan(situation, 2) == Greedy().plan(situation, 2)
-    assert NearestJobNext.pre_empts and not hasattr(Greedy, "pre_empts")
+    assert NearestJobNext.pre_empts and not Greedy.pre_empts

@@ -130,6 +130,23 @@ class Asks(Greedy):
 
 class Home(GreedyRedeploy):
     pass
+
+
+class Plain:
+    plans = StepKind.COLLECT
+
+    def plan(self, situation, batch):
+        return Greedy().plan(situation, batch)
+
+
+class Whole(Plain):
+    pre_empts = True
+
+    def refuses(self, situation):
+        return True
+
+    def explain(self, situation, solution):
+        return [solution]
 """
 
 
@@ -152,6 +169,21 @@ def test_a_class_of_a_file_is_a_strategy_and_a_changed_file_is_read_again(file: 
     )
     assert isinstance(collection(name, trust=Trust()), NoCollection)
     assert first != identity(name) and first.startswith("mine.py:Mine ")
+
+
+def test_a_strategy_that_derives_from_none_has_defaults_for_what_it_lacks(file: Path) -> None:
+    situation = Situation(0, 0, (Candidate(4, 3, 0, 0.5, 1, 3, 0),), (1,))
+    plain, whole = (collection(f"{file}:{name}", trust=Trust()) for name in ("Plain", "Whole"))
+    for strategy in (plain, whole):
+        assert strategy.plan(situation, batch=1).steps == (("collect", 4, 1),)
+    solution = plain.plan(situation, batch=1)
+    assert (plain.pre_empts, plain.refuses(situation), list(plain.explain(situation, solution))) == (
+        False,
+        False,
+        [],
+    )
+    assert (whole.pre_empts, whole.refuses(situation)) == (True, True)
+    assert whole.explain(situation, solution) == [solution]
 
 
 @pytest.mark.parametrize(
