@@ -51,18 +51,16 @@ def check_definitions(ours: Definitions, others: Iterable[Definitions]) -> Itera
             )
             more = f" and {len(differing) - _MAX_LISTED} more" if len(differing) > _MAX_LISTED else ""
             yield warn(
-                "definitions",
                 f"{other.source} differs from {ours.source} in {shown}{more}",
                 "if your aPad speaks theirs (see the lines that begin with its name), put their texts into "
                 "apad_bridge/ros/definitions and run launch_scripts/install; otherwise leave that workspace unsourced",
             )
         elif other.md5s:
-            yield ok("definitions", f"{other.source} defines {len(other.md5s)} of our types, each as we do")
+            yield ok(f"{other.source} defines {len(other.md5s)} of our types, each as we do")
         if other.unreadable:
             yield warn(
-                "definitions",
                 f"{other.source} holds what cannot be read: {', '.join(other.unreadable[:_MAX_LISTED])}",
                 "mend that package, or take it off ROS_PACKAGE_PATH",
             )
     if not any(other.md5s or other.unreadable for other in others):
-        yield ok("definitions", "no other package on PYTHONPATH or ROS_PACKAGE_PATH defines our types")
+        yield ok("no other package on PYTHONPATH or ROS_PACKAGE_PATH defines our types")

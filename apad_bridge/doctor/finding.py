@@ -21,7 +21,7 @@ class CheckStatus(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """`check` names the subject of the check. Raises ValueError for trouble without a mend."""
+    """`check` names the subject of the check; `run_check` names what has no name. ValueError for trouble without a mend."""
 
     check: str
     status: CheckStatus
@@ -37,19 +37,19 @@ class Finding:
         return " ".join(f"{self.status:<4} {self.check}: {self.found}{mend}".split("\n"))
 
 
-def ok(check: str, found: str) -> Finding:
+def ok(found: str, *, check: str = "") -> Finding:
     return Finding(check, CheckStatus.OK, found)
 
 
-def warn(check: str, found: str, mend: str) -> Finding:
+def warn(found: str, mend: str, *, check: str = "") -> Finding:
     return Finding(check, CheckStatus.WARN, found, mend)
 
 
-def fail(check: str, found: str, mend: str) -> Finding:
+def fail(found: str, mend: str, *, check: str = "") -> Finding:
     return Finding(check, CheckStatus.FAIL, found, mend)
 
 
-def cannot_tell(check: str, found: str, mend: str) -> Finding:
+def cannot_tell(found: str, mend: str, *, check: str = "") -> Finding:
     return Finding(check, CheckStatus.CANNOT_TELL, found, mend)
 
 
@@ -57,8 +57,8 @@ def cannot_tell(check: str, found: str, mend: str) -> Finding:
 class Check(Generic[Subject]):
     """One check of a table `CHECKS`: the function that examines its subject, and its weight before a real aPad moves.
 
-    A module has the table of its checks, so that a new check is one entry beside its function. Its findings have its
-    name, after the aPad's for a check of one aPad.
+    A module has the table of its checks, so that a new check is one entry beside its function. A finding has the check's
+    name, or one of its own, after the aPad's for a check of one aPad.
     """
 
     name: str
@@ -89,20 +89,20 @@ def run_checks(
 ) -> Iterator[Finding]:
     """The findings of a table's checks, in its order; `apad` names the subject of checks of one aPad."""
     for check in checks:
-        for finding in run_check(f"{apad} {check.name}".strip(), partial(check.examine, subject)):
+        for finding in run_check(check.name, partial(check.examine, subject), apad):
             is_red = before_mission and check.is_red_at_warning and finding.status is CheckStatus.WARN
             yield replace(finding, status=CheckStatus.FAIL) if is_red else finding
 
 
-def run_check(check: str, examine: Callable[[], Finding | Iterable[Finding]]) -> list[Finding]:
-    """Returns the findings of `examine`. A check that breaks becomes a FAIL and does not stop other checks."""
+def run_check(
+    check: str, examine: Callable[[], Finding | Iterable[Finding]], apad: str = ""
+) -> list[Finding]:
+    """Returns the findings of `examine`, named. A check that breaks becomes a FAIL and does not stop other checks."""
     findings: list[Finding] = []
     try:
         found = examine()
         findings += [found] if isinstance(found, Finding) else found
     except Exception as error:
         reason = f"this check broke: {type(error).__name__}: {error}"
-        findings.append(
-            fail(check, reason, "report this line to musselbed's authors; the other checks stand")
-        )
-    return findings
+        findings.append(fail(reason, "report this line to musselbed's authors; the other checks stand"))
+    return [replace(it, check=f"{apad} {it.check or check}".strip()) for it in findings]

@@ -111,19 +111,16 @@ def check_addresses(uri: str, announced: str) -> Iterator[Finding]:
     try:
         here = address_of(announced)
     except Unreachable as error:
-        yield fail("own address", f"nodes of this machine call themselves {announced}, but {error}", mend)
+        yield fail(f"nodes of this machine call themselves {announced}, but {error}", mend)
         return
     if here == route or (here.startswith("127.") and route.startswith("127.")):
         yield ok(
-            "own address",
             f"nodes of this machine call themselves {announced}; the route to the master is from {route}",
         )
     elif here.startswith("127."):
-        yield fail(
-            "own address", f"{announced} is this machine's loopback, and the master is at {master}", mend
-        )
+        yield fail(f"{announced} is this machine's loopback, and the master is at {master}", mend)
     else:
-        yield warn("own address", f"{announced} is {here}, but the route to the master is from {route}", mend)
+        yield warn(f"{announced} is {here}, but the route to the master is from {route}", mend)
 
 
 def check_call_back(uri: str, announced: str, bind: str) -> Finding:
@@ -155,10 +152,9 @@ def check_call_back(uri: str, announced: str, bind: str) -> Finding:
             server.shutdown()
             serving.join(TIMEOUT_S)
     if is_called_back:
-        return ok("call back", f"the master reached a node of this machine at {announced}")
+        return ok(f"the master reached a node of this machine at {announced}")
     route = route_address(address_of(host_and_port(uri)[0]))
     return fail(
-        "call back",
         f"the master did not reach {ours} within {TIMEOUT_S:g} s: topics would be listed here, but nothing would arrive",
         f"export ROS_IP={route}, and let the firewall pass TCP from the master's machine to all ports above 1024",
     )
@@ -182,22 +178,20 @@ def check_clock(graph: Graph) -> Finding:
         for node in sources
     )
     if len(sources) > 1:
-        return fail("clock", f"/clock comes from {whose}: time would jump", "end all of these nodes but one")
+        return fail(f"/clock comes from {whose}: time would jump", "end all of these nodes but one")
     if follows and not sources:
         return fail(
-            "clock",
             f"/use_sim_time is true and no node{' that lives' if dead else ''} publishes /clock: time stands still",
             "start the node that publishes /clock, or: rosparam set /use_sim_time false, and start the nodes again",
         )
     if follows:
-        return ok("clock", f"simulated time, /clock from {whose}: fly with --time ros")
+        return ok(f"simulated time, /clock from {whose}: fly with --time ros")
     if sources:
         return warn(
-            "clock",
             f"/clock comes from {whose}, but /use_sim_time is not set: nodes follow their own clocks",
             "rosparam set /use_sim_time true before any node starts, or end it",
         )
-    return ok("clock", "wall time: fly with --time wall")
+    return ok("wall time: fly with --time wall")
 
 
 def check_nodes(graph: Graph) -> Iterator[Finding]:
@@ -210,14 +204,11 @@ def check_nodes(graph: Graph) -> Iterator[Finding]:
     yield from troubles[:_MAX_LISTED]
     if len(troubles) > _MAX_LISTED:
         yield warn(
-            "nodes",
             f"{len(troubles) - _MAX_LISTED} more nodes do not answer",
             "mend those above and run this again",
         )
     if not troubles:
-        yield ok(
-            "nodes", f"{len(nodes)} on the graph, all reachable from here" if nodes else "none on the graph"
-        )
+        yield ok(f"{len(nodes)} on the graph, all reachable from here" if nodes else "none on the graph")
 
 
 def _trouble_with(uri: str, node: str) -> Finding | None:
@@ -232,12 +223,12 @@ def _trouble_with(uri: str, node: str) -> Finding | None:
     except Unreachable as error:
         host = api.removeprefix("http://").split(":")[0] or "its host"
         mend = f"add {host} to /etc/hosts here, or set ROS_IP on that machine and start the node again"
-        return fail(node, f"announces {api or 'nothing'}: {error}", mend)
+        return fail(f"announces {api or 'nothing'}: {error}", mend, check=node)
     try:
         call(api, "getPid")
     except Unreachable as error:
         mend = "if the node is dead: rosnode cleanup; if it lives: let the firewall pass TCP to that port"
-        return warn(node, str(error), mend)
+        return warn(str(error), mend, check=node)
     return None
 
 
@@ -277,22 +268,20 @@ def check_agents_present(graph: Graph, ids: Iterable[int] | None, namespace: str
     clash = sorted(set(taken) & set(ids or ()))
     living, dead = _living(graph.uri, {node for agent_id in clash for node in taken[agent_id]})
     if not taken:
-        return ok("aMussel ids", f"no node publishes an {in_full(namespace, 'amusselK')}/position")
+        return ok(f"no node publishes an {in_full(namespace, 'amusselK')}/position")
     taken_ids = in_ranges(taken)
     if clash and not living:
         who = f"{', '.join(dead)} alone, whose process has ended"
-        return warn(
-            "aMussel ids", f"{in_ranges(clash)} of the scenario are published by {who}", "rosnode cleanup"
-        )
+        return warn(f"{in_ranges(clash)} of the scenario are published by {who}", "rosnode cleanup")
     if clash:
         who = ", ".join(living)
         beyond = max(taken) + 1
         mend = f"end {who}, or set fleet.first_id to {beyond} in the scenario"
-        return fail("aMussel ids", f"{in_ranges(clash)} of the scenario are published already by {who}", mend)
+        return fail(f"{in_ranges(clash)} of the scenario are published already by {who}", mend)
     if ids is None:
         mend = "give other ids to a fleet on this master: fleet.first_id in the scenario"
-        return warn("aMussel ids", f"{taken_ids} are published already", mend)
-    return ok("aMussel ids", f"{taken_ids} are published already, none of them the scenario's")
+        return warn(f"{taken_ids} are published already", mend)
+    return ok(f"{taken_ids} are published already, none of them the scenario's")
 
 
 @dataclass(frozen=True, slots=True)

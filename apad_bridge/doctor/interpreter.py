@@ -36,7 +36,6 @@ def check_python(
     if not debian.exists() or executable.resolve() != debian.resolve():
         return [
             fail(
-                "python",
                 f"{version} of {executable}, which does not see Debian's rospy",
                 f"{INSTALL}, which uses {debian}",
             )
@@ -45,17 +44,16 @@ def check_python(
     if not settings.exists():
         return [
             warn(
-                "python",
                 f"{version} of Debian, in no virtual environment",
                 f"{INSTALL} and use .venv/bin/musselbed",
             )
         ]
     if PathFinder.find_spec("rospy") is None:
-        return [fail("python", f"{environment} does not see Debian's rospy", INSTALL)]
+        return [fail(f"{environment} does not see Debian's rospy", INSTALL)]
     if re.search(r"^include-system-site-packages\s*=\s*true\s*$", settings.read_text(), re.MULTILINE):
         every = "sees all Python packages of Debian's, and each may shadow a pinned one"
-        return [warn("python", f"{environment} {every}", f"{INSTALL}, which mends .venv")]
-    return [ok("python", f"{version} of Debian, with its ROS, in {environment}")]
+        return [warn(f"{environment} {every}", f"{INSTALL}, which mends .venv")]
+    return [ok(f"{version} of Debian, with its ROS, in {environment}")]
 
 
 def check_packages(distribution: str = "musselbed") -> Iterator[Finding]:
@@ -63,7 +61,7 @@ def check_packages(distribution: str = "musselbed") -> Iterator[Finding]:
     try:
         required = importlib.metadata.requires(distribution) or []
     except importlib.metadata.PackageNotFoundError:
-        yield fail("packages", f"{distribution} is not installed in {sys.prefix}", INSTALL)
+        yield fail(f"{distribution} is not installed in {sys.prefix}", INSTALL)
         return
     for line in required:
         if "extra ==" in line or not _is_of_this_python(line):
@@ -72,9 +70,9 @@ def check_packages(distribution: str = "musselbed") -> Iterator[Finding]:
         try:
             version = importlib.metadata.version(name)
         except importlib.metadata.PackageNotFoundError:
-            yield fail(name, "is not installed", INSTALL)
+            yield fail("is not installed", INSTALL, check=name)
             continue
-        yield check_numpy(version) if name == "numpy" else ok(name, version)
+        yield check_numpy(version) if name == "numpy" else ok(version, check=name)
 
 
 def _is_of_this_python(line: str) -> bool:
@@ -86,12 +84,14 @@ def _is_of_this_python(line: str) -> bool:
 def check_numpy(version: str, python: tuple[int, int] = sys.version_info[:2]) -> Finding:
     numbers = tuple(int(part) for part in re.findall(r"\d+", version)[:3])
     if NUMPY_FROM <= numbers < NUMPY_BELOW:
-        return ok("numpy", version)
+        return ok(version, check="numpy")
     if python >= (3, 14) and numbers >= NUMPY_BELOW:
         return warn(
-            "numpy", f"{version}: publishing by rospy.numpy_msg fails with it", "publish lists instead"
+            f"{version}: publishing by rospy.numpy_msg fails with it", "publish lists instead", check="numpy"
         )
-    return fail("numpy", f"{version} does not go with Debian's rospy (1.26.4 or later, below 2.3)", INSTALL)
+    return fail(
+        f"{version} does not go with Debian's rospy (1.26.4 or later, below 2.3)", INSTALL, check="numpy"
+    )
 
 
 def check_pinned(site: Path | None = None) -> Iterator[Finding]:
@@ -103,9 +103,9 @@ def check_pinned(site: Path | None = None) -> Iterator[Finding]:
             taken.setdefault(elsewhere, []).append(name)
     for elsewhere, names in taken.items():
         found = f"{', '.join(names)} would be imported from {elsewhere}, and not from {site}"
-        yield fail("shadowed packages", found, _removal(elsewhere))
+        yield fail(found, _removal(elsewhere))
     if not taken:
-        yield ok("shadowed packages", f"none of {site}")
+        yield ok(f"none of {site}")
 
 
 def _modules_in(folder: Path) -> set[str]:
@@ -144,23 +144,23 @@ def check_shadows(
         earlier = _foreign(name, [here], root)
         if earlier:
             yield fail(
-                name,
                 f"{earlier[0]} would be taken for musselbed's",
                 f"run musselbed in another folder than {here}",
+                check=name,
             )
             continue
         ours = entries.index(root) if root in entries else len(entries)
         first, later = _foreign(name, entries[:ours], root), _foreign(name, entries[ours:], root)
         if first and ours < len(entries):
-            yield fail(name, f"{first[0]} comes before {root / name}", _removal(first[0]))
+            yield fail(f"{first[0]} comes before {root / name}", _removal(first[0]), check=name)
         elif first or later:
             yield warn(
-                name,
                 f"{root / name} is used; {(first or later)[0]} is another package of that name",
                 _removal((first or later)[0]),
+                check=name,
             )
         else:
-            yield ok(name, str(root / name))
+            yield ok(str(root / name), check=name)
 
 
 def _foreign(name: str, entries: Iterable[Path], root: Path) -> list[Path]:

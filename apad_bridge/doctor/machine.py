@@ -27,11 +27,10 @@ def check_open_files(agents: int, hard: int | None = None) -> Finding:
     shown = "unlimited" if limit == resource.RLIM_INFINITY else str(limit)
     if limit != resource.RLIM_INFINITY and limit < agents + _OWN_FILES:
         return fail(
-            "open files",
             f"at most {shown}, too few for {agents} aMussels",
             f"ulimit -Hn {agents + _OWN_FILES} (as root), or --agents {max(0, limit - _OWN_FILES)}",
         )
-    return ok("open files", f"at most {shown}, enough for {agents} aMussels")
+    return ok(f"at most {shown}, enough for {agents} aMussels")
 
 
 def check_processes(agents: int, hard: int | None = None, threads_max: int | None = None) -> Finding:
@@ -44,23 +43,20 @@ def check_processes(agents: int, hard: int | None = None, threads_max: int | Non
     }
     bounded = {name: limit for name, limit in limits.items() if limit not in (None, resource.RLIM_INFINITY)}
     if not bounded:
-        return ok("processes", "no limit")
+        return ok("no limit")
     name, limit = min(((name, limit or 0) for name, limit in bounded.items()), key=lambda pair: pair[1])
     if limit < agents + _OWN_PROCESSES:
         return fail(
-            "processes",
             f"{name} is {limit}, too few for {agents} aMussels",
             f"raise {name} to {agents + _OWN_PROCESSES}, or use --hosting one_process",
         )
-    return ok("processes", f"{name} of {limit} is enough for {agents} aMussels")
+    return ok(f"{name} of {limit} is enough for {agents} aMussels")
 
 
 def check_terminals() -> Finding:
     """Reports the limit. Each serial modem will need a terminal; nothing in this version does."""
     limit = _number("/proc/sys/kernel/pty/max")
-    return ok(
-        "pseudo-terminals", "unknown" if limit is None else f"at most {limit}; none is needed without a modem"
-    )
+    return ok("unknown" if limit is None else f"at most {limit}; none is needed without a modem")
 
 
 def check_memory(agents: int, free_mb: int | None = None, merges: bool | None = None) -> Finding:
@@ -71,9 +67,9 @@ def check_memory(agents: int, free_mb: int | None = None, merges: bool | None = 
     how = "same pages are merged" if merges else f"same pages are not merged ({MERGING})"
     found = f"{free_mb} MB free, {agents} aMussels take {needed_mb:.0f} at most; {how}"
     if free_mb >= needed_mb:
-        return ok("memory", found)
+        return ok(found)
     mend = "fewer aMussels, or --hosting one_process"
-    return fail("memory", found, mend if merges else f"echo 1 > {MERGING} (as root); or {mend}")
+    return fail(found, mend if merges else f"echo 1 > {MERGING} (as root); or {mend}")
 
 
 def check_disk(folder: Path, free: int | None = None) -> Finding:
@@ -81,14 +77,12 @@ def check_disk(folder: Path, free: int | None = None) -> Finding:
     free = shutil.disk_usage(folder).free if free is None else free
     room = f"{free // _MB} MB free in {folder}"
     if not os.access(folder, os.W_OK):
-        return fail(
-            "disk", f"{folder} cannot be written to", "run musselbed in a folder of yours, or use --out DIR"
-        )
+        return fail(f"{folder} cannot be written to", "run musselbed in a folder of yours, or use --out DIR")
     if free < 100 * _MB:
-        return fail("disk", room, "make room, or use --out DIR on another disk")
+        return fail(room, "make room, or use --out DIR on another disk")
     if free < 1024 * _MB:
-        return warn("disk", room, "enough for short runs only: make room, or use --out DIR on another disk")
-    return ok("disk", room)
+        return warn(room, "enough for short runs only: make room, or use --out DIR on another disk")
+    return ok(room)
 
 
 def check_loopback(ports: int = 4) -> Iterator[Finding]:
@@ -100,10 +94,9 @@ def check_loopback(ports: int = 4) -> Iterator[Finding]:
         with socket.create_connection(held[0].getsockname(), timeout=2):
             pass
         numbers = ", ".join(str(server.getsockname()[1]) for server in held)
-        yield ok("loopback", f"ports are free ({numbers} were given) and can be reached")
+        yield ok(f"ports are free ({numbers} were given) and can be reached")
     except OSError as error:
         yield fail(
-            "loopback",
             f"127.0.0.1 does not work: {error}",
             "ip link set lo up, and see what the firewall blocks",
         )

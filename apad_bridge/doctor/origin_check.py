@@ -32,15 +32,13 @@ def check_origin(uri: str, apad: str, ours: OriginLike, told: Sequence[ToldPlace
 
     `apad` is the aPad's namespace in full, such as /apad1.
     """
-    check = f"{apad} origin"
     try:
         parameters = told_by_parameters(uri, apad)
     except (Unreachable, TypeError, ValueError) as error:
-        return fail(check, str(error), "see rosparam get, and area.origin")
+        return fail(str(error), "see rosparam get, and area.origin")
     told = [*([] if parameters is None else [parameters]), *told]
     if not told:
         return cannot_tell(
-            check,
             f"{apad}/LocalOriginLat is not set, and its positions name neither an origin nor latitude and longitude",
             f"rosparam set {apad}/LocalOriginLat and LocalOriginLon to what the vehicle's filter uses; or compare by "
             "hand: a known place in degrees with the local metres there",
@@ -49,11 +47,11 @@ def check_origin(uri: str, apad: str, ours: OriginLike, told: Sequence[ToldPlace
         try:
             off_m = _off_m(it, ours.latitude_deg, ours.longitude_deg)
         except ValueError as error:
-            return fail(check, f"{it.source}: {error}", "see what the vehicle publishes, and area.origin")
+            return fail(f"{it.source}: {error}", "see what the vehicle publishes, and area.origin")
         if off_m > _SAME_M + _PLANE_SHARE * math.hypot(it.north_m, it.east_m):
-            return fail(check, *_differs(it, off_m, ours))
+            return fail(*_differs(it, off_m, ours))
     found = "; ".join(f"{it.source} say {it.latitude_deg:.7f}, {it.longitude_deg:.7f}" for it in told)
-    return ok(check, f"{found}, as the scenario does")
+    return ok(f"{found}, as the scenario does")
 
 
 def told_by_parameters(uri: str, apad: str) -> ToldPlace | None:

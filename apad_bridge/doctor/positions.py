@@ -70,11 +70,10 @@ def told_places(samples: Sequence[PositionSample]) -> list[ToldPlace]:
     return told
 
 
-def check_loss(apad: str, samples: Sequence[PositionSample], seconds: float) -> Finding:
+def check_loss(samples: Sequence[PositionSample], seconds: float) -> Finding:
     """Checks the position's messages for losses and long pauses."""
-    check = f"{apad} loss"
     if len(samples) < 2:
-        return fail(check, f"{len(samples)} positions in {seconds:g} s", "see the line of the position")
+        return fail(f"{len(samples)} positions in {seconds:g} s", "see the line of the position")
     numbers = [it.sequence for it in samples]
     pause_s = max(b.at_s - a.at_s for a, b in itertools.pairwise(samples))
     counts = numbers[-1] > numbers[0]
@@ -83,12 +82,11 @@ def check_loss(apad: str, samples: Sequence[PositionSample], seconds: float) -> 
     found = f"{len(samples)} positions in {seconds:g} s, {told}, the longest pause {pause_s:.2f} s"
     mend = "come nearer with the antenna, or take another channel; a wired tether for the first trials"
     if pause_s > TOO_LATE_S or missing > MISSING_SHARE * (missing + len(samples)):
-        return fail(check, found, mend)
-    return warn(check, found, mend) if missing or pause_s > 0.5 else ok(check, found)
+        return fail(found, mend)
+    return warn(found, mend) if missing or pause_s > 0.5 else ok(found)
 
 
 def check_position(
-    apad: str,
     samples: Sequence[PositionSample],
     seconds: float,
     jump_m: float,
@@ -99,58 +97,47 @@ def check_position(
 
     `speed_m_s` is the fastest that it goes, `publishers` the nodes that publish the topic.
     """
-    check = f"{apad} position"
     if len(publishers) > 1:
         return fail(
-            check,
             f"{len(publishers)} nodes publish it, {', '.join(publishers)}: the bench would take places of both in turn",
             "end all of these nodes but the vehicle's own; or --remap the topic to the one that is right",
         )
     if not samples:
-        return fail(
-            check, f"none within {seconds:g} s", "start what publishes it: GPS, filter, the vehicle's node"
-        )
+        return fail(f"none within {seconds:g} s", "start what publishes it: GPS, filter, the vehicle's node")
     bad = [fault for it in samples if (fault := it.fault) is not None]
     if bad:
         return fail(
-            check,
             f"{len(bad)} of {len(samples)} are not finite or beyond every water: {bad[-1]}",
             "start the vehicle's filter again, and see its origin and its compass",
         )
     if len(samples) < LEAST_HZ * seconds:
         return fail(
-            check,
             f"{len(samples)} in {seconds:g} s: {LEAST_HZ:g} a second are needed",
             "raise the rate of what publishes it, or mend the network first",
         )
     for before, after in itertools.pairwise(samples):
         way_m = math.dist((before.north_m, before.east_m), (after.north_m, after.east_m))
         if way_m > jump_m + speed_m_s * (after.at_s - before.at_s):
-            return fail(
-                check, f"it jumped by {way_m:.1f} m", "wait for a steady GPS, and see the vehicle's filter"
-            )
+            return fail(f"it jumped by {way_m:.1f} m", "wait for a steady GPS, and see the vehicle's filter")
         if before.stamp_s and after.stamp_s < before.stamp_s:
             return fail(
-                check,
                 f"its stamps went back by {before.stamp_s - after.stamp_s:.2f} s",
                 "see who sets the vehicle's clock, and whether its filter puts old positions out",
             )
     last = samples[-1]
     return ok(
-        check,
         f"({last.north_m:.1f} m north, {last.east_m:.1f} m east), {len(samples) / seconds:.1f} a second",
     )
 
 
-def check_gps(apad: str, samples: Sequence[PositionSample], expected_m: float | None = None) -> Finding:
+def check_gps(samples: Sequence[PositionSample], expected_m: float | None = None) -> Finding:
     """The quality that NavSts tells (status, variances), and how the places of an aPad at rest scatter.
 
     `expected_m` is the scenario's error of a position (95 %); a larger one than it is red.
     """
-    check = f"{apad} GPS"
     sound = [it for it in samples if it.fault is None]
     if len(sound) < 2:
-        return fail(check, "there are not two positions to judge it by", "see the line of the position")
+        return fail("there are not two positions to judge it by", "see the line of the position")
     last = sound[-1]
     scatter_m = math.hypot(
         statistics.pstdev(it.north_m for it in sound), statistics.pstdev(it.east_m for it in sound)
@@ -158,10 +145,9 @@ def check_gps(apad: str, samples: Sequence[PositionSample], expected_m: float | 
     found = f"it scatters by {scatter_m:.2f} m"
     mend = "wait for more satellites, keep the antenna clear, or let it lie still and try again"
     if scatter_m > SCATTER_M:
-        return fail(check, found, mend)
+        return fail(found, mend)
     if not last.status and not any(last.variances_m2):
         return cannot_tell(
-            check,
             f"{found}; the aPad tells neither status nor variance",
             "see its GPS receiver by hand: fix, satellites, HDOP",
         )
@@ -171,29 +157,26 @@ def check_gps(apad: str, samples: Sequence[PositionSample], expected_m: float | 
         or max(last.variances_m2) > VARIANCE_M2
         or not all(map(math.isfinite, last.variances_m2))
     ):
-        return fail(check, found, mend)
+        return fail(found, mend)
     error_m = DEVIATIONS_95 * math.sqrt(max(0.0, *last.variances_m2, scatter_m**2 / 2))
     if expected_m is not None and error_m > expected_m:
         return fail(
-            check,
             f"{found}: an error of {error_m:.2f} m (95 %), and guards.position_error_m is {expected_m:g} m",
             f"wait for a better fix, or set guards.position_error_m to {math.ceil(10 * error_m) / 10:g} with the "
             "clearance that it needs",
         )
-    return ok(check, found)
+    return ok(found)
 
 
-def check_lag(apad: str, samples: Sequence[PositionSample], clock_s: float | None) -> Finding:
+def check_lag(samples: Sequence[PositionSample], clock_s: float | None) -> Finding:
     """The age of the positions when they arrive, and the vehicle's clock; a clock that is off is measured, not refused.
 
     `clock_s` is the offset of the vehicle's clock from this machine's by the stamps of another topic of the vehicle, which
     no filter delays; None where there is none. Then a constant age cannot be told from a clock that is off.
     """
-    check = f"{apad} lag"
     offsets_s = [it.stamp_s - it.wall_s for it in samples if it.stamp_s]
     if not offsets_s:
         return cannot_tell(
-            check,
             "its positions are not stamped: an old one looks like a new one",
             "have what publishes them stamp them",
         )
@@ -204,9 +187,8 @@ def check_lag(apad: str, samples: Sequence[PositionSample], clock_s: float | Non
             "positions' own lag together"
         )
         if abs(offset_s) <= TOO_LATE_S:
-            return ok(check, found)
+            return ok(found)
         return warn(
-            check,
             f"{found}, which nothing else tells apart",
             "compare the vehicle's clock by hand (date), or set both alike (chrony): what is left over is the lag",
         )
@@ -215,9 +197,8 @@ def check_lag(apad: str, samples: Sequence[PositionSample], clock_s: float | Non
         f"the vehicle's clock is {clock_s:+.2f} s from this machine's; its positions arrive {lag_s:.2f} s old"
     )
     if abs(lag_s) <= TOO_LATE_S:
-        return ok(check, found)
+        return ok(found)
     return cannot_tell(
-        check,
         f"{found}: they are late, or stamped by another clock",
         "see the vehicle's filter, and the clock of what stamps its positions: push it by hand and watch the place",
     )

@@ -1,22 +1,37 @@
-"""Checks before a real aPad moves: pure functions of what was measured, each with a finding for people."""
+"""Checks of an aPad before it moves: pure functions of what was measured, and the table that measures for each.
+
+Nothing is ordered here, and no node of ours is on the graph: the aPad's publishers are asked past the master.
+"""
 
 from __future__ import annotations
 
 import json
 import math
 import statistics
-from collections.abc import Container, Iterable, Sequence
+import time
+from collections.abc import Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from functools import cached_property
+from importlib.metadata import version
 
-from apad_bridge.doctor.finding import CheckStatus, Finding, cannot_tell, fail, key_of, ok, warn
+from apad_bridge.assembly.safety import LegEnergy
+from apad_bridge.assembly.stacks import STACKS
+from apad_bridge.doctor.apad import check_held, named_like
+from apad_bridge.doctor.door import MOST_CHARGE, LiveAPad, NotAnnounced, TopicSeen
+from apad_bridge.doctor.finding import Check, CheckStatus, Finding, cannot_tell, fail, key_of, ok, warn
+from apad_bridge.doctor.graph import Graph
+from apad_bridge.doctor.network import Unreachable, call_for_reply, connect
+from apad_bridge.doctor.positions import PositionSample, check_gps, check_lag, check_loss, check_position
+from apad_bridge.ros_names.names import CLOCK, USE_SIM_TIME, in_full, ours
+from apad_bridge.ros_names.namespaces import below_apad, is_one_of_several
 from apad_bridge.scenario.area.clearance import stopping_room
+from apad_bridge.scenario.area.fence import Fence, fence_of
 from apad_bridge.scenario.choices import Generation
-from apad_bridge.scenario.guard_options import LOOK_MS
-
-if TYPE_CHECKING:
-    from apad_bridge.scenario.area.fence import Fence
-    from apad_bridge.scenario.guard_options import GuardOptions
+from apad_bridge.scenario.guard_options import LOOK_MS, GuardOptions
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.starts import Start
+from apad_bridge.scenario.surface import fastest_drift_m_s, hardest_metre
+from apad_bridge.vehicle.stack import Stack
 
 SLOW_S, TOO_SLOW_S = 0.2, 1.0
 """A worse way there and back causes a warning; a far worse one is red, for a stop would be as late."""
@@ -26,8 +41,6 @@ LEAST_REACTION_S = 1.0
 """The bench acts once a second, so a stop takes a second to go out."""
 MOST_LEG_WAYS = 10
 """A leg may last so many times as long as the longest way takes at the mission's speed."""
-MOST_CHARGE = 1.05
-"""Gauges in the field overshoot a little."""
 WATCHDOG_STATES = frozenset(
     {"WAITING", "WATCHING", "SILENT", "HELD", "OFF", "PILOTED", "HOMEWARD", "HOME", "LEFT"}
 )
@@ -37,6 +50,9 @@ LEAST_SILENCE_S, MOST_SILENCE_S = 5.0, 15.0
 REACTION_S = 3.0
 """A bad position has to end in a safe state within so long. The guards look at it five times a second."""
 _LOOK_S = LOOK_MS / 1000
+_WATCHED_S = 3.0
+_ROUND_TRIPS = 20
+_S_PER_HOUR = 3600
 _TOO_LATE_S = 10.0
 QUAY_CHECK = "on the quay: does the joystick still work after OFF?"
 
@@ -65,23 +81,21 @@ def check_delay(round_trips_s: Sequence[float], uri: str) -> Finding:
     found = f"{uri}: {1000 * median_s:.0f} ms there and back, {1000 * worst_s:.0f} ms at worst of {len(round_trips_s)}"
     mend = "come nearer with the antenna, take another channel, or leave others off this Wi-Fi"
     if worst_s > TOO_SLOW_S:
-        return fail("delay", found, mend)
-    return warn("delay", found, mend) if worst_s > SLOW_S else ok("delay", found)
+        return fail(found, mend)
+    return warn(found, mend) if worst_s > SLOW_S else ok(found)
 
 
 def check_fence(
-    apad: str,
     place_m: tuple[float, float] | None,
     fence: Fence | None,
     clearance_m: float,
     starts_m: Iterable[tuple[float, float]],
 ) -> list[Finding]:
     """The aPad lies inside the fence with its clearance; and so do the aMussels' starts, or they are never served."""
-    check = f"{apad} fence"
     if fence is None:
-        return [fail(check, "the scenario has none", "area.fence: the corners of your waters")]
+        return [fail("the scenario has none", "area.fence: the corners of your waters")]
     if place_m is None:
-        return [fail(check, "without a position it cannot be checked", "see the line of the position")]
+        return [fail("without a position it cannot be checked", "see the line of the position")]
     import shapely
 
     waters = fence.waters()
@@ -91,32 +105,29 @@ def check_fence(
     if not waters.covers(place):
         return [
             fail(
-                check,
                 f"the aPad at {where} lies {waters.distance(place):.1f} m outside",
                 "bring it inside by hand, or see area.fence and area.origin: is it the right water?",
             )
         ]
     edge_m = waters.boundary.distance(place)
     found = f"the aPad at {where} lies inside, {edge_m:.1f} m from its edge"
-    findings = [ok(check, found)]
+    findings = [ok(found)]
     if not clear.covers(place):
         mend = f"bring it farther in by hand: guards.clearance_m is {clearance_m:g} m"
-        findings = [fail(check, found, mend)]
+        findings = [fail(found, mend)]
     outside = sum(not clear.covers(shapely.Point(it)) for it in starts_m)
     if outside:
         mend = "move them by fleet.start, or widen the fence: they are neither called up nor fetched"
         findings.append(
-            warn(f"{apad} starts", f"{outside} aMussels lie outside the fence or too near to it", mend)
+            warn(f"{outside} aMussels lie outside the fence or too near to it", mend, check="starts")
         )
     return findings
 
 
-def check_reaction(guards: GuardOptions, apad: str) -> Finding:
+def check_reaction(guards: GuardOptions) -> Finding:
     """The scenario's limits bring the aPad to a safe state within `REACTION_S` of a bad position."""
-    check = f"{apad} reaction"
     if guards.jump_m > MOST_JUMP_M:
         return fail(
-            check,
             f"guards.jump_m is {guards.jump_m:g} m: a position that jumps by less is believed",
             f"{MOST_JUMP_M:g} m at most: twice what a GPS without correction errs",
         )
@@ -126,23 +137,22 @@ def check_reaction(guards: GuardOptions, apad: str) -> Finding:
         told = ", ".join(f"guards.{name} is {it:g} s" for name, it in late.items())
         mend = f"{REACTION_S - _LOOK_S:g} s each, where the GPS gives a fix more often than that"
         found = f"{told}: a bad position is noticed later than after {REACTION_S:g} s"
-        return (fail if max(late.values()) > _TOO_LATE_S else warn)(check, found, mend)
-    return ok(check, f"a bad position is noticed within {max(limits.values()) + _LOOK_S:g} s")
+        return (fail if max(late.values()) > _TOO_LATE_S else warn)(found, mend)
+    return ok(f"a bad position is noticed within {max(limits.values()) + _LOOK_S:g} s")
 
 
-def check_reserve(guards: GuardOptions, apad: str) -> Finding:
+def check_reserve(guards: GuardOptions) -> Finding:
     """The charge that must remain at the end of the way home."""
-    check, reserve = f"{apad} reserve", guards.battery_reserve or 0.0
+    reserve = guards.battery_reserve or 0.0
     found = f"guards.battery_reserve is {reserve:g}"
     if reserve < LEAST_RESERVE:
         mend = f"{LEAST_RESERVE:g} or more: a current against the way home, and a gauge that errs, take it"
-        return fail(check, found, mend)
-    return ok(check, found)
+        return fail(found, mend)
+    return ok(found)
 
 
 def check_limits(
     guards: GuardOptions,
-    apad: str,
     *,
     greatest_m_s: float,
     deceleration_m_s2: float,
@@ -154,11 +164,10 @@ def check_limits(
     The aPad's greatest speed and deceleration are the scenario's, as are the longest way inside the fence and the
     mission's speed.
     """
-    check = f"{apad} limits"
     found = []
     if guards.reaction_s < LEAST_REACTION_S:
         told = f"guards.reaction_s is {guards.reaction_s:g} s: the bench orders once a second"
-        found.append(fail(check, told, f"{LEAST_REACTION_S:g} or more; 3 as in real-apad.yaml"))
+        found.append(fail(told, f"{LEAST_REACTION_S:g} or more; 3 as in real-apad.yaml"))
     if guards.coasting_m is not None and guards.coasting_speed_m_s is not None:
         least_m = guards.coasting_speed_m_s**2 / (2 * deceleration_m_s2)
         if guards.coasting_m < least_m:
@@ -167,13 +176,13 @@ def check_limits(
                 f"apad.max_acceleration_m_s2 takes {least_m:.2f} m"
             )
             mend = "measure it on a tether: docs/guards.md#clearance"
-            found.append(fail(check, told, mend))
+            found.append(fail(told, mend))
     if guards.speed_limit_m_s is not None and guards.speed_limit_m_s > greatest_m_s:
         told = (
             f"guards.speed_limit_m_s is {guards.speed_limit_m_s:g} m/s, and the aPad makes {greatest_m_s:g} "
             "(apad.max_speed_m_s): the guard would never act"
         )
-        found.append(fail(check, told, f"{greatest_m_s:g} at most; or measure apad.max_speed_m_s"))
+        found.append(fail(told, f"{greatest_m_s:g} at most; or measure apad.max_speed_m_s"))
     way_m = min(longest_m, guards.leg_m or math.inf)
     most_s = MOST_LEG_WAYS * way_m / speed_m_s
     if guards.leg_s is not None and guards.leg_s > most_s:
@@ -181,18 +190,17 @@ def check_limits(
             f"guards.leg_s is {guards.leg_s:g} s: the longest way, {way_m:.0f} m, takes {way_m / speed_m_s:.0f} s "
             f"at {speed_m_s:g} m/s"
         )
-        found.append(fail(check, told, f"{math.floor(most_s)} at most, {MOST_LEG_WAYS} times that"))
-    return found or [ok(check, "each can act: reaction, coasting, speed and leg")]
+        found.append(fail(told, f"{math.floor(most_s)} at most, {MOST_LEG_WAYS} times that"))
+    return found or [ok("each can act: reaction, coasting, speed and leg")]
 
 
 def check_clearance(
-    guards: GuardOptions, apad: str, speed_m_s: float, what: str, known_drift_m_s: float = 0.0
+    guards: GuardOptions, speed_m_s: float, what: str, known_drift_m_s: float = 0.0
 ) -> Finding:
     """The fence's clearance holds the room of a stop (`scenario/area/clearance.py`) at this speed, which `what` names."""
-    check, room = f"{apad} clearance", stopping_room(guards, known_drift_m_s)
+    room = stopping_room(guards, known_drift_m_s)
     if isinstance(room, list):
         return cannot_tell(
-            check,
             f"{', '.join(room)} not given: the room of a stop is not known",
             "measure them (docs/guards.md#clearance), or take those of launch_scripts/scenarios/real-apad.yaml",
         )
@@ -203,89 +211,70 @@ def check_clearance(
         f"{guards.clearance_m:g} m: {fits}"
     )
     if needed_m <= guards.clearance_m:
-        return ok(check, found)
+        return ok(found)
     slower = f", or lower {what} to {math.floor(100 * fastest_m_s) / 100:g}" if fastest_m_s else ""
-    return fail(check, found, f"raise guards.clearance_m to {math.ceil(10 * needed_m) / 10:g}{slower}")
+    return fail(found, f"raise guards.clearance_m to {math.ceil(10 * needed_m) / 10:g}{slower}")
 
 
-def check_generation(apad: str, wanted: Generation, found: Sequence[Generation]) -> Finding:
+def check_generation(wanted: Generation, found: Sequence[Generation]) -> Finding:
     """The vehicle speaks the scenario's generation, and only one where the scenario names none."""
-    check, names = f"{apad} generation", " and ".join(it.value for it in found)
+    names = " and ".join(it.value for it in found)
     if not found:
         return fail(
-            check,
             "no aPad of either generation answers: no node takes orders",
             "start the vehicle's action server (generation A) or its commander (B), and see the aPad's name",
         )
     if wanted is Generation.AUTO and len(found) > 1:
-        return fail(check, f"both are there: {names}", "apad.generation in the scenario says which to fly")
+        return fail(f"both are there: {names}", "apad.generation in the scenario says which to fly")
     if wanted is not Generation.AUTO and wanted not in found:
         return fail(
-            check,
             f"it is {names}, and the scenario's is {wanted.value}",
             f"apad.generation: {found[0].value}, or start the other software on the vehicle",
         )
-    return ok(check, names if wanted is Generation.AUTO else wanted.value)
+    return ok(names if wanted is Generation.AUTO else wanted.value)
 
 
-def check_off(apad: str, missing: Sequence[str], offered: Sequence[str], *, hardware_cut: bool) -> Finding:
+def check_off(missing: Sequence[str], offered: Sequence[str], *, hardware_cut: bool) -> Finding:
     """A stop that needs no position: `offered` and `missing` are the services by which the vehicle cuts its thrust."""
-    check = f"{apad} off"
     if not missing:
-        return ok(check, f"it offers {', '.join(offered)}: no thrust by order. {QUAY_CHECK}")
+        return ok(f"it offers {', '.join(offered)}: no thrust by order. {QUAY_CHECK}")
     found = f"{', '.join(missing)} not offered: no order cuts the thrust"
     if hardware_cut:
         return warn(
-            check,
             f"{found}; the scenario declares a remote hardware cut",
             "on the quay: see the cut work from as far as the aPad will be",
         )
     return fail(
-        check,
         found,
         "start the node that offers them; or give the vehicle a remote hardware cut and declare it by "
         "guards.hardware_cut: true",
     )
 
 
-@dataclass(frozen=True, slots=True)
-class TopicSeen:
-    """A topic of the vehicle: whether a node publishes it, and its newest value, None where it is silent."""
-
-    is_published: bool
-    value: Any = None
-
-
-def check_pilot(apad: str, *, hears_pilot: bool, manual: TopicSeen) -> Finding:
+def check_pilot(*, hears_pilot: bool, manual: TopicSeen) -> Finding:
     """Nobody steers the aPad. `hears_pilot`: its generation tells by the topic `manual`."""
-    check = f"{apad} pilot"
     if manual.value:
-        return fail(
-            check, "a pilot steers (manual is true)", "let the pilot put the joystick down, then try again"
-        )
+        return fail("a pilot steers (manual is true)", "let the pilot put the joystick down, then try again")
     if manual.is_published and manual.value is None:
         return cannot_tell(
-            check,
             "the node that publishes manual is silent: a pilot may steer",
             "start the joystick's node again, or have it publish at once (latched)",
         )
     if not hears_pilot:
-        return ok(check, "this generation does not tell of one: agree by voice who has the aPad")
+        return ok("this generation does not tell of one: agree by voice who has the aPad")
     if not manual.is_published:
         return warn(
-            check,
             "no node publishes manual: the bench cannot notice a pilot who takes the aPad over",
             "start the joystick's node; or remap manual to what tells of your pilot",
         )
-    return ok(check, "nobody steers (manual is false)")
+    return ok("nobody steers (manual is false)")
 
 
-def check_bench(apad: str, topic: str, others: Sequence[str]) -> Finding:
+def check_bench(topic: str, others: Sequence[str]) -> Finding:
     """`others` are the living nodes that publish this vehicle's heartbeat: benches that fly it already."""
-    check = f"{apad} bench"
     if others:
-        return fail(check, *second_bench(topic, others))
-    return ok(check, f"no other bench publishes {topic}")
+        return fail(*second_bench(topic, others))
+    return ok(f"no other bench publishes {topic}")
 
 
 def second_bench(topic: str, others: Sequence[str]) -> tuple[str, str]:
@@ -307,52 +296,49 @@ class WatchdogSeen:
     """Those that publish a state and live."""
 
 
-def check_watchdog(
-    apad: str, seen: WatchdogSeen, heartbeat: str, *, drifts: bool, is_demanded: bool
-) -> Finding:
+def check_watchdog(seen: WatchdogSeen, heartbeat: str, *, drifts: bool, is_demanded: bool) -> Finding:
     """The vehicle's watchdog runs, and listens to the `heartbeat` of this bench.
 
     `drifts`: controllers go off between primitives. `is_demanded`: by `guards.watchdog`.
     """
-    check, state = f"{apad} watchdog", seen.state
+    state = seen.state
     mend = "start launch_scripts/vehicle_watchdog on the vehicle's own computer: docs/failures.md"
     if len(seen.nodes) > 1:
-        return fail(check, f"{', '.join(seen.nodes)} publish its state", "end all of these but one")
+        return fail(f"{', '.join(seen.nodes)} publish its state", "end all of these but one")
     if state.value is not None and state.value in WATCHDOG_STATES:
-        return _judge_settings(check, f"it runs, and says {state.value}", seen.settings, heartbeat)
+        return _judge_settings(f"it runs, and says {state.value}", seen.settings, heartbeat)
     if state.value is not None:
-        return fail(check, f"{state.value!r} is none of its states: another node publishes its topic", mend)
+        return fail(f"{state.value!r} is none of its states: another node publishes its topic", mend)
     if state.is_published:
-        return fail(check, "its topic has a publisher, and is silent", mend)
+        return fail("its topic has a publisher, and is silent", mend)
     if drifts:
-        return fail(check, "none: on a lost link this aPad drifts as soon as a primitive ends", mend)
+        return fail("none: on a lost link this aPad drifts as soon as a primitive ends", mend)
     if is_demanded:
-        return fail(check, "none, and guards.watchdog demands one", mend)
-    return warn(check, "none: on a lost link this aPad continues to its last goal", mend)
+        return fail("none, and guards.watchdog demands one", mend)
+    return warn("none: on a lost link this aPad continues to its last goal", mend)
 
 
-def _judge_settings(check: str, found: str, settings: TopicSeen, heartbeat: str) -> Finding:
+def _judge_settings(found: str, settings: TopicSeen, heartbeat: str) -> Finding:
     """A watchdog that listens elsewhere, or for too long, stops nothing in time."""
     try:
         told = json.loads(settings.value or "")
         listens_to, silence_s = str(told["heartbeat"]), float(told["silence_s"])
     except (ValueError, TypeError, KeyError):
         return cannot_tell(
-            check,
             f"{found}, but not to which heartbeat it listens: it is an older one, or another node",
             "copy this version's launch_scripts/vehicle_watchdog to the vehicle's computer, and start it",
         )
     found = f"{found}; it listens to {listens_to}, and acts after {silence_s:g} s"
     if listens_to != heartbeat:
         return fail(
-            check, f"{found}: this bench's heartbeat is {heartbeat}", f"start it with --heartbeat {heartbeat}"
+            f"{found}: this bench's heartbeat is {heartbeat}", f"start it with --heartbeat {heartbeat}"
         )
     mend = "start it with --silence-s 10"
     if not silence_s <= MOST_SILENCE_S:
-        return fail(check, f"{found}: {MOST_SILENCE_S:g} s is the most", mend)
+        return fail(f"{found}: {MOST_SILENCE_S:g} s is the most", mend)
     if silence_s < LEAST_SILENCE_S:
-        return warn(check, f"{found}: a poor link has gaps of {LEAST_SILENCE_S:g} s", mend)
-    return ok(check, found)
+        return warn(f"{found}: a poor link has gaps of {LEAST_SILENCE_S:g} s", mend)
+    return ok(found)
 
 
 @dataclass(frozen=True, slots=True)
@@ -367,15 +353,12 @@ class EnergyNeed:
     reserve: float
 
 
-def check_energy(apad: str, charge: float | None, need: EnergyNeed) -> Finding:
+def check_energy(charge: float | None, need: EnergyNeed) -> Finding:
     """The charge against the least and the most that the mission can take."""
-    check = f"{apad} energy"
     if charge is None:
-        return cannot_tell(check, "its charge is not known", "see the line of the battery")
+        return cannot_tell("its charge is not known", "see the line of the battery")
     if not 0 <= charge <= MOST_CHARGE:
-        return fail(
-            check, f"{100 * charge:.0f} % is no charge of a battery", "see the gauge, and what publishes it"
-        )
+        return fail(f"{100 * charge:.0f} % is no charge of a battery", "see the gauge, and what publishes it")
     least = need.at_rest + need.way_home + need.reserve
     most = need.under_way + need.way_home + need.reserve
     found = (
@@ -383,35 +366,221 @@ def check_energy(apad: str, charge: float | None, need: EnergyNeed) -> Finding:
         f"kept and {100 * need.way_home:.1f} % for the way home"
     )
     if charge < least:
-        return fail(check, found, "charge it, or lower duration_s")
+        return fail(found, "charge it, or lower duration_s")
     if charge < most:
-        return warn(
-            check, found, "it may have to end early: charge it, or lower duration_s or mission.speed_m_s"
-        )
-    return ok(check, found)
+        return warn(found, "it may have to end early: charge it, or lower duration_s or mission.speed_m_s")
+    return ok(found)
 
 
 def check_lookout(name: str) -> Finding:
     if name:
-        return ok("lookout", f"{name}, with the vehicle's own switch in the hand")
+        return ok(f"{name}, with the vehicle's own switch in the hand", check="lookout")
     return warn(
-        "lookout",
         "no lookout is named: there is no collision avoidance, and no order of ours is an emergency stop",
         "--lookout NAME: who looks out and holds the vehicle's hardware switch",
+        check="lookout",
     )
 
 
-def check_stop(apad: str, failure: str | None, told: str = "") -> Finding:
+def check_stop(failure: str | None, told: str = "") -> Finding:
     """The proof of a stop: `failure` is why it failed, None for one that went well with what it `told`."""
-    check = f"{apad} stop"
     if failure is None:
-        return ok(check, told)
-    return fail(check, failure, "fly nothing before this is repaired: prove it again on a tether")
+        return ok(told)
+    return fail(failure, "fly nothing before this is repaired: prove it again on a tether")
 
 
 def not_proven(apad: str, what: str, option: str) -> Finding:
     return warn(
-        f"{apad} {what}",
         "not proven since this scenario's last preflight on this master",
         f"musselbed preflight ... {option}",
+        check=f"{apad} {what}",
     )
+
+
+@dataclass(frozen=True)
+class WatchedAPad(LiveAPad):
+    """The scenario's aPad on the graph, which is seen by the run's names; measured once, when a check first asks."""
+
+    scenario: Scenario
+    starts: Sequence[Start]
+    namespace: str
+
+    @property
+    def guards(self) -> GuardOptions:
+        return self.scenario.guards or GuardOptions()
+
+    @cached_property
+    def stacks(self) -> list[Stack]:
+        """Each stack whose software the graph has under this name."""
+        return [it for it in STACKS if self.name in named_like(self.graph, it)]
+
+    @cached_property
+    def samples(self) -> list[PositionSample]:
+        """Its positions of `_WATCHED_S`."""
+        return self.positions(_WATCHED_S)
+
+    @property
+    def place_m(self) -> tuple[float, float] | None:
+        finite = [it for it in self.samples if math.isfinite(it.north_m) and math.isfinite(it.east_m)]
+        return (finite[-1].north_m, finite[-1].east_m) if finite else None
+
+    @property
+    def heartbeat(self) -> str:
+        """The topic of the heartbeat that a run sends to this vehicle's watchdog."""
+        leaf = ours("heartbeat")
+        if is_one_of_several(self.scenario):
+            leaf = below_apad(leaf, self.scenario.apad.name)
+        return in_full(self.namespace, leaf)
+
+
+def _check_way(graph: Graph) -> Finding:
+    try:
+        return check_delay([_round_trip_s(graph.uri) for _ in range(_ROUND_TRIPS)], graph.uri)
+    except Unreachable as error:
+        return fail(str(error), "see the line of the master")
+
+
+def _round_trip_s(uri: str) -> float:
+    begun_s = time.monotonic()
+    connect(uri).close()
+    return time.monotonic() - begun_s
+
+
+def _check_off(apad: WatchedAPad) -> Iterator[Finding]:
+    for stack in apad.stacks:
+        missing = []
+        for leaf in stack.off_services:
+            try:
+                apad.door.service_md5(apad.graph, apad.topic(leaf))
+            except NotAnnounced:
+                missing.append(leaf)
+        yield check_off(missing, stack.off_services, hardware_cut=apad.guards.hardware_cut)
+
+
+def _check_position(apad: WatchedAPad) -> Finding:
+    return check_position(
+        apad.samples,
+        _WATCHED_S,
+        min(apad.guards.jump_m, MOST_JUMP_M),
+        2 * apad.scenario.apad.max_speed_m_s,
+        apad.graph.living_publishers(apad.topic("position")),
+    )
+
+
+def _check_fence(apad: WatchedAPad) -> list[Finding]:
+    starts_m = [(it.north_m, it.east_m) for it in apad.starts]
+    return check_fence(apad.place_m, fence_of(apad.scenario.area), apad.guards.clearance_m, starts_m)
+
+
+def _check_clearance(apad: WatchedAPad) -> Finding:
+    """A vehicle that does not obey a go-to's speed goes as fast as its guard lets it."""
+    guards, drift_m_s = apad.guards, fastest_drift_m_s(apad.scenario)
+    if all(it.capabilities(1).obeys_speed for it in apad.stacks):
+        return check_clearance(guards, apad.scenario.mission.speed_m_s, "mission.speed_m_s", drift_m_s)
+    if guards.speed_limit_m_s is None:
+        return fail(
+            "this generation goes at a speed of its own, and no guard bounds it",
+            "set guards.speed_limit_m_s, with the clearance that it needs",
+        )
+    return check_clearance(guards, guards.speed_limit_m_s, "guards.speed_limit_m_s", drift_m_s)
+
+
+def _check_limits(apad: WatchedAPad) -> list[Finding]:
+    fence = fence_of(apad.scenario.area)
+    return check_limits(
+        apad.guards,
+        greatest_m_s=apad.scenario.apad.max_speed_m_s,
+        deceleration_m_s2=apad.scenario.apad.max_acceleration_m_s2,
+        longest_m=math.inf if fence is None else fence.longest_m,
+        speed_m_s=apad.scenario.mission.speed_m_s,
+    )
+
+
+def _check_watchdog(apad: WatchedAPad) -> Finding:
+    nodes = apad.graph.living_publishers(apad.topic("watchdog"))
+    return check_watchdog(
+        WatchdogSeen(apad.heard_text("watchdog"), apad.heard_text("watchdog_settings"), nodes),
+        apad.graph.name_there(apad.heartbeat),
+        drifts=any(it.drifts_between_orders for it in apad.stacks),
+        is_demanded=apad.guards.watchdog is not None,
+    )
+
+
+def _check_parameters(apad: LiveAPad) -> Finding:
+    """The parameters by which other places or times would be meant."""
+    found = []
+    for name in (USE_SIM_TIME, *(apad.topic(f"LocalOrigin{it}") for it in ("Lat", "Lon"))):
+        code, _, value = call_for_reply(apad.graph.uri, "getParam", name)
+        found.append(f"{name} {value if code == 1 else 'not set'}")
+        if name == USE_SIM_TIME and code == 1 and value:
+            mend = "rosparam set /use_sim_time false, and start the nodes again; for a simulated aPad: --time ros"
+            return fail(f"{name} is true: no real vehicle follows a {CLOCK}", mend)
+    return ok(", ".join(found))
+
+
+def _tell_software(apad: WatchedAPad) -> Finding:
+    here = ", ".join(f"{it} {version(it)}" for it in ("musselbed", "rospy"))
+    generations = ", ".join(it.generation for it in apad.stacks) or "unknown"
+    return ok(f"generation {generations}; here {here}")
+
+
+def energy_need(scenario: Scenario, place_m: tuple[float, float] | None) -> EnergyNeed:
+    """Share of the battery that the mission's time can take, by the scenario's model of the aPad."""
+    apad, speed_m_s, energy = scenario.apad, scenario.mission.speed_m_s, LegEnergy.of(scenario)
+    home_m = apad.start_m if scenario.area.home_m is None else scenario.area.home_m
+    place, ahead, at_ms = hardest_metre(scenario)
+    reserve = scenario.guards.battery_reserve if scenario.guards is not None else None
+    return EnergyNeed(
+        at_rest=apad.battery.hotel_w * scenario.duration_s / _S_PER_HOUR / apad.battery.capacity_wh,
+        under_way=energy.fraction(place, ahead, at_ms) * speed_m_s * scenario.duration_s,
+        way_home=0.0 if place_m is None else energy.fraction(place_m, home_m, at_ms),
+        reserve=max(reserve or 0.0, scenario.mission.end_at_apad_fraction),
+    )
+
+
+CHECKS_OF_WAY: tuple[Check[Graph], ...] = (Check("delay", _check_way, may_be_red_in_trial=True),)
+CHECKS: tuple[Check[WatchedAPad], ...] = (
+    Check(
+        "generation",
+        lambda it: check_generation(it.scenario.apad.generation, [stack.generation for stack in it.stacks]),
+    ),
+    Check("off", _check_off),
+    Check(
+        "docks held",
+        lambda it: (
+            check_held(it, it.namespace)
+            if any(stack.capabilities(1).reports_contact for stack in it.stacks)
+            else []
+        ),
+        may_be_red_in_trial=True,
+    ),
+    Check("position", _check_position, is_never_overridden=True),
+    Check("GPS", lambda it: check_gps(it.samples, it.guards.position_error_m), may_be_red_in_trial=True),
+    Check("loss", lambda it: check_loss(it.samples, _WATCHED_S), may_be_red_in_trial=True),
+    Check("lag", lambda it: check_lag(it.samples, it.clock_offset_s()), may_be_red_in_trial=True),
+    Check("fence", _check_fence, is_never_overridden=True),
+    Check("clearance", _check_clearance, may_be_red_in_trial=True),
+    Check("reaction", lambda it: check_reaction(it.guards)),
+    Check("limits", _check_limits, may_be_red_in_trial=True),
+    Check("reserve", lambda it: check_reserve(it.guards), may_be_red_in_trial=True),
+    Check(
+        "pilot",
+        lambda it: check_pilot(
+            hears_pilot=any(stack.hears_pilot for stack in it.stacks), manual=it.heard_bool("manual")
+        ),
+        is_never_overridden=True,
+    ),
+    Check(
+        "bench",
+        lambda it: check_bench(it.heartbeat, it.graph.living_publishers(it.heartbeat)),
+        is_never_overridden=True,
+    ),
+    Check("watchdog", _check_watchdog, may_be_red_in_trial=True),
+    Check(
+        "energy",
+        lambda it: check_energy(it.charge(), energy_need(it.scenario, it.place_m)),
+        may_be_red_in_trial=True,
+    ),
+    Check("parameters", _check_parameters),
+    Check("software", _tell_software),
+)

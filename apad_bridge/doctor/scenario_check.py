@@ -6,12 +6,14 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from apad_bridge.doctor.finding import Finding, fail, ok, warn
+from apad_bridge.doctor.finding import Check, Finding, fail, ok, run_checks, warn
 from apad_bridge.scenario.errors import ScenarioError, in_ranges
 
 if TYPE_CHECKING:
     from apad_bridge.planning.registry import Trust
     from apad_bridge.scenario.schema import Scenario
+
+_MEND = "mend the file: docs/scenarios.md explains every key"
 
 
 def read(path: Path, trust: Trust | None = None) -> tuple[Scenario | None, list[Finding]]:
@@ -21,26 +23,22 @@ def read(path: Path, trust: Trust | None = None) -> tuple[Scenario | None, list[
     """
     try:
         # Here and not above: a package that shadows one of ours must not keep the doctor from loading.
-        from apad_bridge.scenario.cross_checks import warnings
         from apad_bridge.scenario.loader import load
     except ImportError as error:
-        return None, [fail("scenario", f"cannot be read here: {error}", "see the checks of packages")]
+        return None, [fail(f"cannot be read here: {error}", "see the checks of packages", check="scenario")]
     try:
         scenario = load(path)
     except ScenarioError as error:
-        return None, [
-            fail("scenario", line, "mend the file: docs/scenarios.md explains every key")
-            for line in error.lines
-        ]
+        return None, [fail(line, _MEND, check="scenario") for line in error.lines]
     mission = scenario.mission
     found = f"{path} can be read; strategies {mission.collection} and {mission.redeployment}"
-    doubts = [warn("scenario", happens, mend) for happens, mend in warnings(scenario)]
-    return scenario, [
-        ok("scenario", found),
-        *doubts,
-        *_check_strategies(scenario, trust),
-        *_check_starts_and_codec(scenario),
-    ]
+    return scenario, [ok(found, check="scenario"), *run_checks(CHECKS, (scenario, trust))]
+
+
+def _check_outcome(scenario: Scenario) -> list[Finding]:
+    from apad_bridge.scenario.cross_checks import warnings
+
+    return [warn(happens, mend) for happens, mend in warnings(scenario)]
 
 
 def _check_strategies(scenario: Scenario, trust: Trust | None) -> Iterator[Finding]:
@@ -49,27 +47,40 @@ def _check_strategies(scenario: Scenario, trust: Trust | None) -> Iterator[Findi
 
     for key, problem in problems_with_strategies(scenario, trust):
         if isinstance(problem, NotTrusted):
-            yield warn("scenario", f"{key} was left out: {problem}", "it is then loaded and checked")
+            yield warn(f"{key} was left out: {problem}", "it is then loaded and checked")
         else:
-            yield fail("scenario", f"{key}: {problem}", "mend the file: docs/scenarios.md explains every key")
+            yield fail(f"{key}: {problem}", _MEND)
 
 
-def _check_starts_and_codec(scenario: Scenario) -> Iterator[Finding]:
+def _check_starts(scenario: Scenario) -> Iterator[Finding]:
     from apad_bridge.scenario.starts import starts_of
-    from firmware_model.packets.codec import load_codec
 
     try:
         starts = starts_of(scenario)
-        if starts:
-            yield ok("starts", f"{len(starts)} aMussels, ids {in_ranges(it.agent_id for it in starts)}")
-        else:
-            yield ok("starts", "no aMussels")
+        yield ok(
+            f"{len(starts)} aMussels, ids {in_ranges(it.agent_id for it in starts)}"
+            if starts
+            else "no aMussels"
+        )
     except ScenarioError as error:
         for line in error.lines:
-            yield fail("starts", line, "mend the file that fleet.start names")
+            yield fail(line, "mend the file that fleet.start names")
+
+
+def _check_codec(scenario: Scenario) -> Finding:
+    from firmware_model.packets.codec import load_codec
+
     codec = scenario.hearing.codec
     try:
         load_codec(codec)
-        yield ok("codec", codec)
     except Exception as error:
-        yield fail("codec", f"{codec}: {error}", "install its package, or name another in hearing.codec")
+        return fail(f"{codec}: {error}", "install its package, or name another in hearing.codec")
+    return ok(codec)
+
+
+CHECKS: tuple[Check[tuple[Scenario, Trust | None]], ...] = (
+    Check("scenario", lambda it: _check_outcome(it[0])),
+    Check("scenario", lambda it: _check_strategies(*it)),
+    Check("starts", lambda it: _check_starts(it[0])),
+    Check("codec", lambda it: _check_codec(it[0])),
+)

@@ -51,16 +51,16 @@ def check_ros_packages() -> Iterator[Finding]:
             module = importlib.import_module(name)
         except ImportError as error:
             yield fail(
-                name,
                 f"cannot be imported: {error}",
                 f"apt-get install {debian}, or run launch_scripts/install",
+                check=name,
             )
             continue
         try:
             version = importlib.metadata.version(name)
         except importlib.metadata.PackageNotFoundError:
             version = "importable"
-        yield ok(name, f"{version} in {Path(str(module.__file__)).parent}")
+        yield ok(f"{version} in {Path(str(module.__file__)).parent}", check=name)
 
 
 def check_messages() -> Finding:
@@ -68,8 +68,8 @@ def check_messages() -> Finding:
         folder = use_generated_messages()
     except MessagesUnusable as error:
         found, _, mend = str(error).rpartition(": ")
-        return fail("messages", found, mend)
-    return ok("messages", f"generated and current, in {folder}")
+        return fail(found, mend)
+    return ok(f"generated and current, in {folder}")
 
 
 def check_other_definitions() -> Iterator[Finding]:

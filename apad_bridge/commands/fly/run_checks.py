@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -89,16 +90,20 @@ def tell_docks_in_use(options: RunOptions, scenario: Scenario) -> None:
     """Warns of docks of somebody's aPad that hold something already, which a new run takes for empty or for its own."""
     if options.apad is not APadKind.ROS:
         return
+    from apad_bridge.doctor.apad import check_docks
+    from apad_bridge.doctor.door import LiveAPad
+    from apad_bridge.doctor.finding import run_check
     from apad_bridge.doctor.graph import Graph
     from apad_bridge.doctor.network import Unreachable
-    from apad_bridge.ros.doctor_apad_checks import check_docks
+    from apad_bridge.ros.door import DOOR
 
     try:
         found = Graph.read(somebodys_master())
     except (Unreachable, PeerFailed):
         return  # the run itself says so
     for name in (scenario.apad.name, *(it.name for it in scenario.apads)):
-        for finding in check_docks(found, in_full(options.namespace, name), scenario):
+        apad = LiveAPad(DOOR, found, in_full(options.namespace, name))
+        for finding in run_check("docks", partial(check_docks, apad, scenario), apad.name):
             if finding.status is not CheckStatus.OK:
                 print(
                     f"musselbed: warning: {finding.check}: {finding.found}: {finding.mend}", file=sys.stderr

@@ -48,7 +48,7 @@ def add_parser(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     from apad_bridge.acoustics.serial.attached import AttachedModem
-    from apad_bridge.acoustics.serial.modem_check import check_modem
+    from apad_bridge.doctor.modem import check_modem
     from apad_bridge.scenario.firmware_config import codec_of
     from apad_bridge.scenario.loader import load
 

@@ -39,7 +39,6 @@ from apad_bridge.events.persons import ScriptTold
 from apad_bridge.records.journal import read_journal
 from apad_bridge.records.run_directory import PRIVATE, RunDirectory
 from apad_bridge.ros.system.route import somebodys_master
-from apad_bridge.ros_names.names import in_full
 from apad_bridge.runs.exits import Exit, UserError, peers_may_fail
 from apad_bridge.runs.progress import WorkProgress
 from apad_bridge.runs.rich_console import Console
@@ -185,7 +184,7 @@ def _all(
         yield finding
     yield check_lookout(arguments.lookout)
     if arguments.modem is not None:
-        from apad_bridge.acoustics.serial.modem_check import check_modem
+        from apad_bridge.doctor.modem import check_modem
 
         yield from run_check("modem", lambda: check_modem(arguments.modem, arguments.echo))
     former = {it.check: it for it in proofs(scenario, options.master_uri, apads)}
@@ -197,9 +196,9 @@ def _all(
             if not asked:
                 yield former[check]
             elif not may_move:
-                yield fail(check, "not tried: something above is red", "mend that, and prove it then")
+                yield fail("not tried: something above is red", "mend that, and prove it then", check=check)
             elif what == "stop":
-                yield _prove_stop(scenario, options, name, arguments.accept)
+                yield from run_check(check, partial(_prove_stop, scenario, options, name, arguments.accept))
             else:
                 yield from run_check(check, partial(_prove_docks, scenario, options, apad))
 
@@ -209,7 +208,6 @@ def _prove_stop(scenario: Scenario, options: RunOptions, name: str, accept: Sequ
     from apad_bridge.assembly.division import with_apad
     from apad_bridge.scenario.loader import write_resolved
 
-    apad = in_full(options.namespace, name)
     with tempfile.TemporaryDirectory(prefix="musselbed-stop-") as folder:
         scenario_file = Path(folder) / "scenario.yaml"
         write_resolved(scenario_file, with_apad(scenario, name))
@@ -223,20 +221,18 @@ def _prove_stop(scenario: Scenario, options: RunOptions, name: str, accept: Sequ
         try:
             flown = subprocess.run(command, capture_output=True, text=True, timeout=_PROOF_S, check=False)
         except subprocess.TimeoutExpired:
-            return check_stop(apad, f"the trial did not end within {_PROOF_S} s")
+            return check_stop(f"the trial did not end within {_PROOF_S} s")
         if flown.returncode != Exit.DONE:
             lines = (flown.stderr.strip() or flown.stdout.strip()).splitlines()
-            return check_stop(
-                apad, lines[-1] if lines else f"the trial ended with exit code {flown.returncode}"
-            )
+            return check_stop(lines[-1] if lines else f"the trial ended with exit code {flown.returncode}")
         journal = read_journal(RunDirectory(Path(folder) / "run").journal)
     told = [event for _, event in journal.events(ScriptTold)]
     if not any(it.what == STOP_PROVEN for it in told):
-        return check_stop(apad, "the trial ended before it had proven the stop")
-    return check_stop(apad, None, next((it.said for it in reversed(told) if it.said), ""))
+        return check_stop("the trial ended before it had proven the stop")
+    return check_stop(None, next((it.said for it in reversed(told) if it.said), ""))
 
 
-def _prove_docks(scenario: Scenario, options: RunOptions, apad: str) -> list[Finding]:
+def _prove_docks(scenario: Scenario, options: RunOptions, apad: str) -> Finding:
     """Each dock opens and closes once, by a node of its own."""
     command = [*PYTHON, "-m", "apad_bridge.ros.prove_docks", apad, str(scenario.apad.docks)]
     with called_back_at(options.master_uri, options.namespace):
@@ -244,10 +240,9 @@ def _prove_docks(scenario: Scenario, options: RunOptions, apad: str) -> list[Fin
     lines = (flown.stdout if flown.returncode == Exit.DONE else flown.stderr).strip().splitlines() or [
         "no word"
     ]
-    check = f"{apad} docks opened"
     if flown.returncode != Exit.DONE:
-        return [fail(check, lines[-1], "see the docks' node on the vehicle, or lower apad.docks")]
-    return [ok(check, f"{lines[-1]}: a person must have watched it")]
+        return fail(lines[-1], "see the docks' node on the vehicle, or lower apad.docks")
+    return ok(f"{lines[-1]}: a person must have watched it")
 
 
 def _show(report: Report, red: dict[str, list[Finding]], path: Path) -> None:

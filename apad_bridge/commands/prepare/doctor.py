@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from apad_bridge.commands.help_text import ending
 from apad_bridge.commands.trust import add_trust_argument, trust_of_looked_at
 from apad_bridge.doctor import graph, interpreter, machine, network, scenario_check
-from apad_bridge.doctor.finding import CheckStatus, Finding, fail, run_check, run_checks, warn
+from apad_bridge.doctor.finding import CheckStatus, Finding, fail, ok, run_check, run_checks, warn
 from apad_bridge.ros_names.names import in_full
 from apad_bridge.runs.exits import Exit
 
@@ -94,16 +94,19 @@ def check_ros(
     `mapping` are a run's remappings, from name to name in full. A mission is about to begin with the aPads `flown`.
     """
     try:
-        from apad_bridge.ros import doctor_apad_checks, doctor_checks
+        from apad_bridge.doctor.apad import check_apads, check_place
+        from apad_bridge.doctor.door import LiveAPad
+        from apad_bridge.ros import doctor_checks
+        from apad_bridge.ros.door import DOOR
     except ImportError as error:
-        yield Finding("ROS", CheckStatus.FAIL, f"cannot be imported: {error}", interpreter.INSTALL)
+        yield fail(f"cannot be imported: {error}", interpreter.INSTALL, check="ROS")
         return
     yield from run_checks(doctor_checks.CHECKS, None)
     if not master_uri:
         yield warn(
-            "master",
             "ROS_MASTER_URI is not set: the checks that need a master were skipped",
             "nothing to mend for `musselbed run`, which starts its own; for an aPad's: export ROS_MASTER_URI=http://HOST:11311",
+            check="master",
         )
         return
     try:
@@ -111,17 +114,16 @@ def check_ros(
     except network.Unreachable as error:
         yield _unreachable_master(master_uri, error)
         return
-    yield Finding("master", CheckStatus.OK, f"{master_uri} answers; {len(found.nodes)} nodes on it")
+    yield ok(f"{master_uri} answers; {len(found.nodes)} nodes on it", check="master")
     host, bind = doctor_checks.announced_host(), doctor_checks.bind_address()
     namespace = os.environ.get("ROS_NAMESPACE", "").strip("/")
     ids = None if scenario is None else scenario.fleet.ids
     yield from run_checks(graph.CHECKS, graph.MasterSeen(found, host, bind, ids, namespace))
-    yield from run_check("aPad", lambda: doctor_apad_checks.check_apads(found, scenario, flown))
+    yield from run_check("aPad", lambda: check_apads(DOOR, found, scenario, flown))
     if scenario is not None:
         for name in (scenario.apad.name, *(it.name for it in scenario.apads)):
-            apad = in_full(namespace, name)
-            place = partial(doctor_apad_checks.check_place, found, apad, scenario.area.origin)
-            yield from run_check(f"{apad} origin", place)
+            apad = LiveAPad(DOOR, found, in_full(namespace, name))
+            yield from run_check("origin", partial(check_place, apad, scenario.area.origin), apad.name)
 
 
 def _unreachable_master(uri: str, error: network.Unreachable) -> Finding:
@@ -129,13 +131,13 @@ def _unreachable_master(uri: str, error: network.Unreachable) -> Finding:
     found = f"none at {uri}, and what needs one was not checked: {error}"
     if network.is_loopback(uri):
         return warn(
-            "master",
             found,
             "nothing to mend for `musselbed run`, which starts its own; for others: start roscore",
+            check="master",
         )
     return fail(
-        "master",
         found,
         "see that its machine is on, that its host is in /etc/hosts, and that its roscore runs; to fly without it: "
         "unset ROS_MASTER_URI",
+        check="master",
     )

@@ -81,7 +81,8 @@ def recording_commands(scenario: Scenario, namespace: str) -> list[str]:
 
 def findings_of(scenario: Scenario, starts: Sequence[Start], options: RunOptions) -> Iterator[Finding]:
     """The doctor's checks as a mission sees them, then those of each aPad. They need no order, and give none."""
-    from apad_bridge.ros import preflight_probe
+    from apad_bridge.doctor import preflight
+    from apad_bridge.ros.door import DOOR
 
     master_uri, namespace = options.master_uri, options.namespace
     flown = [(it.scenario, it.starts) for it in members(scenario, starts)]
@@ -98,19 +99,21 @@ def findings_of(scenario: Scenario, starts: Sequence[Start], options: RunOptions
             found = graph.Graph.read(master_uri).remapped(mapping)
         except Unreachable:
             return  # the doctor has said so
-        yield from run_checks(preflight_probe.CHECKS_OF_WAY, found)
+        yield from run_checks(preflight.CHECKS_OF_WAY, found)
         for one, its_starts in flown:
-            apad = preflight_probe.WatchedAPad(found, one, its_starts, namespace)
-            yield from run_checks(preflight_probe.CHECKS, apad, apad.name)
+            name = in_full(namespace, one.apad.name)
+            watched = preflight.WatchedAPad(DOOR, found, name, one, its_starts, namespace)
+            yield from run_checks(preflight.CHECKS, watched, name)
 
 
 def every_check() -> tuple[Check[Any], ...]:
     """All checks that `findings_of` makes."""
-    from apad_bridge.ros import doctor_apad_checks, doctor_checks, preflight_probe
+    from apad_bridge.doctor import apad, preflight
+    from apad_bridge.ros import doctor_checks
 
     before: tuple[Check[Any], ...] = (*machine.CHECKS, *doctor_checks.CHECKS, *graph.CHECKS)
-    of_apads: tuple[Check[Any], ...] = (*doctor_apad_checks.CHECKS, *preflight_probe.CHECKS)
-    return (*before, *preflight_probe.CHECKS_OF_WAY, *of_apads)
+    of_apads: tuple[Check[Any], ...] = (*apad.CHECKS, *preflight.CHECKS)
+    return (*before, *preflight.CHECKS_OF_WAY, *of_apads)
 
 
 def never_overridden() -> frozenset[str]:

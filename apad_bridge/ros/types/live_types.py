@@ -7,10 +7,11 @@ from typing import Any
 
 import rosgraph
 
+from apad_bridge.doctor.door import NotAnnounced
 from apad_bridge.doctor.graph import Graph
 from apad_bridge.doctor.network import Unreachable
 from apad_bridge.ros.types.any_message import AnyMessages, why_unfit
-from apad_bridge.ros.types.wire_probe import NotAnnounced, service_md5, topic_definition
+from apad_bridge.ros.types.wire_probe import service_md5, topic_definition
 from apad_bridge.ros.types.workspace_services import service_by_text
 
 Needed = Mapping[str, tuple[Any, tuple[str, ...]]]

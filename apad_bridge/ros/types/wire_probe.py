@@ -12,16 +12,13 @@ from dataclasses import dataclass
 
 from rosgraph.network import ROSHandshakeException, encode_ros_handshake_header, read_ros_handshake_header
 
+from apad_bridge.doctor.door import NotAnnounced
 from apad_bridge.doctor.graph import Graph
 from apad_bridge.doctor.network import CALLER, TIMEOUT_S, Unreachable, call, connect
 
 _LENGTH = struct.Struct("<I")
 _HEADER = struct.Struct("<III")
 """The begin of every message with a std_msgs/Header: sequence, seconds, nanoseconds."""
-
-
-class NotAnnounced(Exception):
-    """The node gave no answer. The text is the reason."""
 
 
 def topic_md5(graph: Graph, topic: str) -> str:
@@ -53,7 +50,7 @@ def service_md5(graph: Graph, service: str) -> str:
         return _md5_in(_handshake(connection, request, io.BytesIO()))
 
 
-def next_messages(graph: Graph, topic: str, count: int = 1, timeout_s: float = TIMEOUT_S) -> list[bytes]:
+def next_messages(graph: Graph, topic: str, count: int, timeout_s: float) -> list[bytes]:
     """The next `count` messages of the first living publisher, serialised; the first may be a latched one.
 
     NotAnnounced if they do not come within `timeout_s`.
@@ -98,7 +95,7 @@ def call_without_words(graph: Graph, service: str, md5: str) -> bytes:
     return answer
 
 
-def stamp_offset_s(graph: Graph, topic: str, count: int = 1, timeout_s: float = TIMEOUT_S) -> list[float]:
+def stamp_offset_s(graph: Graph, topic: str, count: int, timeout_s: float) -> list[float]:
     """The next stamps of `topic` minus this machine's clock. NotAnnounced if none comes, or it has no stamp."""
     offsets_s: list[float] = []
     with _errors_as_not_told(), _subscribed(graph, topic) as (connection, rest, _):

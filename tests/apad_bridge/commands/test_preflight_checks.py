@@ -25,11 +25,11 @@ from apad_bridge.runs.exits import UserError
 from apad_bridge.scenario.loader import load
 
 MASTER = "http://boat:11311"
-GREEN = Report("pool", MASTER, "2026-06-01T08:00:00+00:00", (ok("/apad1 fence", "inside"),))
+GREEN = Report("pool", MASTER, "2026-06-01T08:00:00+00:00", (ok("inside", check="/apad1 fence"),))
 
 
 def red(check: str) -> Report:
-    return replace(GREEN, findings=(fail(check, "it is not", "see to it"),))
+    return replace(GREEN, findings=(fail("it is not", "see to it", check=check),))
 
 
 def test_green_starts_and_red_says_its_mend_and_how_a_person_decides_otherwise() -> None:
@@ -57,7 +57,9 @@ def test_bench_fence_position_pilot_and_stop_are_never_overridden(key: str) -> N
 
 
 def test_a_check_that_cannot_tell_is_red_until_a_person_accepts_it_by_name() -> None:
-    doubtful = replace(GREEN, findings=(cannot_tell("/apad1 origin", "nobody says", "compare by hand"),))
+    doubtful = replace(
+        GREEN, findings=(cannot_tell("nobody says", "compare by hand", check="/apad1 origin"),)
+    )
     for despite in ([], ["origin"]):
         with pytest.raises(UserError, match=r"--accept origin:\nCANNOT TELL /apad1 origin: nobody says"):
             refuse_red(doubtful, ["/apad1"], despite)

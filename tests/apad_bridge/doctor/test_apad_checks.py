@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import struct
+from dataclasses import replace
+from typing import Any
 
 import pytest
 
+from apad_bridge.doctor.apad import check_apads
+from apad_bridge.doctor.door import LiveAPad, NotAnnounced
 from apad_bridge.doctor.finding import CheckStatus
 from apad_bridge.doctor.graph import Graph
-from apad_bridge.ros import doctor_apad_checks, vehicle_probe
-from apad_bridge.ros.doctor_apad_checks import check_apads
-from apad_bridge.ros.types.wire_probe import NotAnnounced
+from apad_bridge.ros import door
+from apad_bridge.ros.door import DOOR
 
 GO_TO = "4a0312be411e8ffc59f768d30e967664"
 SERVICES = {
@@ -21,19 +24,23 @@ SERVICES = {
 }
 
 
-def found_of(monkeypatch: pytest.MonkeyPatch, services: dict[str, str]) -> dict[str, tuple[CheckStatus, str]]:
-    def not_told(*_: object) -> str:
-        raise NotAnnounced("nobody publishes it")
+def not_told(*_: object) -> Any:
+    raise NotAnnounced("nobody publishes it")
 
-    monkeypatch.setattr(doctor_apad_checks, "service_md5", lambda _, name: services[name])
-    monkeypatch.setattr(doctor_apad_checks, "topic_md5", lambda *_: "d1c2e3fd518b63978e72fa7409f4ba71")
-    monkeypatch.setattr(doctor_apad_checks, "stamp_offset_s", not_told)
+
+def found_of(services: dict[str, str]) -> dict[str, tuple[CheckStatus, str]]:
+    told = replace(
+        DOOR,
+        service_md5=lambda _, name: services[name],
+        topic_md5=lambda *_: "d1c2e3fd518b63978e72fa7409f4ba71",
+        stamp_offsets_s=not_told,
+    )
     graph = Graph("http://127.0.0.1:1/", {}, {}, {name: ["/boat_node"] for name in services}, {})
-    return {it.check: (it.status, it.found) for it in check_apads(graph)}
+    return {it.check: (it.status, it.found) for it in check_apads(told, graph)}
 
 
-def test_what_is_beside_and_differs_is_a_warning_with_both_md5s(monkeypatch: pytest.MonkeyPatch) -> None:
-    found = found_of(monkeypatch, SERVICES)
+def test_what_is_beside_and_differs_is_a_warning_with_both_md5s() -> None:
+    found = found_of(SERVICES)
     assert found["/boat"][0] is CheckStatus.OK
     status, line = found["/boat beside"]
     assert status is CheckStatus.WARN and f"commander/docking: md5 {'0' * 32}, ours " in line
@@ -41,8 +48,8 @@ def test_what_is_beside_and_differs_is_a_warning_with_both_md5s(monkeypatch: pyt
     assert "commander/go2point" not in line and "go2point/" not in line
 
 
-def test_it_tells_what_can_be_asked_of_the_apad(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert found_of(monkeypatch, SERVICES)["/boat capabilities"] == (
+def test_it_tells_what_can_be_asked_of_the_apad() -> None:
+    assert found_of(SERVICES)["/boat capabilities"] == (
         CheckStatus.OK,
         "docks by its own eyes; holds a position; does not report what its docks hold; "
         "obeys the speed of a go-to; does not tell how many docks it has: its messages can name 4",
@@ -69,43 +76,36 @@ def test_an_apad_of_generation_a_has_as_many_docks_as_it_counts_itself(
         names = b"".join(struct.pack("<I", len(it)) + it.encode() for it in held)
         return numbers + struct.pack("<I", len(held)) + names
 
-    def not_told(*_: object) -> str:
-        raise NotAnnounced("nobody publishes it")
-
-    for probe in ("service_md5", "topic_md5", "stamp_offset_s"):
-        monkeypatch.setattr(doctor_apad_checks, probe, not_told)
-    monkeypatch.setattr(doctor_apad_checks, "call_without_words", answer)
+    silent = replace(DOOR, service_md5=not_told, topic_md5=not_told, stamp_offsets_s=not_told)
+    monkeypatch.setattr(door, "call_without_words", answer)
     goals = {"/boat/action_server/goal": ["/boat_node"]}
     services = {"/boat/check_docking_availability": ["/boat_node"]}
     graph = Graph("http://127.0.0.1:1/", {}, goals, services, {})
-    (found,) = [it.found for it in check_apads(graph) if it.check == "/boat capabilities"]
+    (found,) = [it.found for it in check_apads(silent, graph) if it.check == "/boat capabilities"]
     assert found.endswith(f"; {told}")
 
 
-def test_a_primitive_that_differs_is_a_failure(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_primitive_that_differs_is_a_failure() -> None:
     services = SERVICES | {"/boat/commander/primitive/go2point": "1" * 32}
     del services["/boat/commander/docking"]
-    found = found_of(monkeypatch, services)
+    found = found_of(services)
     status, line = found["/boat"]
     assert status is CheckStatus.FAIL and "1" * 32 in line and GO_TO in line
     assert "/boat beside" not in found
 
 
-def test_a_silent_battery_cannot_tell(monkeypatch: pytest.MonkeyPatch) -> None:
-    status, line = found_of(monkeypatch, SERVICES)["/boat battery"]
+def test_a_silent_battery_cannot_tell() -> None:
+    status, line = found_of(SERVICES)["/boat battery"]
     assert status is CheckStatus.CANNOT_TELL and "/boat/battery_level: nobody publishes it" in line
 
 
 def test_a_silent_battery_topic_leaves_the_charge_to_the_service(monkeypatch: pytest.MonkeyPatch) -> None:
     """The answer as on the wire: percent, x, y, z, type and an empty list of consumers."""
 
-    def not_told(*_: object) -> list[bytes]:
-        raise NotAnnounced("silent")
-
     answer = struct.pack("<4d", 62.5, 0.0, 0.0, 0.0) + struct.pack("<I7sI", 7, b"charger", 0)
-    monkeypatch.setattr(vehicle_probe, "next_messages", not_told)
-    monkeypatch.setattr(vehicle_probe, "call_without_words", lambda *_: answer)
+    monkeypatch.setattr(door, "call_without_words", lambda *_: answer)
+    no_topic = replace(DOOR, messages=not_told)
     silent = Graph("http://127.0.0.1:1/", {}, {}, {}, {})
-    assert vehicle_probe.charge(silent, "/boat") is None
+    assert LiveAPad(no_topic, silent, "/boat").charge() is None
     answers = Graph("http://127.0.0.1:1/", {}, {}, {"/boat/get_battery_level": ["/boat_node"]}, {})
-    assert vehicle_probe.charge(answers, "/boat") == 0.625
+    assert LiveAPad(no_topic, answers, "/boat").charge() == 0.625

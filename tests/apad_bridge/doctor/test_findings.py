@@ -20,9 +20,9 @@ from apad_bridge.doctor.finding import (
 
 
 def test_a_line_holds_status_what_was_found_and_the_mend() -> None:
-    assert fail("disk", "full\nup", "make room").line() == "FAIL disk: full up -> make room"
-    assert ok("disk", "9 MB free").line() == "OK   disk: 9 MB free"
-    assert cannot_tell("disk", "hidden", "look").line() == "CANNOT TELL disk: hidden -> look"
+    assert fail("full\nup", "make room", check="disk").line() == "FAIL disk: full up -> make room"
+    assert ok("9 MB free", check="disk").line() == "OK   disk: 9 MB free"
+    assert cannot_tell("hidden", "look", check="disk").line() == "CANNOT TELL disk: hidden -> look"
 
 
 def test_trouble_without_a_mend_is_no_finding() -> None:
@@ -34,25 +34,25 @@ def test_trouble_without_a_mend_is_no_finding() -> None:
 
 def test_a_check_that_breaks_keeps_what_it_had_found() -> None:
     def breaks() -> Iterator[Finding]:
-        yield ok("first", "fine")
+        yield ok("fine", check="first")
         raise KeyError("second")
 
     first, broken = run_check("both", breaks)
-    assert first == ok("first", "fine")
+    assert first == ok("fine", check="first")
     assert (broken.check, broken.status) == ("both", CheckStatus.FAIL)
     assert "KeyError: 'second'" in broken.found
 
 
 def test_a_table_is_checked_in_its_order_and_a_broken_entry_stops_no_other() -> None:
     table = (
-        Check("ports", lambda ports: fail("ports", f"{1 // ports}", "more")),
-        Check("disk", lambda _: [ok("disk", "room"), ok("disk", "writable")]),
+        Check("ports", lambda ports: fail(f"{1 // ports}", "more")),
+        Check("disk", lambda _: [ok("room"), ok("writable", check="rights")]),
     )
     findings = list(run_checks(table, 0, "/apad1"))
     assert [(it.check, it.status) for it in findings] == [
         ("/apad1 ports", CheckStatus.FAIL),
-        ("disk", CheckStatus.OK),
-        ("disk", CheckStatus.OK),
+        ("/apad1 disk", CheckStatus.OK),
+        ("/apad1 rights", CheckStatus.OK),
     ]
     assert "ZeroDivisionError" in findings[0].found
 
@@ -67,7 +67,7 @@ def test_a_warning_is_red_before_a_mission_where_its_entry_says_so(
     table = (
         Check(
             "docks",
-            lambda it: [ok("docks", it), warn("docks", it, "empty them")],
+            lambda it: [ok(it), warn(it, "empty them")],
             is_red_at_warning=is_red_at_warning,
         ),
     )

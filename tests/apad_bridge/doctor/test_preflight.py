@@ -7,10 +7,13 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from apad_bridge.doctor.finding import CheckStatus, Finding, fail, ok
+from apad_bridge.doctor.door import Door, NotAnnounced, TopicSeen
+from apad_bridge.doctor.finding import Finding, fail, ok, run_checks
+from apad_bridge.doctor.graph import Graph
 from apad_bridge.doctor.positions import (
     PositionSample,
     check_gps,
@@ -20,10 +23,11 @@ from apad_bridge.doctor.positions import (
     told_places,
 )
 from apad_bridge.doctor.preflight import (
+    CHECKS,
     WATCHDOG_STATES,
     EnergyNeed,
-    TopicSeen,
     WatchdogSeen,
+    WatchedAPad,
     check_bench,
     check_clearance,
     check_delay,
@@ -43,6 +47,7 @@ from apad_bridge.doctor.preflight import (
 from apad_bridge.scenario.area.fence import Fence
 from apad_bridge.scenario.choices import Generation
 from apad_bridge.scenario.guard_options import GuardOptions
+from apad_bridge.scenario.loader import load
 
 APAD = "/apad1"
 FENCE = Fence(
@@ -67,16 +72,16 @@ def test_a_slow_network_is_told_and_one_that_would_delay_a_stop_is_red(
 
 
 def test_missing_and_late_positions_are_told() -> None:
-    assert status(check_loss(APAD, STEADY, 3.0)) == "OK"
+    assert status(check_loss(STEADY, 3.0)) == "OK"
     one_missing = [*STEADY[:10], *STEADY[11:]]
-    lossy = check_loss(APAD, one_missing, 3.0)
+    lossy = check_loss(one_missing, 3.0)
     assert status(lossy) == "WARN" and "1 of 30 positions missing" in lossy.found
-    assert status(check_loss(APAD, STEADY[::2], 3.0)) == "FAIL"
+    assert status(check_loss(STEADY[::2], 3.0)) == "FAIL"
     late = [*STEADY[:10], *(replace(it, at_s=it.at_s + 2.0) for it in STEADY[10:])]
-    assert status(check_loss(APAD, late, 5.0)) == "FAIL"
+    assert status(check_loss(late, 5.0)) == "FAIL"
     unnumbered = [replace(it, sequence=0) for it in STEADY]
-    assert "not numbered" in check_loss(APAD, unnumbered, 3.0).found
-    assert status(check_loss(APAD, STEADY[:1], 3.0)) == "FAIL"
+    assert "not numbered" in check_loss(unnumbered, 3.0).found
+    assert status(check_loss(STEADY[:1], 3.0)) == "FAIL"
 
 
 @pytest.mark.parametrize(
@@ -92,15 +97,15 @@ def test_missing_and_late_positions_are_told() -> None:
     ],
 )
 def test_a_position_that_a_mission_cannot_use_is_red(samples: list[PositionSample], told: str) -> None:
-    found = check_position(APAD, samples, 3.0, jump_m=10.0, speed_m_s=2.0)
+    found = check_position(samples, 3.0, jump_m=10.0, speed_m_s=2.0)
     assert status(found) == "FAIL" and told in found.found and found.mend
-    assert status(check_position(APAD, STEADY, 3.0, jump_m=10.0, speed_m_s=2.0)) == "OK"
+    assert status(check_position(STEADY, 3.0, jump_m=10.0, speed_m_s=2.0)) == "OK"
 
 
 def test_two_sources_of_one_position_are_red_and_named() -> None:
-    found = check_position(APAD, STEADY, 3.0, 10.0, 2.0, ["/filter", "/simulator"])
+    found = check_position(STEADY, 3.0, 10.0, 2.0, ["/filter", "/simulator"])
     assert status(found) == "FAIL" and "2 nodes publish it, /filter, /simulator" in found.found
-    assert status(check_position(APAD, STEADY, 3.0, 10.0, 2.0, ["/filter"])) == "OK"
+    assert status(check_position(STEADY, 3.0, 10.0, 2.0, ["/filter"])) == "OK"
 
 
 @pytest.mark.parametrize(
@@ -120,13 +125,13 @@ def test_two_sources_of_one_position_are_red_and_named() -> None:
 def test_the_quality_that_the_vehicle_tells_is_judged(
     change: dict[str, float], wanted: str, told: str
 ) -> None:
-    found = check_gps(APAD, [replace(it, **change) for it in STEADY])  # type: ignore[arg-type]
+    found = check_gps([replace(it, **change) for it in STEADY])  # type: ignore[arg-type]
     assert status(found) == wanted and told in found.found
 
 
 def test_a_place_that_scatters_is_red_whatever_the_vehicle_tells() -> None:
     wild = [replace(it, north_m=10.0 + 3.0 * (n % 2)) for n, it in enumerate(STEADY)]
-    assert status(check_gps(APAD, wild)) == "FAIL"
+    assert status(check_gps(wild)) == "FAIL"
 
 
 @pytest.mark.parametrize(
@@ -142,34 +147,28 @@ def test_a_place_that_scatters_is_red_whatever_the_vehicle_tells() -> None:
 def test_the_apad_has_to_lie_inside_its_fence(
     place_m: tuple[float, float] | None, wanted: str, told: str
 ) -> None:
-    (found,) = check_fence(APAD, place_m, FENCE, 2.0, [])
+    (found,) = check_fence(place_m, FENCE, 2.0, [])
     assert status(found) == wanted and told in found.found
-    assert key(found) == "fence"
-
-
-def key(finding: Finding) -> str:
-    (found,) = red_keys([replace(finding, status=CheckStatus.FAIL, mend="mend")], [APAD])
-    return found
 
 
 def test_amussels_outside_are_told_and_no_fence_is_red() -> None:
-    _, starts = check_fence(APAD, (10.0, 10.0), FENCE, 2.0, [(5.0, 5.0), (1.0, 5.0), (50.0, 5.0)])
+    _, starts = check_fence((10.0, 10.0), FENCE, 2.0, [(5.0, 5.0), (1.0, 5.0), (50.0, 5.0)])
     assert status(starts) == "WARN" and starts.found.startswith("2 aMussels")
-    assert status(check_fence(APAD, (10.0, 10.0), None, 2.0, [])[0]) == "FAIL"
+    assert status(check_fence((10.0, 10.0), None, 2.0, [])[0]) == "FAIL"
 
 
 def test_limits_that_notice_a_bad_position_too_late_are_told() -> None:
-    slow = check_reaction(GuardOptions(position_age_s=5.0, frozen_s=10.0), APAD)
+    slow = check_reaction(GuardOptions(position_age_s=5.0, frozen_s=10.0))
     assert status(slow) == "WARN" and "position_age_s is 5 s, guards.frozen_s is 10 s" in slow.found
-    assert status(check_reaction(GuardOptions(), APAD)) == "OK"
-    assert status(check_reaction(GuardOptions(position_age_s=60.0), APAD)) == "FAIL"
-    jumps = check_reaction(GuardOptions(jump_m=500.0), APAD)
+    assert status(check_reaction(GuardOptions())) == "OK"
+    assert status(check_reaction(GuardOptions(position_age_s=60.0))) == "FAIL"
+    jumps = check_reaction(GuardOptions(jump_m=500.0))
     assert status(jumps) == "FAIL" and "guards.jump_m is 500 m" in jumps.found
 
 
 @pytest.mark.parametrize(("reserve", "wanted"), [(None, "FAIL"), (0.0, "FAIL"), (0.2, "OK")])
 def test_a_reserve_that_keeps_nothing_is_red(reserve: float | None, wanted: str) -> None:
-    assert status(check_reserve(GuardOptions(battery_reserve=reserve), APAD)) == wanted
+    assert status(check_reserve(GuardOptions(battery_reserve=reserve))) == wanted
 
 
 MEASURED = GuardOptions(
@@ -179,11 +178,11 @@ MEASURED = GuardOptions(
 
 def test_the_clearance_has_room_for_a_stop_and_the_greatest_speed_is_told() -> None:
     """0.5 + 0.35 + (v + 0.2) x 3 + 11.67 v^2; 8 m allow the root of 11.67 v^2 + 3 v = 6.55, 0.63 m/s."""
-    fits = check_clearance(MEASURED, APAD, 0.6, "mission.speed_m_s")
+    fits = check_clearance(MEASURED, 0.6, "mission.speed_m_s")
     assert status(fits) == "OK" and "needs 7.5 m" in fits.found and "at most 0.63 m/s fit" in fits.found
-    short = check_clearance(replace(MEASURED, clearance_m=2.0), APAD, 0.5, "mission.speed_m_s")
+    short = check_clearance(replace(MEASURED, clearance_m=2.0), 0.5, "mission.speed_m_s")
     assert status(short) == "FAIL" and "no speed fits" in short.found and "to 7.2" in str(short.mend)
-    unknown = check_clearance(replace(MEASURED, coasting_m=None), APAD, 0.5, "mission.speed_m_s")
+    unknown = check_clearance(replace(MEASURED, coasting_m=None), 0.5, "mission.speed_m_s")
     assert status(unknown) == "CANNOT TELL" and "guards.coasting_m" in unknown.found
 
 
@@ -210,7 +209,6 @@ def test_a_limit_that_can_never_act_or_that_no_vehicle_keeps_is_red(
     guards = replace(MEASURED, **{"leg_m": 60.0, "leg_s": 300.0, "speed_limit_m_s": 0.8, **given})  # type: ignore[arg-type]
     (found,) = check_limits(
         guards,
-        APAD,
         greatest_m_s=1.0,
         deceleration_m_s2=0.3,
         longest_m=fence.longest_m,
@@ -222,7 +220,7 @@ def test_a_limit_that_can_never_act_or_that_no_vehicle_keeps_is_red(
 
 def test_each_limit_that_is_wrong_has_a_line() -> None:
     wrong = replace(MEASURED, coasting_m=0.0, speed_limit_m_s=8.0, leg_s=300_000.0)
-    found = check_limits(wrong, APAD, greatest_m_s=1.0, deceleration_m_s2=0.3, longest_m=60.0, speed_m_s=0.5)
+    found = check_limits(wrong, greatest_m_s=1.0, deceleration_m_s2=0.3, longest_m=60.0, speed_m_s=0.5)
     assert [status(it) for it in found] == ["FAIL"] * 3
 
 
@@ -239,17 +237,17 @@ def test_each_limit_that_is_wrong_has_a_line() -> None:
 def test_the_vehicle_speaks_the_scenarios_generation(
     wanted: Generation, there: list[Generation], outcome: str, told: str
 ) -> None:
-    found = check_generation(APAD, wanted, there)
+    found = check_generation(wanted, there)
     assert status(found) == outcome and told in found.found
 
 
 def test_a_vehicle_that_no_order_switches_off_needs_a_declared_hardware_cut() -> None:
     offered = ["VelCon_enable", "FADP_enable"]
-    can = check_off(APAD, [], offered, hardware_cut=False)
+    can = check_off([], offered, hardware_cut=False)
     assert status(can) == "OK" and "does the joystick still work after OFF?" in can.found
-    cannot = check_off(APAD, ["FADP_enable"], offered, hardware_cut=False)
+    cannot = check_off(["FADP_enable"], offered, hardware_cut=False)
     assert status(cannot) == "FAIL" and "guards.hardware_cut" in str(cannot.mend)
-    assert status(check_off(APAD, ["FADP_enable"], offered, hardware_cut=True)) == "WARN"
+    assert status(check_off(["FADP_enable"], offered, hardware_cut=True)) == "WARN"
 
 
 @pytest.mark.parametrize(
@@ -267,18 +265,18 @@ def test_the_clocks_offset_and_the_positions_own_lag_are_measured(
     stamped_s: float, clock_s: float | None, wanted: str, told: str
 ) -> None:
     samples = [replace(it, wall_s=1e9 + it.at_s, stamp_s=1e9 + it.at_s + stamped_s) for it in STEADY]
-    found = check_lag(APAD, samples, clock_s)
+    found = check_lag(samples, clock_s)
     assert status(found) == wanted and told in found.found
 
 
 def test_positions_without_stamps_cannot_tell_their_age() -> None:
-    assert status(check_lag(APAD, STEADY, 0.0)) == "CANNOT TELL"
+    assert status(check_lag(STEADY, 0.0)) == "CANNOT TELL"
 
 
 def test_a_receiver_that_is_worse_than_the_clearance_counts_with_is_red() -> None:
     """Variances of 0.04 m2 are 2.45 x 0.2 m = 0.49 m in 95 % of all cases."""
-    assert status(check_gps(APAD, STEADY, 0.5)) == "OK"
-    worse = check_gps(APAD, STEADY, 0.4)
+    assert status(check_gps(STEADY, 0.5)) == "OK"
+    worse = check_gps(STEADY, 0.4)
     assert status(worse) == "FAIL" and "an error of 0.49 m" in worse.found
 
 
@@ -291,8 +289,8 @@ def test_the_places_in_degrees_come_from_the_newest_sound_position() -> None:
 
 
 def test_another_bench_that_flies_the_vehicle_is_red_with_its_node() -> None:
-    assert status(check_bench(APAD, "/musselbed/heartbeat", [])) == "OK"
-    second = check_bench(APAD, "/musselbed/heartbeat", ["/musselbed_1"])
+    assert status(check_bench("/musselbed/heartbeat", [])) == "OK"
+    second = check_bench("/musselbed/heartbeat", ["/musselbed_1"])
     assert status(second) == "FAIL" and second.found.startswith("/musselbed_1 publishes /musselbed/heartbeat")
     assert "musselbed abort RUN" in str(second.mend)
 
@@ -312,7 +310,7 @@ def test_another_bench_that_flies_the_vehicle_is_red_with_its_node() -> None:
 def test_a_pilot_who_steers_is_red_and_a_flag_that_fell_silent_tells_nothing(
     hears_pilot: bool, manual: TopicSeen, wanted: str
 ) -> None:
-    assert status(check_pilot(APAD, hears_pilot=hears_pilot, manual=manual)) == wanted
+    assert status(check_pilot(hears_pilot=hears_pilot, manual=manual)) == wanted
 
 
 SETTINGS = TopicSeen(True, '{"heartbeat": "/musselbed/heartbeat", "silence_s": 10.0}')
@@ -327,7 +325,7 @@ def of_watchdog(
     is_demanded: bool = False,
 ) -> Finding:
     seen = WatchdogSeen(state, settings, nodes)
-    return check_watchdog(APAD, seen, "/musselbed/heartbeat", drifts=drifts, is_demanded=is_demanded)
+    return check_watchdog(seen, "/musselbed/heartbeat", drifts=drifts, is_demanded=is_demanded)
 
 
 @pytest.mark.parametrize(
@@ -398,22 +396,60 @@ def test_the_charge_is_held_against_the_least_and_the_most_that_the_mission_take
 ) -> None:
     """At rest 10 %, under way all the time 60 %, 5 % for the way home, 20 % kept: 35 to 85 %."""
     need = EnergyNeed(at_rest=0.1, under_way=0.6, way_home=0.05, reserve=0.2)
-    assert status(check_energy(APAD, charge, need)) == wanted
+    assert status(check_energy(charge, need)) == wanted
 
 
 def test_a_stop_that_failed_is_red_and_nobody_on_the_lookout_is_told() -> None:
-    assert status(check_stop(APAD, "it was not at rest 20 s after the stop")) == "FAIL"
-    assert status(check_stop(APAD, None, "at rest within 2 s")) == "OK"
+    assert status(check_stop("it was not at rest 20 s after the stop")) == "FAIL"
+    assert status(check_stop(None, "at rest within 2 s")) == "OK"
     assert [status(check_lookout(it)) for it in ("", "Ana")] == ["WARN", "OK"]
 
 
 def test_red_findings_are_named_without_their_apad() -> None:
     found = [
-        fail(it, "found", "mend") for it in ("/apad1 action server", "/apad1", "own address", "/apad2 fence")
+        fail("found", "mend", check=it)
+        for it in ("/apad1 action server", "/apad1", "own address", "/apad2 fence")
     ]
-    assert list(red_keys([*found, ok("disk", "room")], ["/apad1", "/apad2"])) == [
+    assert list(red_keys([*found, ok("room", check="disk")], ["/apad1", "/apad2"])) == [
         "action-server",
         "versions",
         "own-address",
         "fence",
     ]
+
+
+def test_the_table_measures_by_its_door_and_names_each_finding() -> None:
+    """A vehicle at rest inside the fence, whose positions come and that tells nothing else; its master is gone."""
+
+    def silent(*_: object) -> Any:
+        raise NotAnnounced("silent")
+
+    def reader(_: Graph, topic: str, seconds: float) -> list[PositionSample]:
+        assert topic == "/lab/apad1/position"
+        return STEADY if seconds >= 3 else []
+
+    door = Door(silent, silent, silent, silent, reader, silent, dict, lambda *_: False)
+    nothing = Graph("http://127.0.0.1:1/", {}, {}, {}, {})
+    scenario = load(Path(__file__).parents[3] / "launch_scripts" / "scenarios" / "real-apad.yaml")
+    apad = WatchedAPad(door, nothing, "/lab/apad1", scenario, [], "lab")
+    found = {
+        it.check.removeprefix("/lab/apad1 "): it.status.value for it in run_checks(CHECKS, apad, apad.name)
+    }
+    assert found == {
+        "generation": "FAIL",
+        "position": "OK",
+        "GPS": "OK",
+        "loss": "OK",
+        "lag": "CANNOT TELL",
+        "fence": "OK",
+        "clearance": "OK",
+        "reaction": "OK",
+        "limits": "OK",
+        "reserve": "OK",
+        "pilot": "OK",
+        "bench": "OK",
+        "watchdog": "WARN",
+        "energy": "CANNOT TELL",
+        "parameters": "FAIL",
+        "software": "OK",
+    }

@@ -34,14 +34,12 @@ OPTIONS = RunOptions(
 
 
 def test_a_vehicle_with_another_origin_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    found: Finding = fail(
-        "origin", "/apad1/LocalOriginLat says 45, 412 m from the scenario's", "area.origin: 45"
-    )
+    found: Finding = fail("/apad1/LocalOriginLat says 45, 412 m from the scenario's", "area.origin: 45")
     monkeypatch.setattr(context, "check_origin", lambda uri, apad, ours: found)
     with pytest.raises(VehicleNotReady, match=r"412 m from the scenario's: area.origin: 45"):
         context._refuse_other_origin(load(POOL_FILE), OPTIONS)
     # The preflight before it has told that nobody says it, and a person has accepted that.
-    for other in (ok("origin", "the same"), cannot_tell("origin", "nobody says", "ask")):
+    for other in (ok("the same"), cannot_tell("nobody says", "ask")):
         monkeypatch.setattr(context, "check_origin", lambda uri, apad, ours, other=other: other)
         context._refuse_other_origin(load(POOL_FILE), OPTIONS)
 

@@ -29,12 +29,12 @@ def check_modem(path: Path, echo_from: int | None) -> list[Finding]:
     port.poll()
     try:
         if not port.is_open:
-            return [fail("modem", f"{path}: {port.why_closed}", mend)]
+            return [fail(f"{path}: {port.why_closed}", mend)]
         status = _ask(port, b"$?", _STATUS, _ANSWER_S)
         if status is None:
-            return [fail("modem", f"{path}: no answer to $? within {_ANSWER_S:g} s", mend)]
+            return [fail(f"{path}: no answer to $? within {_ANSWER_S:g} s", mend)]
         volts = "" if status[2] is None else f", {int(status[2]) * _VOLTS:.1f} V"
-        findings = [ok("modem", f"{path}: address {int(status[1])}{volts}")]
+        findings = [ok(f"{path}: address {int(status[1])}{volts}")]
         if echo_from is not None:
             findings.append(_echo(_ask(port, b"$P%03d" % echo_from, _ECHO, _ECHO_S), echo_from))
         return findings
@@ -45,8 +45,8 @@ def check_modem(path: Path, echo_from: int | None) -> list[Finding]:
 def _echo(answer: re.Match[bytes] | None, echo_from: int) -> Finding:
     if answer is None or answer[1] is None:
         mend = "hang both transducers into the water, 1 m deep, in sight of each other; see the address"
-        return fail("modem echo", f"none from address {echo_from} within {_ECHO_S:g} s", mend)
-    return ok("modem echo", f"address {echo_from} answers, {int(answer[2]) * _M_PER_TICK:.1f} m away")
+        return fail(f"none from address {echo_from} within {_ECHO_S:g} s", mend, check="modem echo")
+    return ok(f"address {echo_from} answers, {int(answer[2]) * _M_PER_TICK:.1f} m away", check="modem echo")
 
 
 def _ask(

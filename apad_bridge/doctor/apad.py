@@ -6,28 +6,17 @@ import re
 from collections.abc import Container, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cached_property, partial
 from typing import Any
 
-from genpy import DeserializationError
-
 from apad_bridge.assembly.stacks import STACKS
-from apad_bridge.doctor.definitions import Md5s, python_md5s
-from apad_bridge.doctor.finding import Check, Finding, cannot_tell, fail, ok, run_checks, warn
+from apad_bridge.doctor.definitions import Md5s
+from apad_bridge.doctor.door import MOST_CHARGE, Door, LiveAPad, NotAnnounced
+from apad_bridge.doctor.finding import Check, Finding, cannot_tell, fail, ok, run_check, run_checks, warn
 from apad_bridge.doctor.graph import Graph
+from apad_bridge.doctor.network import TIMEOUT_S
 from apad_bridge.doctor.origin_check import check_origin
 from apad_bridge.doctor.positions import told_places
-from apad_bridge.doctor.preflight import MOST_CHARGE
-from apad_bridge.ros.types.messages import generated_folder, use_generated_messages
-from apad_bridge.ros.types.wire_probe import (
-    NotAnnounced,
-    call_without_words,
-    next_messages,
-    service_md5,
-    stamp_offset_s,
-    topic_md5,
-)
-from apad_bridge.ros.types.workspace_services import service_by_text
-from apad_bridge.ros.vehicle_probe import battery_percent, positions
 from apad_bridge.ros_names.names import AMUSSEL, in_full
 from apad_bridge.scenario.area.local_frame import OriginLike
 from apad_bridge.scenario.schema import LIMITS, Scenario
@@ -46,19 +35,20 @@ _LATE_S = 0.5
 """A larger offset of clocks causes a warning: it is far above a network's delay."""
 
 
-@dataclass(frozen=True, slots=True)
-class FoundAPad:
-    """An aPad on the graph, with our definitions' md5s, and the scenario that may be flown with it."""
+@dataclass(frozen=True)
+class FoundAPad(LiveAPad):
+    """An aPad of this stack, and the scenario that may be flown with it."""
 
-    graph: Graph
-    name: str
     stack: Stack
-    ours: Md5s
     scenario: Scenario | None
+
+    @cached_property
+    def ours(self) -> Md5s:
+        return self.door.our_md5s()
 
 
 def check_apads(
-    graph: Graph, scenario: Scenario | None = None, flown: Container[str] = ()
+    door: Door, graph: Graph, scenario: Scenario | None = None, flown: Container[str] = ()
 ) -> Iterator[Finding]:
     """Makes `CHECKS` of each aPad on the graph, of any generation; a mission is about to begin with those `flown`."""
     found = [(name, stack) for stack in STACKS for name in named_like(graph, stack)]
@@ -66,27 +56,26 @@ def check_apads(
         _with_parts_of_a(graph) - {name for name, stack in found if _SERVER in stack.recognised_actions}
     )
     for name in dead:
-        yield _check_action_server(graph, name)
+        apad = LiveAPad(door, graph, name)
+        yield from run_check(f"{name} action server", partial(_check_action_server, apad))
     if not found and not dead:
         mend = (
             "start it, or fly the simulated one: musselbed run --apad sim; a real one has "
             f"{' or '.join(f'{stack.known_by} below its NAME' for stack in STACKS)}"
         )
-        yield warn("aPad", "none on this master", mend)
+        yield warn("none on this master", mend, check="aPad")
         return
-    ours = python_md5s(generated_folder(), ("apad", "auv_msgs", "misc_msgs", "navcon_msgs"))
     for name, stack in sorted(found, key=lambda it: (it[0], it[1].generation)):
-        apad = FoundAPad(graph, name, stack, ours, scenario)
-        yield from run_checks(CHECKS, apad, name, before_mission=name in flown)
+        found_apad = FoundAPad(door, graph, name, stack, scenario)
+        yield from run_checks(CHECKS, found_apad, name, before_mission=name in flown)
 
 
-def check_docks(graph: Graph, name: str, scenario: Scenario | None) -> Iterator[Finding]:
+def check_docks(apad: LiveAPad, scenario: Scenario | None) -> Iterator[Finding]:
     """Asks an aPad of generation A what its docks hold already, before a run that would begin with them empty."""
     try:
-        told = _docking_info(graph, name)
-    except (NotAnnounced, DeserializationError) as error:
+        told = _docking_info(apad)
+    except NotAnnounced as error:
         yield cannot_tell(
-            f"{name} docks",
             f"did not report what they hold: {error}",
             "start the node that offers its services",
         )
@@ -95,7 +84,7 @@ def check_docks(graph: Graph, name: str, scenario: Scenario | None) -> Iterator[
         return
     held = _names_held(told)
     if not held:
-        yield ok(f"{name} docks", f"empty; free: {', '.join(map(str, told.available_slots)) or 'none said'}")
+        yield ok(f"empty; free: {', '.join(map(str, told.available_slots)) or 'none said'}")
         return
     ours = (
         []
@@ -110,55 +99,52 @@ def check_docks(graph: Graph, name: str, scenario: Scenario | None) -> Iterator[
         )
     if others:
         found.append(f"{', '.join(others)}, which a run does not see: trips to fill these docks are wasted")
-    mend = f"release by name: {_releases(name, held)}"
+    mend = f"release by name: {_releases(apad.name, held)}"
     free = 0 if scenario is None else scenario.apad.docks - len(held)
     if free > 0:
         mend += f"; or leave these docks out: apad.docks: {free} in the scenario"
-    yield warn(f"{name} docks", f"hold {'; '.join(found)}", mend)
+    yield warn(f"hold {'; '.join(found)}", mend)
 
 
-def _docking_info(graph: Graph, name: str) -> Any:
-    """The answer of `check_docking_availability`, None where nobody offers it. NotAnnounced or DeserializationError."""
-    service = f"{name}/{_DOCKS}"
-    if service not in graph.services:
+def _docking_info(apad: LiveAPad) -> Any:
+    """The answer of `check_docking_availability`, None where nobody offers it. NotAnnounced for none."""
+    service = apad.topic(_DOCKS)
+    if service not in apad.graph.services:
         return None
-    use_generated_messages()
-    from misc_msgs.srv import GetDockingInfo, GetDockingInfoResponse
-
-    return GetDockingInfoResponse().deserialize(call_without_words(graph, service, GetDockingInfo._md5sum))
+    return apad.door.answer(apad.graph, service, "misc_msgs/GetDockingInfo")
 
 
 def _names_held(told: Any) -> list[str]:
     return [it.strip("/") for it in told.slots if it.strip("/")]
 
 
-def _dock_count(graph: Graph, name: str) -> int | None:
+def _dock_count(apad: LiveAPad) -> int | None:
     """The vehicle's docks, free and taken, by its own answer; None where it gives none."""
     try:
-        told = _docking_info(graph, name)
-    except (NotAnnounced, DeserializationError):
+        told = _docking_info(apad)
+    except NotAnnounced:
         return None  # the line of the docks says so
     return None if told is None else len(told.available_slots) + len(_names_held(told)) or None
 
 
-def check_held(graph: Graph, name: str, namespace: str = "") -> Finding:
+def check_held(apad: LiveAPad, namespace: str = "") -> Finding:
     """Finds aMussels in generation A's docks by `position_static`, a witness that its availability service ignores."""
-    check, held = f"{name} docks held", re.compile(in_full(namespace, rf"({AMUSSEL}\d+)/position_static"))
-    topics = [it for it, nodes in graph.publishers.items() if nodes and held.fullmatch(it)]
+    held = re.compile(in_full(namespace, rf"({AMUSSEL}\d+)/position_static"))
+    topics = [it for it, nodes in apad.graph.publishers.items() if nodes and held.fullmatch(it)]
     with ThreadPoolExecutor(_AT_ONCE) as pool:
-        heard = zip(topics, pool.map(lambda it: positions(graph, it, _HELD_S), topics), strict=True)
+        read = pool.map(lambda it: apad.door.positions(apad.graph, it, _HELD_S), topics)
         rates = {
             topic: len(samples) / _HELD_S
-            for topic, samples in heard
+            for topic, samples in zip(topics, read, strict=True)
             if len(samples) >= _HELD_HZ * _HELD_S and samples[-1].status != _RELEASED
         }
     if not rates:
-        return ok(check, "no position_static comes: nothing is held")
+        return ok("no position_static comes: nothing is held")
     told = ", ".join(f"{topic} comes at {rate:.1f} Hz" for topic, rate in sorted(rates.items()))
     return fail(
-        check,
         f"{told}: the docks hold them, whatever check_docking_availability says",
-        "release them by name, and wait until it is silent: " + _releases(name, map(_named, sorted(rates))),
+        "release them by name, and wait until it is silent: "
+        + _releases(apad.name, map(_named, sorted(rates))),
     )
 
 
@@ -173,9 +159,9 @@ def _releases(name: str, held: Iterable[str]) -> str:
     )
 
 
-def check_place(graph: Graph, name: str, ours: OriginLike) -> Iterator[Finding]:
+def check_place(apad: LiveAPad, ours: OriginLike) -> Finding:
     """The vehicle's local (0, 0) is the scenario's, by its parameters and by its positions."""
-    yield check_origin(graph.uri, name, ours, told_places(positions(graph, f"{name}/position", _PLACE_S)))
+    return check_origin(apad.graph.uri, apad.name, ours, told_places(apad.positions(_PLACE_S)))
 
 
 def _with_parts_of_a(graph: Graph) -> set[str]:
@@ -189,9 +175,9 @@ def _with_parts_of_a(graph: Graph) -> set[str]:
     }
 
 
-def _check_action_server(graph: Graph, name: str) -> Finding:
+def _check_action_server(apad: LiveAPad) -> Finding:
     """Orders of generation A go by this alone: a server that is half there or silent takes none."""
-    check, server = f"{name} action server", f"{name}/action_server"
+    graph, server = apad.graph, apad.topic(_SERVER)
     missing = [
         f"publishes {it}"
         for it in ("status", "feedback", "result")
@@ -205,34 +191,32 @@ def _check_action_server(graph: Graph, name: str) -> Finding:
         "rosnode cleanup, and start it again"
     )
     if missing:
-        return fail(check, f"dead: nobody {', '.join(missing)} of {server}", mend)
+        return fail(f"dead: nobody {', '.join(missing)} of {server}", mend)
     try:
         # The first may be the last word of one that is dead, for actionlib latches it.
-        next_messages(graph, f"{server}/status", 2, SERVER_SILENT_MS / 1000)
+        apad.door.messages(graph, f"{server}/status", 2, SERVER_SILENT_MS / 1000)
     except NotAnnounced as error:
-        return fail(check, f"dead: {server}/status is silent: {error}", mend)
-    return ok(check, f"lives: {server}/status comes")
+        return fail(f"dead: {server}/status is silent: {error}", mend)
+    return ok(f"lives: {server}/status comes")
 
 
-def _check_battery(graph: Graph, name: str) -> Finding:
-    check, topic = f"{name} battery", f"{name}/battery_level"
+def _check_battery(apad: LiveAPad) -> Finding:
+    topic = apad.topic("battery_level")
     try:
-        percent = battery_percent(graph, name)
+        percent = apad.battery_percent()
     except NotAnnounced as error:
         return cannot_tell(
-            check,
             f"unknown: {topic}: {error}",
             "start the node that publishes it; the published server speaks after start_sim alone",
         )
     if percent > 100 * MOST_CHARGE:
-        return fail(check, f"{topic} says {percent:g} %", "see the gauge, and what publishes it")
+        return fail(f"{topic} says {percent:g} %", "see the gauge, and what publishes it")
     if not percent > 0:
         return warn(
-            check,
             f"{topic} says {percent:g} %: a run that ends at apad.battery's end is over at once",
             "charge it, or set its gauge; the published server's is right after start_sim alone",
         )
-    return ok(check, f"{percent:.0f} %")
+    return ok(f"{percent:.0f} %")
 
 
 def named_like(graph: Graph, stack: Stack) -> set[str]:
@@ -254,7 +238,7 @@ def named_like(graph: Graph, stack: Stack) -> set[str]:
     return set.intersection(*marks)
 
 
-def _tell_capabilities(name: str, stack: Stack, docks: int | None) -> Finding:
+def _tell_capabilities(stack: Stack, docks: int | None) -> Finding:
     """Lists the orders that a mission may give this aPad, and those that it may not.
 
     `docks` are those that the vehicle itself counts, None where it does not tell.
@@ -270,21 +254,22 @@ def _tell_capabilities(name: str, stack: Stack, docks: int | None) -> Finding:
         if docks is None
         else f"has {docks} docks",
     )
-    return ok(f"{name} capabilities", "; ".join(told))
+    return ok("; ".join(told))
 
 
-def _check_md5s(graph: Graph, name: str, stack: Stack, ours: Md5s) -> Finding:
+def _check_md5s(apad: FoundAPad) -> Finding:
+    stack, door, ours = apad.stack, apad.door, apad.ours
     differing, silent, same = [], [], []
     for part, type_name in {**stack.topic_types, **stack.service_types}.items():
-        probe = service_md5 if part in stack.service_types else topic_md5
+        probe = door.service_md5 if part in stack.service_types else door.topic_md5
         try:
-            md5 = probe(graph, f"{name}/{part}")
+            md5 = probe(apad.graph, apad.topic(part))
         except NotAnnounced as error:
             silent.append(f"{part} ({error})")
             continue
         if md5 == ours[type_name]:
             same.append(f"{part} {md5}")
-        elif part in stack.service_types and service_by_text(type_name, md5) is not None:
+        elif part in stack.service_types and door.is_by_text(type_name, md5):
             same.append(f"{part} {md5} (by the text on ROS_PACKAGE_PATH, ours is {ours[type_name]})")
         else:
             differing.append(f"{part}: {type_name} is {md5}, ours {ours[type_name]}")
@@ -293,24 +278,24 @@ def _check_md5s(graph: Graph, name: str, stack: Stack, ours: Md5s) -> Finding:
             "source its workspace, or put the aPad's texts of these types into apad_bridge/ros/definitions and run "
             "launch_scripts/install"
         )
-        return fail(name, "; ".join(differing), mend)
+        return fail("; ".join(differing), mend)
     if silent:
         return cannot_tell(
-            name,
             f"did not tell the md5 of {'; '.join(silent)}",
             "start its nodes; see the lines of its nodes above",
         )
-    return ok(name, f"an aPad with {stack.known_by}; speaks our definitions: {', '.join(same)}")
+    return ok(f"an aPad with {stack.known_by}; speaks our definitions: {', '.join(same)}")
 
 
-def _check_beside(graph: Graph, name: str, stack: Stack, ours: Md5s) -> Iterator[Finding]:
+def _check_beside(apad: FoundAPad) -> Iterator[Finding]:
+    graph, door, ours = apad.graph, apad.door, apad.ours
     differing, same = [], []
-    for part, type_name in stack.unused_types.items():
-        full = f"{name}/{part}"
+    for part, type_name in apad.stack.unused_types.items():
+        full = apad.topic(part)
         if full not in graph.services and full not in graph.publishers:
             continue
         try:
-            md5 = (service_md5 if full in graph.services else topic_md5)(graph, full)
+            md5 = (door.service_md5 if full in graph.services else door.topic_md5)(graph, full)
         except NotAnnounced:
             continue
         if md5 == ours[type_name]:
@@ -319,29 +304,27 @@ def _check_beside(graph: Graph, name: str, stack: Stack, ours: Md5s) -> Iterator
             differing.append(f"{part}: md5 {md5}, ours {ours[type_name]} ({type_name})")
     if differing:
         yield warn(
-            f"{name} beside",
             f"not used by us, and other than the simulated aPad's: {'; '.join(differing)}",
             "to try programs of yours against the simulated aPad, put the aPad's texts into "
             "apad_bridge/ros/definitions by these names and run launch_scripts/install",
         )
     elif same:
-        yield ok(f"{name} beside", f"as the simulated aPad's: {', '.join(same)}")
+        yield ok(f"as the simulated aPad's: {', '.join(same)}")
 
 
-def _check_offset(graph: Graph, topic: str, name: str) -> Finding:
+def _check_offset(apad: LiveAPad) -> Finding:
     """The offset of the aPad's clock from this machine's, by the stamp of its next position."""
+    topic = apad.topic("position")
     try:
-        (offset_s,) = stamp_offset_s(graph, topic)
+        (offset_s,) = apad.door.stamp_offsets_s(apad.graph, topic, 1, TIMEOUT_S)
     except NotAnnounced as error:
         return cannot_tell(
-            f"{name} clock",
             f"unknown: {topic}: {error}",
             "start the node that publishes it, then run this again",
         )
     if abs(offset_s) <= _LATE_S:
-        return ok(f"{name} clock", f"{offset_s:+.2f} s from this machine's, the network's delay included")
+        return ok(f"{offset_s:+.2f} s from this machine's, the network's delay included")
     return warn(
-        f"{name} clock",
         f"{offset_s:+.1f} s from this machine's: stamps of the two cannot be compared",
         "set both clocks alike (chrony, ntpdate) before a run, or subtract this when logs are merged; "
         "with /clock on the master, fly with --time ros",
@@ -349,22 +332,18 @@ def _check_offset(graph: Graph, topic: str, name: str) -> Finding:
 
 
 CHECKS: tuple[Check[FoundAPad], ...] = (
-    Check("versions", lambda it: _check_md5s(it.graph, it.name, it.stack, it.ours)),
-    Check("beside", lambda it: _check_beside(it.graph, it.name, it.stack, it.ours)),
-    Check("capabilities", lambda it: _tell_capabilities(it.name, it.stack, _dock_count(it.graph, it.name))),
-    Check(
-        "clock", lambda it: _check_offset(it.graph, f"{it.name}/position", it.name), may_be_red_in_trial=True
-    ),
-    Check("battery", lambda it: _check_battery(it.graph, it.name), may_be_red_in_trial=True),
+    Check("", _check_md5s),
+    Check("beside", _check_beside),
+    Check("capabilities", lambda it: _tell_capabilities(it.stack, _dock_count(it))),
+    Check("clock", _check_offset, may_be_red_in_trial=True),
+    Check("battery", _check_battery, may_be_red_in_trial=True),
     Check(
         "action server",
-        lambda it: (
-            [_check_action_server(it.graph, it.name)] if _SERVER in it.stack.recognised_actions else []
-        ),
+        lambda it: _check_action_server(it) if _SERVER in it.stack.recognised_actions else [],
     ),
     Check(
         "docks",
-        lambda it: check_docks(it.graph, it.name, it.scenario) if _DOCKS in it.stack.service_types else [],
+        lambda it: check_docks(it, it.scenario) if _DOCKS in it.stack.service_types else [],
         is_red_at_warning=True,
         may_be_red_in_trial=True,
     ),

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 from patient import PATIENCE_S
 
-from apad_bridge.acoustics.serial import modem_check
-from apad_bridge.acoustics.serial.modem_check import check_modem
+from apad_bridge.doctor import modem
+from apad_bridge.doctor.modem import check_modem
 
 
 class Modem:
@@ -52,7 +52,7 @@ STATUS = b"#A007V53000R1.2.3B2020-01-01T00:00:00\r\n"
 
 def waits_for_an_answer(monkeypatch: pytest.MonkeyPatch, seconds: float) -> None:
     for name in ("_ANSWER_S", "_ECHO_S"):
-        monkeypatch.setattr(modem_check, name, seconds)
+        monkeypatch.setattr(modem, name, seconds)
 
 
 @pytest.fixture(autouse=True)
