@@ -34,7 +34,7 @@ from apad_bridge.field.field_log.facts import (
     WorkEnded,
 )
 from apad_bridge.mission.charging_watch import ChargingWatch
-from apad_bridge.mission.dispatch import dispatch_of, due_now, fullest_first
+from apad_bridge.mission.dispatch import BelievedDispatch, fullest_first
 from apad_bridge.mission.home_places import with_exchanged_homes, with_new_homes
 from apad_bridge.mission.plans import plan_or_reason
 from apad_bridge.mission.pool import ChargingPool, placeholder_belief, situation_of
@@ -149,7 +149,6 @@ class Shadow:
         self._legs = LegForecast(scenario.apad, surface_of(scenario))
         self._pool = ChargingPool(mission, self._beliefs)
         self._charging = ChargingWatch(mission)
-        self._dispatch = dispatch_of(mission, self._charging, self._pool.batch_of)
         self._exchanges_places = mission.places is Places.EXCHANGED
         self._state = MissionState(dock_count=scenario.apad.docks)
         self._place_m: Place | None = None
@@ -413,9 +412,9 @@ class Shadow:
         candidates = self._pool.candidates(now_ms, served=self._state.served)
         pool = [it for it in candidates if it.agent_id not in held]
         free = self._state.dock_count - len(held)
-        released, waiting, count = due_now(
-            self._dispatch, self._mission, self._charging, lambda: pool, docked, free
-        )
+        released, waiting, count = BelievedDispatch(
+            self._mission, self._charging, docked, free, lambda: pool, self._pool.batch_of
+        ).due()
         if released:
             known = [docked[it] or placeholder_belief(it, place_m) for it in released]
             if count:

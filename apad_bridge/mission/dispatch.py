@@ -1,17 +1,10 @@
-"""The rules of dispatch and release: how many aMussels to collect now, and which of the docked ones to release now.
-
-The strategy decides whom and in which order; the rule is the scenario's `mission.dispatch` and serves every strategy. So a
-study can split a gain into the rule's part and the strategy's.
-
-Source of `batch`: the paper's Fig. 7, which waits for as many aMussels as there are docks and releases them when all are
-full. Source of `asynchronous`: the on-demand charging of single nodes, with a full or a partial charge, as in L. He and
-others, MASS 2013.
-"""
+"""The rule of dispatch by beliefs: how many aMussels to collect now, and which of the docked ones to release now."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from typing import Protocol
+from functools import cached_property
+from math import inf
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.mission.charging_watch import (
@@ -22,138 +15,116 @@ from apad_bridge.mission.charging_watch import (
     makes_room,
     room_above,
 )
+from apad_bridge.planning.dispatch import DispatchRule
 from apad_bridge.planning.exchange import is_worth_it
 from apad_bridge.scenario.schema import Dispatch, Mission, Places
 
 Docked = Mapping[int, Belief | None]
 """The beliefs of the docked aMussels, by id; None for one that was never heard."""
-Pool = Callable[[], Sequence[Belief]]
-"""Looks up the pool, which takes long: nobody asks before a docked aMussel may make room."""
+Pool = Sequence[Belief]
 
 
-class DispatchRule(Protocol):
-    def to_collect(self, pool: Sequence[Belief], docked: Docked, free_docks: int) -> int:
-        """Returns the number of aMussels of the pool to collect now; 0 means to wait."""
+class BelievedDispatch(DispatchRule):
+    """The docks and the pool of a mission, as believed now: each time is now or never."""
 
-    def to_release(self, docked: Docked, pool: Pool) -> Collection[int]:
-        """Returns the ids of the docked aMussels to release now."""
-
-    def to_exchange(self, pool: Sequence[Belief], released: int) -> int:
-        """Returns the number of the pool to collect on the tour on which so many are released."""
-
-
-def due_now(
-    rule: DispatchRule,
-    config: Mission,
-    watch: ChargingWatch,
-    pool: Pool,
-    docked: Docked,
-    free_docks: int,
-    kept: Collection[int] = (),
-) -> tuple[tuple[int, ...], Sequence[Belief], int]:
-    """Decides what is due: (the docked ones to release, those to collect from, how many of these to collect).
-
-    A release comes first, and a collection beside it is an exchange of places on the same tour. `kept` are docked ones that
-    cannot be released now. The mission flies what this says, and a shadow compares with it.
-    """
-    released = tuple(it for it in rule.to_release(docked, pool) if it not in kept) if docked else ()
-    if released:
-        if config.places is not Places.EXCHANGED:
-            return released, (), 0
-        led = _worth_an_exchange(pool(), {it: docked[it] for it in released}, config, watch)
-        return released, led, rule.to_exchange(led, len(released))
-    if not free_docks:
-        return (), (), 0
-    waiting = pool()
-    return (), waiting, rule.to_collect(waiting, docked, free_docks)
-
-
-def _worth_an_exchange(
-    pool: Sequence[Belief], leaving: Docked, config: Mission, watch: ChargingWatch
-) -> list[Belief]:
-    """Selects those of the pool for whom each of the `leaving` makes room; for one that leaves anyway, all of the pool.
-
-    `planning/exchange.py` has the rule, which projections share.
-    """
-    early = [
-        counted_charge(belief, config)
-        for agent_id, belief in leaving.items()
-        if belief is not None and not is_full(belief, config) and not watch.has_given_up(agent_id)
-    ]
-    least, above = min(early, default=None), room_above(config)
-    if least is None:
-        return list(pool)
-    return [it for it in pool if is_worth_it(least, counted_charge(it, config), above, config.charge_lead)]
-
-
-class BatchDispatch:
-    """Collects when nobody is docked and a batch waits; releases all when all are charged, or given up."""
+    now_s = 0.0
 
     def __init__(
-        self, config: Mission, watch: ChargingWatch, batch_of: Callable[[Sequence[Belief]], int]
+        self,
+        config: Mission,
+        watch: ChargingWatch,
+        docked: Docked,
+        free_docks: int,
+        pool: Callable[[], Pool],
+        batch_of: Callable[[Pool], int],
     ) -> None:
-        self._config = config
-        self._watch = watch
-        self._batch_of = batch_of
+        """`pool` looks the pool up, which takes long: nobody asks before a docked aMussel may make room.
 
-    def to_collect(self, pool: Sequence[Belief], docked: Docked, free_docks: int) -> int:
-        return 0 if docked else min(self._batch_of(pool), free_docks)
+        `batch_of` tells how many of a pool make a batch now, 0 if it must grow.
+        """
+        self.is_asynchronous = config.dispatch is Dispatch.ASYNCHRONOUS
+        self.docked = tuple(docked)
+        self._config, self._watch = config, watch
+        self._beliefs, self._free_docks = docked, free_docks
+        self._look_up, self._batch_of = pool, batch_of
 
-    def to_release(self, docked: Docked, pool: Pool) -> Collection[int]:
-        left = [belief for agent_id, belief in docked.items() if not self._watch.has_given_up(agent_id)]
-        if all(is_full(belief, self._config) for belief in left):
-            return tuple(docked)
-        if not all(is_charged(belief, self._config) for belief in left):
-            return ()
-        waiting = pool()
-        charges = sorted(counted_charge(it, self._config) for it in waiting)[: self._batch_of(waiting)]
-        if charges and all(makes_room(belief, self._config, charges[-1]) for belief in left):
-            return tuple(docked)
-        return ()
+    def due(self, kept: Collection[int] = ()) -> tuple[Sequence[int], Pool, int]:
+        """Decides what is due: (the docked ones to release, those to collect from, how many of these to collect).
 
-    def to_exchange(self, pool: Sequence[Belief], released: int) -> int:
-        return self._batch_of(pool)
+        A release comes first, and a collection beside it is an exchange of places on the same tour. `kept` are docked ones
+        that cannot be released now. The mission flies what this says, and a shadow compares with it.
+        """
+        at_s, leaving = self.released()
+        released = [it for it in leaving if it not in kept] if at_s <= self.now_s else []
+        if released:
+            if self._config.places is not Places.EXCHANGED:
+                return released, (), 0
+            led = self._worth_an_exchange(released)
+            return released, led, self._count_of(led, len(released))
+        if self.collected_s() > self.now_s:
+            return (), (), 0
+        return (), self._pool, min(self._count_of(self._pool), self._free_docks)
 
+    def full_s(self, docked: int) -> float:
+        is_done = self._watch.has_given_up(docked) or is_full(self._beliefs[docked], self._config)
+        return self.now_s if is_done else inf
 
-class AsynchronousDispatch:
-    """Collects one aMussel as soon as a dock is free; releases each when it is full, or given up.
-
-    When another waits, the fullest makes room, if it is charged enough for that. It does so with a free dock, too, because
-    in a dock it measures nothing.
-    """
-
-    def __init__(self, config: Mission, watch: ChargingWatch) -> None:
-        self._config = config
-        self._watch = watch
-
-    def to_collect(self, pool: Sequence[Belief], docked: Docked, free_docks: int) -> int:
-        return min(1, len(pool), free_docks)
-
-    def to_release(self, docked: Docked, pool: Pool) -> Collection[int]:
-        done = tuple(
-            agent_id
-            for agent_id, belief in docked.items()
-            if self._watch.has_given_up(agent_id) or is_full(belief, self._config)
+    def room_s(self) -> float:
+        config, ready = self._config, any if self.is_asynchronous else all
+        left = [it for agent_id, it in self._beliefs.items() if not self._watch.has_given_up(agent_id)]
+        if not ready(is_charged(it, config) for it in left):
+            return inf
+        waiting = self._waiting_charge
+        return (
+            self.now_s
+            if waiting is not None and ready(makes_room(it, config, waiting) for it in left)
+            else inf
         )
-        if done:
-            return done
-        charged = [it for it in docked.values() if it is not None and is_charged(it, self._config)]
-        charges = [counted_charge(it, self._config) for it in pool()] if charged else []
-        able = [it for it in charged if charges and makes_room(it, self._config, min(charges))]
+
+    def fullest(self) -> Sequence[int]:
+        waiting = self._waiting_charge or 0.0
+        able = [
+            it for it in self._beliefs.values() if it is not None and makes_room(it, self._config, waiting)
+        ]
         return [it.agent_id for it in fullest_first(able)[:1]]
 
-    def to_exchange(self, pool: Sequence[Belief], released: int) -> int:
-        return min(len(pool), released)
+    def waits_s(self) -> float:
+        return self.now_s if self._free_docks and self._count_of(self._pool) else inf
+
+    @cached_property
+    def _pool(self) -> Pool:
+        return self._look_up()
+
+    def _count_of(self, pool: Pool, most: int = 1) -> int:
+        """The number of a pool to collect on one tour; `most` bounds those that are collected one by one."""
+        return min(len(pool), most) if self.is_asynchronous else self._batch_of(pool)
+
+    @property
+    def _waiting_charge(self) -> float | None:
+        """The highest charge of those of the pool that are collected next, the lowest first; None if nobody is."""
+        charges = sorted(counted_charge(it, self._config) for it in self._pool)[: self._count_of(self._pool)]
+        return charges[-1] if charges else None
+
+    def _worth_an_exchange(self, leaving: Iterable[int]) -> Pool:
+        """Selects those of the pool for whom each of the `leaving` makes room; for one that leaves anyway, all of the pool.
+
+        `planning/exchange.py` has the rule, which projections share.
+        """
+        config = self._config
+        early = [
+            counted_charge(belief, config)
+            for agent_id in leaving
+            if (belief := self._beliefs[agent_id]) is not None and self.full_s(agent_id) > self.now_s
+        ]
+        least, above = min(early, default=None), room_above(config)
+        if least is None:
+            return self._pool
+        return [
+            it
+            for it in self._pool
+            if is_worth_it(least, counted_charge(it, config), above, config.charge_lead)
+        ]
 
 
 def fullest_first(docked: Iterable[Belief]) -> list[Belief]:
     return sorted(docked, key=lambda it: (-it.primary, it.agent_id))
-
-
-def dispatch_of(
-    config: Mission, watch: ChargingWatch, batch_of: Callable[[Sequence[Belief]], int]
-) -> DispatchRule:
-    """Builds the scenario's rule. `batch_of` tells how many of a pool make a batch now, 0 if it must grow."""
-    if config.dispatch is Dispatch.ASYNCHRONOUS:
-        return AsynchronousDispatch(config, watch)
-    return BatchDispatch(config, watch, batch_of)

@@ -27,7 +27,7 @@ from apad_bridge.events.persons import Steering
 from apad_bridge.events.run import EndReason
 from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.mission.charging_watch import ChargingWatch
-from apad_bridge.mission.dispatch import DispatchRule, Docked, dispatch_of, due_now, fullest_first
+from apad_bridge.mission.dispatch import BelievedDispatch, Docked, fullest_first
 from apad_bridge.mission.docking_routine import (
     NOT_FOUND,
     DockingRoutine,
@@ -370,15 +370,15 @@ class EnergyExchange(OrderBook):
 
     def _decide_service(self, docked: Docked, now_ms: int) -> _NextAct | None:
         rules = self._rules_at(now_ms)
-        released, pool, count = due_now(
-            self._dispatch_of(rules),
+        dispatch = BelievedDispatch(
             rules,
             self._charging,
-            lambda: self._candidates(now_ms),
             docked,
             self.docks.count(None),
-            self._beyond_reach.keys(),
+            lambda: self._candidates(now_ms),
+            lambda pool: self._pool.batch_of(pool, self._left_alone),
         )
+        released, pool, count = dispatch.due(self._beyond_reach.keys())
         if released:
             return partial(self._exchange_or_release, released, pool, count)
         if not count:
@@ -678,9 +678,6 @@ class EnergyExchange(OrderBook):
     def _follow(self, config: Mission) -> None:
         self._config = self._charging.config = self._pool.config = self._tries.config = config
         self.docking_routine.config = config
-
-    def _dispatch_of(self, config: Mission) -> DispatchRule:
-        return dispatch_of(config, self._charging, lambda pool: self._pool.batch_of(pool, self._left_alone))
 
     @property
     def _behaviour(self) -> _PhaseBehaviour:

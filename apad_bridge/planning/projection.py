@@ -1,6 +1,6 @@
 """The mission, carried forward from beliefs: how active the fleet is when a plan is flown, and how far the aPad drives.
 
-The projection follows the mission's rule of dispatch (`mission/dispatch.py`) and the energy model, leg by leg. It begins
+The projection follows the mission's rule (`planning/dispatch.py`) and the energy model, leg by leg. It begins
 with the plan that is judged and goes on with a base policy: the next aMussel costs the way to it, less
 `gain_m_per_charge` times the charge that it lacks, and the least cost is next. Where places are exchanged
 (`planning/exchange.py`), one way serves the collected and the released one. Nothing is random and no docking misses. The
@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from math import dist, inf
 
 from apad_bridge.planning.candidates import Situation
+from apad_bridge.planning.dispatch import DispatchRule
 from apad_bridge.planning.energy_model import EnergyModel
 from apad_bridge.planning.exchange import is_worth_it
 
@@ -37,7 +38,7 @@ class ProjectedOutcome:
     """The way, in a known sea that of calm water which costs as much."""
 
 
-class Projection:
+class Projection(DispatchRule):
     """Projects any number of plans from one situation; an aMussel is its index in candidates, others and leaving ones."""
 
     def __init__(
@@ -46,6 +47,10 @@ class Projection:
         self._agents = (*situation.candidates, *situation.others, *situation.leaving)
         self._leaving = range(len(self._agents) - len(situation.leaving), len(self._agents))
         self._model = model
+        self.is_asynchronous = model.is_asynchronous
+        self.docked: list[int] = []
+        self._count = 1 if model.is_asynchronous else min(model.batch, len(self._agents))
+        """The number that is collected next."""
         self._horizon_s = horizon_s
         self._gain = gain_m_per_charge
         self._apad_m = situation.apad_m
@@ -62,47 +67,63 @@ class Projection:
         self._since_s = [0.0] * count
         self._served = {index for index, agent in enumerate(self._agents) if agent.is_served}
         self._active_s = [0.0] * count
-        self._docked = [index for index, agent in enumerate(self._agents) if agent.dock_index is not None]
-        self._now_s, self._metres = 0.0, 0.0
+        self.docked = [index for index, agent in enumerate(self._agents) if agent.dock_index is not None]
+        self.now_s, self._metres = 0.0, 0.0
         self._place_m = self._apad_m
         self._places = list(self._own_places)
         self._fly_tour(plan, self._leaving)
-        advance = self._advance_asynchronous if self._model.is_asynchronous else self._advance_batch
-        while self._now_s < self._horizon_s and advance():
+        while self.now_s < self._horizon_s and self.advance():
             pass
         return self._outcome()
 
-    def _advance_batch(self) -> bool:
-        """Flies one release of all, or one collection of a batch; False if nothing more will happen."""
-        model, docked = self._model, self._docked
-        swimming = [index for index in range(len(self._agents)) if index not in docked]
-        wanted = min(model.batch, len(self._agents))
-        enters_s = self._enters_s(swimming)
-        waits_s = _last_of(enters_s, wanted)
-        if docked:
-            full_s = max(self._reaches_s(index, model.full) for index in docked)
-            room_s = inf if waits_s == inf else max(waits_s, self._room_s(docked, swimming, wanted))
-            self._now_s = max(self._now_s, min(full_s, room_s))
-            exchanged_s = self._worth_an_exchange_s(swimming, enters_s, docked)
-            if model.exchanges_places and _last_of(exchanged_s, wanted) <= self._now_s:
-                self._fly_tour(self._chosen(swimming, exchanged_s, wanted), self._fullest_first(docked))
-            else:
-                self._fly_tour((), docked)
-            return True
-        if waits_s == inf:
-            return False
-        self._now_s = max(self._now_s, waits_s)
-        self._fly_tour(self._chosen(swimming, enters_s, wanted))
-        return True
+    def advance(self) -> bool:
+        """Flies the next tour, or waits; False if nothing more will happen."""
+        self._swimming = [index for index in range(len(self._agents)) if index not in self.docked]
+        self._pool_s = self._enters_s(self._swimming)
+        at_s, leaving = self.released()
+        if leaving:
+            self.now_s = max(self.now_s, at_s)
+            self._release(leaving)
+        elif (collected_s := self.collected_s()) <= self.now_s:
+            self._fly_tour(self._chosen(self._pool_s, self._count))
+        else:
+            self.now_s = min(at_s, collected_s)
+        return self.now_s < inf
 
-    def _chosen(self, swimming: Sequence[int], enters_s: Sequence[float], count: int) -> Iterator[int]:
+    def full_s(self, docked: int) -> float:
+        return self._reaches_s(docked, self._model.full)
+
+    def room_s(self) -> float:
+        waits_s = _last_of(self._pool_s, self._count)
+        if not self.is_asynchronous:
+            return inf if waits_s == inf else max(waits_s, self._makes_room_s(self._swimming))
+        waiting = [it for it, at_s in zip(self._swimming, self._pool_s, strict=True) if at_s <= self.now_s]
+        return self._makes_room_s(waiting) if waiting else waits_s
+
+    def fullest(self) -> Sequence[int]:
+        return self._fullest_first(self.docked)[:1]
+
+    def waits_s(self) -> float:
+        return _last_of(self._pool_s, self._count) if len(self.docked) < self._model.docks else inf
+
+    def _release(self, leaving: Sequence[int]) -> None:
+        """Flies a release. Where places are exchanged, others are collected on the same tour, if enough wait."""
+        count, pool_s = 0, self._pool_s
+        if self._model.exchanges_places:
+            pool_s = self._worth_an_exchange_s(leaving)
+            count = len(leaving) if self.is_asynchronous else self._count
+            if _last_of(pool_s, self._count) > self.now_s:
+                count = 0
+        self._fly_tour(self._chosen(pool_s, count), self._fullest_first(leaving))
+
+    def _chosen(self, enters_s: Sequence[float], count: int) -> Iterator[int]:
         """The base policy's choices one by one, each at its time and place, from those that are in the pool by then."""
         chosen: set[int] = set()
         for _ in range(count):
             pool = [
                 index
-                for index, at_s in zip(swimming, enters_s, strict=True)
-                if at_s <= self._now_s and index not in chosen
+                for index, at_s in zip(self._swimming, enters_s, strict=True)
+                if at_s <= self.now_s and index not in chosen
             ]
             if not pool:
                 break
@@ -116,7 +137,7 @@ class Projection:
         """
         left = list(leaving)
         for index in collected:
-            if self._now_s >= self._horizon_s:
+            if self.now_s >= self._horizon_s:
                 return
             self._go_to(index)
             self._dock(index)
@@ -125,9 +146,9 @@ class Projection:
                 places = self._places
                 places[index], places[released] = places[released], places[index]
                 self._undock(released)
-        while left and self._now_s < self._horizon_s:
+        while left and self.now_s < self._horizon_s:
             way_m, place_m, places = self._way_m, self._place_m, self._places
-            owners = self._docked if self._model.exchanges_places else left
+            owners = self.docked if self._model.exchanges_places else left
             owner = min(owners, key=lambda it: (way_m(place_m, places[it]), it))
             released = owner if owner in left else left[0]
             places[owner], places[released] = places[released], places[owner]
@@ -135,39 +156,10 @@ class Projection:
             self._go_to(released)
             self._undock(released)
 
-    def _advance_asynchronous(self) -> bool:
-        """Flies one release or one collection, or waits for the next; False if nothing more will happen."""
-        model, now_s, docked = self._model, self._now_s, self._docked
-        full_s = [self._reaches_s(index, model.full) for index in docked]
-        done = [index for index, at_s in zip(docked, full_s, strict=True) if at_s <= now_s]
-        swimming = [index for index in range(len(self._agents)) if index not in docked]
-        enters_s = self._enters_s(swimming)
-        if done:
-            count = len(done) if model.exchanges_places else 0
-            self._fly_tour(self._chosen(swimming, enters_s, count), self._fullest_first(done))
-            return True
-        pool = [index for index, at_s in zip(swimming, enters_s, strict=True) if at_s <= now_s]
-        events_s = list(full_s)
-        if pool:
-            room_s = self._room_s(docked, pool, 1)
-            if room_s <= now_s:
-                leaves, count = self._fullest_first(docked)[:1], 1 if model.exchanges_places else 0
-                enters_s = self._worth_an_exchange_s(swimming, enters_s, leaves)
-                self._fly_tour(self._chosen(swimming, enters_s, count), leaves)
-                return True
-            if len(docked) < model.docks:
-                self._fly_tour([self._next(pool)])
-                return True
-            events_s.append(room_s)
-        else:
-            events_s += enters_s
-        self._now_s = min(events_s, default=inf)
-        return self._now_s < inf
-
     def _next(self, pool: Sequence[int]) -> int:
         """The base policy's choice."""
         way_m, place_m = self._way_m, self._place_m
-        places, drain, now_s, gain = self._places, self._model.drain_per_s, self._now_s, self._gain
+        places, drain, now_s, gain = self._places, self._model.drain_per_s, self.now_s, self._gain
         best, least = pool[0], inf
         for index in pool:
             charge = max(0.0, self._charge[index] - drain * (now_s - self._since_s[index]))
@@ -181,25 +173,25 @@ class Projection:
         way_m = self._way_m(self._place_m, place_m)
         self._metres += way_m
         if self._sea is None:
-            self._now_s += way_m / self._model.speed_m_s + _LEG_S
+            self.now_s += way_m / self._model.speed_m_s + _LEG_S
         else:
-            self._now_s += self._sea.seconds(self._place_m, place_m) + _LEG_S
+            self.now_s += self._sea.seconds(self._place_m, place_m) + _LEG_S
         self._place_m = place_m
 
     def _dock(self, index: int) -> None:
-        self._now_s += self._model.dock_s
-        if self._now_s < self._horizon_s:
-            self._settle_active(index, self._now_s)
+        self.now_s += self._model.dock_s
+        if self.now_s < self._horizon_s:
+            self._settle_active(index, self.now_s)
             self._charge[index] = max(0.0, self._charge[index] - self._model.motor_run)
-            self._docked.append(index)
+            self.docked.append(index)
 
     def _undock(self, index: int) -> None:
-        self._now_s += self._model.undock_s
-        if self._now_s < self._horizon_s:
-            self._docked.remove(index)
-            charge = self._model.charged(self._charge[index], self._now_s - self._since_s[index])
+        self.now_s += self._model.undock_s
+        if self.now_s < self._horizon_s:
+            self.docked.remove(index)
+            charge = self._model.charged(self._charge[index], self.now_s - self._since_s[index])
             self._charge[index] = max(0.0, charge - self._model.motor_run)
-            self._since_s[index] = self._now_s
+            self._since_s[index] = self.now_s
             self._served.add(index)
 
     def _enters_s(self, swimming: Sequence[int]) -> list[float]:
@@ -214,30 +206,26 @@ class Projection:
             for index, at_s in zip(swimming, low_s, strict=True)
         ]
 
-    def _worth_an_exchange_s(
-        self, swimming: Sequence[int], enters_s: Sequence[float], leaving: Sequence[int]
-    ) -> list[float]:
+    def _worth_an_exchange_s(self, leaving: Sequence[int]) -> list[float]:
         """When each enters the pool for an exchange: never for one for whom the leaving ones make no room now."""
-        model, now_s = self._model, self._now_s
+        model, now_s = self._model, self.now_s
         early = [index for index in leaving if self._reaches_s(index, model.full) > now_s]
         if not early:
-            return list(enters_s)
+            return self._pool_s
         least = min(model.charged(self._charge[it], now_s - self._since_s[it]) for it in early) + _ROUNDING
 
         def pays(index: int) -> bool:
             charge = max(0.0, self._charge[index] - model.drain_per_s * (now_s - self._since_s[index]))
             return is_worth_it(least, charge, model.makes_room, model.charge_lead)
 
-        return [at_s if pays(it) else inf for it, at_s in zip(swimming, enters_s, strict=True)]
+        return [at_s if pays(it) else inf for it, at_s in zip(self._swimming, self._pool_s, strict=True)]
 
-    def _room_s(self, docked: Sequence[int], waiting: Sequence[int], wanted: int) -> float:
-        """When the docked ones make room for the `wanted` lowest that wait: one by one the first of them, else all."""
-        model = self._model
-        if not docked:
-            return inf
-        ready = min if model.is_asynchronous else max
+    def _makes_room_s(self, waiting: Sequence[int]) -> float:
+        """When the docked ones make room for the lowest of these, as many as are collected next."""
+        model, docked = self._model, self.docked
+        ready = min if self.is_asynchronous else max
         room_s = ready(self._reaches_s(index, model.makes_room) for index in docked)
-        if model.charge_lead is None or not wanted:
+        if model.charge_lead is None:
             return room_s
         lead, drain = model.charge_lead, model.drain_per_s
 
@@ -245,10 +233,10 @@ class Projection:
             charges = sorted(
                 max(0.0, self._charge[index] - drain * (at_s - self._since_s[index])) for index in waiting
             )
-            led = min(model.makes_room, charges[wanted - 1] + lead)
+            led = min(model.makes_room, charges[self._count - 1] + lead)
             return ready(self._reaches_s(index, led) for index in docked) <= at_s
 
-        low_s, high_s = self._now_s, max(self._now_s, room_s)
+        low_s, high_s = self.now_s, max(self.now_s, room_s)
         if leads(low_s):
             return low_s
         for _ in range(_HALVINGS):
@@ -265,7 +253,7 @@ class Projection:
         return self._since_s[index] + self._model.charging_s(self._charge[index], charge)
 
     def _fullest_first(self, docked: Sequence[int]) -> list[int]:
-        charged, now_s = self._model.charged, self._now_s
+        charged, now_s = self._model.charged, self.now_s
         return sorted(docked, key=lambda it: (-charged(self._charge[it], now_s - self._since_s[it]), it))
 
     def _settle_active(self, index: int, now_s: float) -> None:
@@ -279,7 +267,7 @@ class Projection:
     def _outcome(self) -> ProjectedOutcome:
         end_s = self._horizon_s
         for index in range(len(self._agents)):
-            if index not in self._docked:
+            if index not in self.docked:
                 self._settle_active(index, end_s)
             elif self._since_s[index] < end_s:
                 self._charge[index] = self._model.charged(self._charge[index], end_s - self._since_s[index])

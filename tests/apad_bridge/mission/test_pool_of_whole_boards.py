@@ -10,7 +10,7 @@ from scenario_files import WHOLE_FILE
 from apad_bridge.beliefs.belief import Belief, Suspicion
 from apad_bridge.events.mission import MissionState
 from apad_bridge.mission.charging_watch import ChargingWatch
-from apad_bridge.mission.dispatch import dispatch_of
+from apad_bridge.mission.dispatch import BelievedDispatch
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.pool import ChargingPool, situation_of
 from apad_bridge.mission.sink_reminders import SinkReminders
@@ -116,7 +116,7 @@ def test_a_dock_is_nobody_s_home(state: State, is_home: bool) -> None:
 def is_released(config: Mission, watch: ChargingWatch, docked: Told) -> set[int]:
     """The aMussels that both rules of dispatch release; fails if they differ."""
     released = {
-        frozenset(dispatch_of(replace(config, dispatch=rule), watch, len).to_release(docked, list))
+        frozenset(BelievedDispatch(replace(config, dispatch=rule), watch, docked, 0, list, len).due()[0])
         for rule in Dispatch
     }
     (only,) = released

@@ -116,7 +116,7 @@ class _First(Projection):
             self._place_m = self._places[index]
         back = [self._agents[index].agent_id for index in leaving]
         if out or back:
-            if self._now_s == 0:
+            if self.now_s == 0:
                 self.tour = out, set(back), list(zip(back, out, strict=False))
             raise _Decided
 
