@@ -18,7 +18,7 @@ from apad_bridge.planning.dispatch import DispatchRule
 from apad_bridge.planning.energy_model import EnergyModel
 from apad_bridge.planning.exchange import is_worth_it
 
-_LEG_S = 2.5
+LEG_S = 2.5
 """Time of a leg beyond its way at full speed: to accelerate, to brake, and to be sure of the arrival."""
 _HALVINGS = 8
 """They find the time of a lead within a second or two of an hour's charge."""
@@ -42,11 +42,18 @@ class Projection(DispatchRule):
     """Projects any number of plans from one situation; an aMussel is its index in candidates, others and leaving ones."""
 
     def __init__(
-        self, situation: Situation, model: EnergyModel, horizon_s: float, gain_m_per_charge: float
+        self,
+        situation: Situation,
+        model: EnergyModel,
+        horizon_s: float,
+        gain_m_per_charge: float,
+        rates: Sequence[EnergyModel] = (),
     ) -> None:
+        """`rates` are the aMussels' own drains and charging curves, where they are known; else all have the model's."""
         self._agents = (*situation.candidates, *situation.others, *situation.leaving)
         self._leaving = range(len(self._agents) - len(situation.leaving), len(self._agents))
         self._model = model
+        self._rates = rates or [model] * len(self._agents)
         self.is_asynchronous = model.is_asynchronous
         self.docked: list[int] = []
         self._count = 1 if model.is_asynchronous else min(model.batch, len(self._agents))
@@ -62,19 +69,24 @@ class Projection(DispatchRule):
 
     def of(self, plan: Sequence[int]) -> ProjectedOutcome:
         """Projects the collection of `plan` (indices, in order), and what follows."""
+        self.begin(plan)
+        while self.now_s < self._horizon_s and self.advance():
+            pass
+        return self._outcome()
+
+    def begin(self, plan: Sequence[int], at_s: float = 0.0) -> None:
+        """Flies the collection of `plan` alone, from `at_s` on."""
         count = len(self._agents)
         self._charge = [agent.charge for agent in self._agents]
         self._since_s = [0.0] * count
         self._served = {index for index, agent in enumerate(self._agents) if agent.is_served}
         self._active_s = [0.0] * count
         self.docked = [index for index, agent in enumerate(self._agents) if agent.dock_index is not None]
-        self.now_s, self._metres = 0.0, 0.0
+        self.now_s, self._metres = at_s, 0.0
+        self.first_docking_s = inf
         self._place_m = self._apad_m
         self._places = list(self._own_places)
         self._fly_tour(plan, self._leaving)
-        while self.now_s < self._horizon_s and self.advance():
-            pass
-        return self._outcome()
 
     def advance(self) -> bool:
         """Flies the next tour, or waits; False if nothing more will happen."""
@@ -159,10 +171,10 @@ class Projection(DispatchRule):
     def _next(self, pool: Sequence[int]) -> int:
         """The base policy's choice."""
         way_m, place_m = self._way_m, self._place_m
-        places, drain, now_s, gain = self._places, self._model.drain_per_s, self.now_s, self._gain
+        places, rates, now_s, gain = self._places, self._rates, self.now_s, self._gain
         best, least = pool[0], inf
         for index in pool:
-            charge = max(0.0, self._charge[index] - drain * (now_s - self._since_s[index]))
+            charge = max(0.0, self._charge[index] - rates[index].drain_per_s * (now_s - self._since_s[index]))
             cost = way_m(place_m, places[index]) + gain * charge
             if cost < least:
                 best, least = index, cost
@@ -173,13 +185,14 @@ class Projection(DispatchRule):
         way_m = self._way_m(self._place_m, place_m)
         self._metres += way_m
         if self._sea is None:
-            self.now_s += way_m / self._model.speed_m_s + _LEG_S
+            self.now_s += way_m / self._model.speed_m_s + LEG_S
         else:
-            self.now_s += self._sea.seconds(self._place_m, place_m) + _LEG_S
+            self.now_s += self._sea.seconds(self._place_m, place_m) + LEG_S
         self._place_m = place_m
 
     def _dock(self, index: int) -> None:
         self.now_s += self._model.dock_s
+        self.first_docking_s = min(self.first_docking_s, self.now_s)
         if self.now_s < self._horizon_s:
             self._settle_active(index, self.now_s)
             self._charge[index] = max(0.0, self._charge[index] - self._model.motor_run)
@@ -189,7 +202,7 @@ class Projection(DispatchRule):
         self.now_s += self._model.undock_s
         if self.now_s < self._horizon_s:
             self.docked.remove(index)
-            charge = self._model.charged(self._charge[index], self.now_s - self._since_s[index])
+            charge = self._rates[index].charged(self._charge[index], self.now_s - self._since_s[index])
             self._charge[index] = max(0.0, charge - self._model.motor_run)
             self._since_s[index] = self.now_s
             self._served.add(index)
@@ -212,10 +225,11 @@ class Projection(DispatchRule):
         early = [index for index in leaving if self._reaches_s(index, model.full) > now_s]
         if not early:
             return self._pool_s
-        least = min(model.charged(self._charge[it], now_s - self._since_s[it]) for it in early) + _ROUNDING
+        least = min(self._charge_in_dock(it) for it in early) + _ROUNDING
 
         def pays(index: int) -> bool:
-            charge = max(0.0, self._charge[index] - model.drain_per_s * (now_s - self._since_s[index]))
+            drain = self._rates[index].drain_per_s
+            charge = max(0.0, self._charge[index] - drain * (now_s - self._since_s[index]))
             return is_worth_it(least, charge, model.makes_room, model.charge_lead)
 
         return [at_s if pays(it) else inf for it, at_s in zip(self._swimming, self._pool_s, strict=True)]
@@ -227,11 +241,12 @@ class Projection(DispatchRule):
         room_s = ready(self._reaches_s(index, model.makes_room) for index in docked)
         if model.charge_lead is None:
             return room_s
-        lead, drain = model.charge_lead, model.drain_per_s
+        lead, rates = model.charge_lead, self._rates
 
         def leads(at_s: float) -> bool:
             charges = sorted(
-                max(0.0, self._charge[index] - drain * (at_s - self._since_s[index])) for index in waiting
+                max(0.0, self._charge[index] - rates[index].drain_per_s * (at_s - self._since_s[index]))
+                for index in waiting
             )
             led = min(model.makes_room, charges[self._count - 1] + lead)
             return ready(self._reaches_s(index, led) for index in docked) <= at_s
@@ -247,18 +262,20 @@ class Projection(DispatchRule):
     def _falls_to_s(self, index: int, charge: float) -> float:
         """When an aMussel in the water falls to `charge`."""
         above = self._charge[index] - charge
-        return self._since_s[index] + max(0.0, above) / self._model.drain_per_s
+        return self._since_s[index] + max(0.0, above) / self._rates[index].drain_per_s
 
     def _reaches_s(self, index: int, charge: float) -> float:
-        return self._since_s[index] + self._model.charging_s(self._charge[index], charge)
+        return self._since_s[index] + self._rates[index].charging_s(self._charge[index], charge)
 
     def _fullest_first(self, docked: Sequence[int]) -> list[int]:
-        charged, now_s = self._model.charged, self.now_s
-        return sorted(docked, key=lambda it: (-charged(self._charge[it], now_s - self._since_s[it]), it))
+        return sorted(docked, key=lambda it: (-self._charge_in_dock(it), it))
+
+    def _charge_in_dock(self, index: int) -> float:
+        return self._rates[index].charged(self._charge[index], self.now_s - self._since_s[index])
 
     def _settle_active(self, index: int, now_s: float) -> None:
         """Counts the active time of an aMussel in the water up to now, and lets its battery fall."""
-        drain = self._model.drain_per_s
+        drain = self._rates[index].drain_per_s
         active_s = min(now_s - self._since_s[index], self._charge[index] / drain)
         self._active_s[index] += active_s
         self._charge[index] = max(0.0, self._charge[index] - drain * active_s)
@@ -270,7 +287,9 @@ class Projection(DispatchRule):
             if index not in self.docked:
                 self._settle_active(index, end_s)
             elif self._since_s[index] < end_s:
-                self._charge[index] = self._model.charged(self._charge[index], end_s - self._since_s[index])
+                self._charge[index] = self._rates[index].charged(
+                    self._charge[index], end_s - self._since_s[index]
+                )
         return ProjectedOutcome(tuple(self._active_s), tuple(self._charge), self._metres)
 
 

@@ -24,6 +24,7 @@ from agents.time_scale import MissionMs
 from agents.water.sea import Sea
 from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.capacity import battery_worth_min
+from apad_bridge.assembly.energy_model import energy_model
 from apad_bridge.assembly.flight_config import FlightConfig, flight_config
 from apad_bridge.assembly.safety import safety_of
 from apad_bridge.events.event import Event
@@ -255,7 +256,9 @@ def prepare(
     """Builds the flight that `fly` runs. `progress` shows its status at each tick, and its failures as they happen."""
     gc.set_threshold(max(_YOUNG_OBJECTS, gc.get_threshold()[0]))
     context = replace(context, planning=partial(told_when_slow, tell=progress.print_message))
-    forecaster = Forecaster(config.scenario.mission, config.scenario.duration_ms)
+    forecaster = Forecaster(
+        config.scenario.mission, energy_model(config.scenario), config.scenario.duration_ms
+    )
     latest_tick_s: float | None = None if isinstance(context.pace, AsFastAsPossible) else 0.0
 
     def show_tick(now_ms: MissionMs) -> None:
@@ -270,7 +273,7 @@ def prepare(
             return RunStatus.of(flight.supervisor, now_ms, context.pace.behind_s, forecast())
 
         if forecaster.is_due(now_ms):
-            forecast()
+            flight.supervisor.inform(forecaster, now_ms)
         context.show_forecast(now_ms, forecast)
         progress.show_status(now_ms, status)
         if spec.until_first_plan and flight.supervisor.mission.state.plan:

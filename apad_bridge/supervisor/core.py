@@ -225,16 +225,20 @@ class Supervisor:
         self._end_by_ms = None
         return [Stuck(f"mission.end_by passes while it may not move: {held}")]
 
-    def forecast(self, forecaster: Forecaster, now_ms: MissionMs) -> Forecast:
-        """The forecast of this flight at the tick `now_ms`."""
-        pose, elsewhere = self.pose, self.allocation.served_elsewhere
-        return forecaster.look(
+    def inform(self, forecaster: Forecaster, now_ms: MissionMs) -> None:
+        """Has a forecaster take what is believed at the tick `now_ms`."""
+        elsewhere = self.allocation.served_elsewhere
+        forecaster.take(
             now_ms,
-            self.mission.state,
-            [it for it in self.beliefs.all() if it.agent_id not in elsewhere],
-            None if pose is None else (pose.north_m, pose.east_m),
+            (it for it in self.beliefs.all() if it.agent_id not in elsewhere),
             None if self.battery is None else self.battery.fraction,
         )
+
+    def forecast(self, forecaster: Forecaster, now_ms: MissionMs) -> Forecast:
+        """The forecast of this flight at the tick `now_ms`."""
+        self.inform(forecaster, now_ms)
+        place_m = None if self.pose is None else (self.pose.north_m, self.pose.east_m)
+        return forecaster.look(now_ms, self.mission.state, place_m)
 
     def send(self, send: Send, now_ms: MissionMs) -> list[Send]:
         """The packet with the time at which the modem may send it; nothing if the same packet waits already."""

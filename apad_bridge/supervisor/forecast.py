@@ -1,21 +1,24 @@
 """A forecast of a flight: the next pick-up, when the batch is full, when the mission ends, and the aPad's battery then.
 
-It rests on what was measured in this flight: how fast aMussels were believed to discharge and to charge of late, and how
-fast the aPad's battery fell. Ways are straight lines at the mission's speed, and every docking succeeds. What was not
-measured yet is not foretold. It is for people and programs that watch; the mission does not use it.
+It projects the mission (`planning/projection.py`) by what was measured in this flight: how fast aMussels were believed to
+discharge and to charge of late, and how fast the aPad's battery fell. The aPad goes to the nearest of the pool, and every
+docking succeeds. What was not measured yet is not foretold. It is for people and programs that watch; the mission does not
+use it.
 """
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import inf
 from statistics import median
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.events.mission import MissionState, Phase
-from apad_bridge.mission.pool import can_be_fetched
+from apad_bridge.mission.pool import can_be_fetched, situation_of
+from apad_bridge.planning.energy_model import EnergyModel
+from apad_bridge.planning.projection import LEG_S, Projection
 from apad_bridge.planning.solution import StepKind
 from apad_bridge.scenario.schema import Mission
 from firmware_model.state_groups import DOCKED
@@ -26,6 +29,8 @@ _WINDOW_MS, _SHORTEST_MS = 60_000, 15_000
 """Charges of this time, and at least of this, give a rate."""
 _BATTERY_MS = 60_000
 """The aPad's battery is foretold after so long a flight."""
+_LEAST_DRAIN = 1e-12
+"""The charge of an aMussel lasts beyond any mission; a projection divides by its drain."""
 Place = tuple[float, float]
 
 
@@ -56,6 +61,8 @@ class _Rates:
         self._begun: dict[int, _Reading] = {}
         self._charged: deque[float] = deque(maxlen=32)
         """The mean rates of the charges that have ended."""
+        self._typical: dict[bool, float | None] = {False: None, True: None}
+        """The median of those in the water, and of the docked ones."""
         self._looked_ms = -_LOOK_MS
 
     def is_due(self, now_ms: int) -> bool:
@@ -77,18 +84,15 @@ class _Rates:
                 self._begun.setdefault(belief.agent_id, reading)
             elif (begun := self._begun.pop(belief.agent_id, None)) is not None:
                 self._end_charge(begun, reading)
+        for is_docked in (False, True):
+            found = [_rate(it) for (_, at), it in self._readings.items() if at is is_docked]
+            rates = [it for it in found if it] or (self._charged if is_docked else ())
+            self._typical[is_docked] = median(rates) if rates else None
 
     def of(self, agent_id: int, *, docked: bool) -> float | None:
         """The aMussel's own rate, or else the median of the others'."""
         own = _rate(self._readings.get((agent_id, docked), ()))
-        if own is not None:
-            return own
-        others = [
-            rate for (_, it), readings in self._readings.items() if it is docked and (rate := _rate(readings))
-        ]
-        if not others and docked:
-            return median(self._charged) if self._charged else None
-        return median(others) if others else None
+        return self._typical[docked] if own is None else own
 
     def _end_charge(self, begun: _Reading, ended: _Reading) -> None:
         span_s = (ended.at_ms - begun.at_ms) / 1000
@@ -104,42 +108,43 @@ def _rate(readings: Sequence[_Reading]) -> float | None:
 
 
 class Forecaster:
-    """Made once for a flight; `look` is called at least at every tick at which it `is_due`."""
+    """Made once for a flight; `take` is called before each `look`, and at every tick at which it `is_due`."""
 
-    def __init__(self, config: Mission, duration_ms: int) -> None:
+    def __init__(self, config: Mission, model: EnergyModel, duration_ms: int) -> None:
+        """`model` has the times and thresholds; its rates give way to what is measured."""
         self._config = config
+        self._model = model
         self._duration_ms = duration_ms
         self._rates = _Rates()
         self._battery: _Reading | None = None
         """The aPad's battery when it was first heard."""
+        self._fraction: float | None = None
+        self._known: dict[int, Belief] = {}
 
     def is_due(self, now_ms: int) -> bool:
         """True if beliefs are to be looked at again, so that their rates are known."""
         return self._rates.is_due(now_ms)
 
-    def look(
-        self,
-        now_ms: int,
-        state: MissionState,
-        beliefs: Sequence[Belief],
-        place_m: Place | None,
-        apad_fraction: float | None,
-    ) -> Forecast:
-        """The forecast as of now. `beliefs` are those of the aMussels that this aPad serves."""
-        self._rates.take(beliefs, now_ms)
+    def take(self, now_ms: int, beliefs: Iterable[Belief], apad_fraction: float | None) -> None:
+        """Takes the beliefs of the aMussels that this aPad serves, and the aPad's battery."""
+        self._known, self._fraction = {it.agent_id: it for it in beliefs}, apad_fraction
+        self._rates.take(self._known.values(), now_ms)
         if apad_fraction is not None and self._battery is None:
             self._battery = _Reading(now_ms, apad_fraction)
+
+    def look(self, now_ms: int, state: MissionState, place_m: Place | None) -> Forecast:
+        """The forecast as of now."""
         if state.phase is Phase.ENDED:
             return Forecast()
-        end_s, fraction = self._end(now_ms, apad_fraction)
-        pickup_s = full_s = None
+        end_s, fraction = self._end(now_ms)
+        pickup_s = full_s = inf
         if place_m is not None and state.phase not in (Phase.COMMANDED, Phase.STANDS_DOWN):
-            pickup_s, full_s = self._next(now_ms, state, {it.agent_id: it for it in beliefs}, place_m)
+            pickup_s, full_s = self._next(now_ms, state, place_m, end_s)
         return Forecast(_before(pickup_s, end_s), _before(full_s, end_s), end_s, fraction)
 
-    def _end(self, now_ms: int, apad_fraction: float | None) -> tuple[float, float | None]:
+    def _end(self, now_ms: int) -> tuple[float, float | None]:
         left_s = max(0.0, (self._duration_ms - now_ms) / 1000)
-        begun = self._battery
+        begun, apad_fraction = self._battery, self._fraction
         if apad_fraction is None or begun is None or now_ms - begun.at_ms < _BATTERY_MS:
             return left_s, None
         fall = 1000 * (begun.charge - apad_fraction) / (now_ms - begun.at_ms)
@@ -148,104 +153,39 @@ class Forecaster:
             left_s = min(left_s, spare / fall)
         return left_s, max(0.0, apad_fraction - fall * left_s)
 
-    def _next(
-        self, now_ms: int, state: MissionState, known: dict[int, Belief], here_m: Place
-    ) -> tuple[float | None, float | None]:
-        """Until the next pick-up, and until a batch is full."""
-        aboard = [known[agent_id] for _, agent_id in state.docked if agent_id in known]
-        steps = [it for it in state.plan if it.agent_id in known]
-        since_s = (now_ms - state.since_ms) / 1000
-        if steps and steps[0].kind is StepKind.COLLECT:
-            targets = [known[it.agent_id] for it in steps]
-            done_s = since_s if state.phase is Phase.DOCK else 0.0
-            times_s = self._pickups(targets, here_m, -min(done_s, self._config.docking.dock_s))
-            return times_s[0], self._full_after(times_s, targets, aboard)
-        if state.phase is Phase.CHARGE:
-            full_s = self._full_after([0.0] * len(aboard), aboard, [])
-            free_s, at_m = self._released(full_s, aboard, state, here_m)
-            return self._collected(free_s, at_m, known, exclude=set())[0], full_s
-        if steps:
-            left = [known[it.agent_id] for it in steps]
-            done_s = since_s if state.phase is Phase.UNDOCK else 0.0
-            begin_s = -min(done_s, self._config.docking.undock_s)
-            free_s, at_m = self._released(begin_s, left, state, here_m)
-            return self._collected(free_s, at_m, known, exclude=set())
-        return self._collected(0.0, here_m, known, exclude={it.agent_id for it in aboard})
+    def _model_of(self, agent_id: int) -> EnergyModel:
+        """The model with the aMussel's rates; where none was measured, its charge neither falls nor rises."""
+        falls, rises = (self._rates.of(agent_id, docked=it) or 0.0 for it in (False, True))
+        curve = ((1.0, rises),) if rises > 0 else ()
+        return replace(self._model, drain_per_s=max(_LEAST_DRAIN, -falls), curve=curve)
 
-    def _pickups(self, targets: Sequence[Belief], here_m: Place, begin_s: float) -> list[float]:
-        """When each of the targets is docked, one after the other."""
-        times_s, at_s = [], begin_s
-        for target in targets:
-            place_m = (target.north_m, target.east_m)
-            at_s += self._way_s(here_m, place_m) + self._config.docking.dock_s
-            times_s.append(max(0.0, at_s))
-            here_m = place_m
-        return times_s
+    def _done_s(self, now_ms: int, state: MissionState) -> float:
+        """The time of the step under way that has passed since the aPad was there."""
+        step_s = {Phase.DOCK: self._model.dock_s, Phase.UNDOCK: self._model.undock_s}.get(state.phase)
+        return 0.0 if step_s is None else LEG_S + min((now_ms - state.since_ms) / 1000, step_s)
 
-    def _full_after(
-        self, docked_s: Sequence[float], targets: Sequence[Belief], aboard: Sequence[Belief]
-    ) -> float | None:
-        """When all are full: the targets from when they are docked on, and those aboard from now on."""
-        times_s = []
-        for from_s, it in (*zip(docked_s, targets, strict=True), *((0.0, it) for it in aboard)):
-            missing = self._config.full_threshold - it.primary
-            rate = self._rates.of(it.agent_id, docked=True)
-            if missing > 0 and (rate is None or rate <= 0):
-                return None
-            times_s.append(from_s + (missing / rate if missing > 0 and rate else 0.0))
-        return max(times_s, default=None)
-
-    def _released(
-        self, begin_s: float | None, aboard: Sequence[Belief], state: MissionState, here_m: Place
-    ) -> tuple[float | None, Place]:
-        """When all are brought home and let go, the nearest home next; and where the aPad is then."""
-        if begin_s is None:
-            return None, here_m
-        homes = {agent_id: (north_m, east_m) for agent_id, north_m, east_m in state.homes}
-        left = [homes.get(it.agent_id, here_m) for it in aboard]
-        at_s = begin_s
-        while left:
-            place_m = min(left, key=lambda it: math.dist(it, here_m))
-            left.remove(place_m)
-            at_s += self._way_s(here_m, place_m) + self._config.docking.undock_s
-            here_m = place_m
-        return max(0.0, at_s), here_m
-
-    def _collected(
-        self, free_s: float | None, here_m: Place, known: dict[int, Belief], exclude: set[int]
-    ) -> tuple[float | None, float | None]:
-        """The next pick-up, and when that batch is full, of an aPad that is free from `free_s` on."""
-        if free_s is None:
-            return None, None
-        low: list[tuple[float, Belief]] = []
-        for belief in known.values():
-            if belief.agent_id not in exclude and can_be_fetched(belief):
-                above = belief.primary - self._config.pool_threshold
-                rate = self._rates.of(belief.agent_id, docked=False)
-                if above <= 0:
-                    low.append((0.0, belief))
-                elif rate is not None and rate < 0:
-                    low.append((above / -rate, belief))
-        low.sort(key=lambda it: it[0])
-        batch = min(self._config.batch, max(1, len(known)))
-        if len(low) < batch:
-            return None, None
-        begin_s = max(free_s, low[batch - 1][0])
-        targets = []
-        left, at_m = [it for _, it in low[:batch]], here_m
-        while left:
-            nearest = min(left, key=lambda it: math.dist((it.north_m, it.east_m), at_m))
-            left.remove(nearest)
-            targets.append(nearest)
-            at_m = (nearest.north_m, nearest.east_m)
-        times_s = self._pickups(targets, here_m, begin_s)
-        return times_s[0], self._full_after(times_s, targets, [])
-
-    def _way_s(self, here_m: Place, there_m: Place) -> float:
-        way_m = math.dist(here_m, there_m) - self._config.victory_radius_m
-        return max(0.0, way_m) / self._config.speed_m_s
+    def _next(self, now_ms: int, state: MissionState, here_m: Place, left_s: float) -> tuple[float, float]:
+        """Until the next pick-up, and until a batch is full; infinite for what cannot be foretold."""
+        known = self._known
+        held = {agent_id for _, agent_id in state.docked}
+        steps = {it.agent_id: it.kind for it in state.plan if it.agent_id in known}
+        targets = [known[it] for it, kind in steps.items() if kind is StepKind.COLLECT and it not in held]
+        leaving = [known[it] for it, kind in steps.items() if kind is StepKind.DEPLOY and it in held]
+        rest = known.keys() - {it.agent_id for it in (*targets, *leaving)}
+        others = [known[it] for it in sorted(rest) if it in held or can_be_fetched(known[it])]
+        situation = situation_of(state, here_m, targets, {}, now_ms, others, self._model, leaving)
+        agents = (*situation.candidates, *situation.others, *situation.leaving)
+        rates = [self._model_of(it.agent_id) for it in agents]
+        projection = Projection(situation, self._model, left_s, 0.0, rates)
+        projection.begin(range(len(targets)), -self._done_s(now_ms, state))
+        full_s = inf
+        while True:
+            if state.phase is Phase.CHARGE or projection.first_docking_s < inf:
+                full_s = min(full_s, max(map(projection.full_s, projection.docked), default=inf))
+            if projection.first_docking_s < inf or projection.now_s >= left_s or not projection.advance():
+                return projection.first_docking_s, full_s
 
 
-def _before(time_s: float | None, end_s: float) -> float | None:
+def _before(time_s: float, end_s: float) -> float | None:
     """None for what comes after the mission's end."""
-    return None if time_s is None or time_s > end_s else time_s
+    return None if time_s > end_s else max(0.0, time_s)

@@ -11,22 +11,27 @@ from flying import Flying
 from hypothesis import given
 from hypothesis import strategies as st
 
+from apad_bridge.assembly.energy_model import energy_model
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.events.mission import MissionState, Phase
 from apad_bridge.planning.solution import Step, StepKind
 from apad_bridge.runs.parent_protocol import from_line, to_line
 from apad_bridge.runs.progress import FlightProgress
 from apad_bridge.runs.status import RunStatus
-from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.schema import Dispatch, Scenario
 from apad_bridge.supervisor.forecast import Forecast, Forecaster
 from firmware_model.states import State
 
 
 @pytest.fixture(scope="module")
 def foretold(pool: Scenario) -> tuple[Flying, list[tuple[float, Phase, Forecast]]]:
+    return foretold_of(pool)
+
+
+def foretold_of(pool: Scenario) -> tuple[Flying, list[tuple[float, Phase, Forecast]]]:
     """A whole flight, with the forecast of each tick."""
     flying = Flying(pool)
-    forecaster = Forecaster(pool.mission, round(1000 * pool.duration_s))
+    forecaster = Forecaster(pool.mission, energy_model(pool), round(1000 * pool.duration_s))
     told = []
     while flying.now_ms < 0 or flying.phase is not Phase.ENDED:
         flying.now_ms += 1000
@@ -88,10 +93,20 @@ def test_the_end_and_the_battery_then_are_foretold(
     assert told[-1][2] == Forecast()
 
 
+def test_the_next_pick_up_of_an_asynchronous_mission_is_foretold(pool: Scenario) -> None:
+    """A batch is not what it waits for: it collects one as soon as a dock is free."""
+    mission = replace(pool.mission, dispatch=Dispatch.ASYNCHRONOUS)
+    flying, told = foretold_of(replace(pool, mission=mission))
+    charging = [(t, it.next_pickup_s) for t, phase, it in told if phase is Phase.CHARGE]
+    found = misses(charging, happened(flying, "dock", "closed", True))
+    assert len(found) > 500 and median(map(abs, found)) < 10.0
+
+
 def test_an_empty_battery_ends_the_mission_first(pool: Scenario) -> None:
-    forecaster = Forecaster(pool.mission, 10_000_000)
+    forecaster = Forecaster(pool.mission, energy_model(pool), 10_000_000)
     for now_s in range(601):
-        found = forecaster.look(1000 * now_s, MissionState(), [], (0.0, 0.0), 1.0 - now_s / 1000)
+        forecaster.take(1000 * now_s, [], 1.0 - now_s / 1000)
+        found = forecaster.look(1000 * now_s, MissionState(), (0.0, 0.0))
     spare = 0.4 - pool.mission.end_at_apad_fraction
     assert found.mission_end_s == pytest.approx(1000 * spare, rel=1e-6)
     assert found.apad_fraction_at_end == pytest.approx(pool.mission.end_at_apad_fraction)
@@ -117,7 +132,7 @@ def test_nothing_is_foretold_for_the_past_or_after_the_end(
     fraction: float | None,
     left_s: int,
 ) -> None:
-    forecaster = Forecaster(pool.mission, 1000 * (90 + left_s))
+    forecaster = Forecaster(pool.mission, energy_model(pool), 1000 * (90 + left_s))
     kind = StepKind.DEPLOY if phase in (Phase.GO_DEPLOY, Phase.UNDOCK) else StepKind.COLLECT
     plan = tuple(Step(kind, n + 1, n) for n in range(planned))
     docked = tuple((n, n + 1) for n in range(planned)) if kind is StepKind.DEPLOY else ()
@@ -130,7 +145,8 @@ def test_nothing_is_foretold_for_the_past_or_after_the_end(
             for n, it in enumerate(charges)
         ]
         place = (1.0, 2.0) if has_place else None
-        found = forecaster.look(1000 * now_s, state, beliefs, place, fraction)
+        forecaster.take(1000 * now_s, beliefs, fraction)
+        found = forecaster.look(1000 * now_s, state, place)
     end_s = found.mission_end_s
     assert end_s is not None and 0 <= end_s <= left_s
     for time_s in (found.next_pickup_s, found.batch_full_s):
