@@ -9,6 +9,7 @@ import shlex
 import subprocess
 import sys
 from collections.abc import Iterator
+from itertools import chain
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
@@ -17,7 +18,7 @@ import yaml
 from doc_blocks import EXCERPTS, Block, blocks
 from doc_blocks import PAGES as BLOCK_PAGES
 
-from apad_bridge.commands.main import COMMANDS, parser
+from apad_bridge.commands.main import all_groups, parser
 from apad_bridge.runs.exits import EXITS, Exit
 from apad_bridge.scenario.schema import Scenario
 
@@ -133,7 +134,10 @@ def parsers(of: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:
 
 PARSERS = [parser()]
 PARSERS += {
-    each.prog: each for name in COMMANDS for each in parsers(parser([name])) if each.prog != "musselbed"
+    each.prog: each
+    for name in chain.from_iterable(all_groups().values())
+    for each in parsers(parser([name]))
+    if each.prog != "musselbed"
 }.values()
 
 

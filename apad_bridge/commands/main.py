@@ -58,8 +58,6 @@ GROUPS = {
     },
     "look": {
         "console": "show a run live in a browser, and give it orders from there",
-        "foxglove": "show a run live in Foxglove or Lichtblick; they give no orders",
-        "imc": "show a run live on a console that speaks IMC (Neptus), and take its orders",
         "runs": "list the runs here with their key figures, newest first",
         "replay": "show a run, or two side by side, as one HTML page",
         "report": "one page about runs, to read or to print: table, figures, energy, beliefs, faults",
@@ -69,15 +67,6 @@ GROUPS = {
         "beliefs": "evaluate a run's beliefs: error, coverage and consistency",
         "check": "check that a run's records obey the rules that hold in every run",
         "export": "every series of a run as MCAP, for MATLAB, as CSV or as Parquet",
-    },
-    "viewers": {
-        "layout": "write a layout with which RViz, rqt, PlotJuggler or Foxglove shows a scenario's fleet",
-    },
-    "compare": {
-        "study": "compare strategies on many random configurations, with confidence intervals",
-        "branch": "fly a run again from a moment on with another strategy, another threshold, or without an aPad",
-        "pack": "pack a study or a run as an archive that repeats its own figures",
-        "capacity": "upper bounds of a scenario's uptime, activity and samples, and of the fleet its docks sustain",
     },
     "prepare": {
         "new": "write a commented scenario to begin with",
@@ -89,29 +78,18 @@ GROUPS = {
         "bridge": "real aMussels by a nanomodem on a serial port, for a mission on ROS",
         "modems": "simulated nanomodems on a table, to try a bridge without hardware",
     },
-    "logs of real hardware": {
-        "logs": "bags of one mission that were recorded on two machines",
-        "calibrate": "a vehicle's own numbers from its logs, with intervals, as a scenario's keys",
-        "fit": "fit a battery's charge or discharge curve to your own log",
-        "shadow": "somebody else's mission, live or from a bag: their decisions beside what ours would have been",
-    },
     "firmware": {
         "mu": "run one MU board by itself: Table I, an energy budget, its states",
     },
 }
-"""The commands by what a person wants, each with its line in the list of all."""
+"""The commands that always are there, by what a person wants, each with its line in the list of all."""
 COMMANDS = {name: line for group in GROUPS.values() for name, line in group.items()}
 """A module is loaded for its own command alone."""
 
-_PACKAGES = {
-    "order": "apad_bridge.commands.fly",
-    "look into a run": "apad_bridge.commands.look",
-    "viewers": "apad_bridge.viewers.commands",
-    "compare": "apad_bridge.studies.commands",
-    "real hardware": "apad_bridge.commands.hardware",
-    "logs of real hardware": "apad_bridge.field.commands",
-}
-"""The package of a group's modules where it is not the folder of commands that has the group's name."""
+_FOLDERS = {"order": "fly", "look into a run": "look", "real hardware": "hardware"}
+"""The folder of a group's modules where it does not have the group's name."""
+_ENTRY_POINTS = "musselbed.commands"
+"""The group of entry points by which a room that can leave, and a stranger's package, bring modules of commands."""
 _NS = "__ns:="
 _YOUNG_OBJECTS = 200_000
 """The number of new objects after which a command looks for garbage cycles: more than its imports make. Python's own 700
@@ -119,17 +97,22 @@ cost an eighth of them."""
 
 
 def parser(arguments: Sequence[str] = ()) -> argparse.ArgumentParser:
-    """The parser of these arguments: with the command that they name, or else with the names of all."""
+    """The parser of these arguments: with the command that they name, or else with a list of all.
+
+    UserError for an unknown command.
+    """
     import argparse
 
     from apad_bridge.commands.help_text import CommandParser, ending
 
+    named = _named(arguments)
+    module = None if named is None else _module_of(named)
     top = CommandParser(
         prog="musselbed",
         usage="musselbed [-h] [--version] COMMAND ...",
         description="A vehicle-in-the-loop test bench: a real or simulated ROS 1 aPad serves a fleet of simulated "
         "aMussels, each in its own process.",
-        epilog=_list_of_all()
+        epilog=("" if named else _list_of_all())
         + ending(
             "musselbed run pool-12 --time asap",
             "musselbed new mine.yaml",
@@ -146,20 +129,12 @@ def parser(arguments: Sequence[str] = ()) -> argparse.ArgumentParser:
 
     top.add_argument("--version", action=ShowVersion, nargs=0, help="show program's version number and exit")
     commands = top.add_subparsers(dest="command", metavar="COMMAND", prog="musselbed", help=argparse.SUPPRESS)
-    named = _named(arguments)
-    if named not in COMMANDS:
-        for name in COMMANDS:
-            commands.add_parser(name)
-        return top
-    group = next(title for title, group in GROUPS.items() if named in group)
-    # One module has all orders; each other module has the command of its own name.
-    module = "control" if group == "order" else named
-    try:
-        package = _PACKAGES.get(group, f"apad_bridge.commands.{group}")
-        import_module(f"{package}.{module}").add_parser(commands)
-    except ImportError as error:
-        # A package that shadows ours must not keep the doctor from reporting it.
-        _add_unloadable(commands, named, error)
+    if named is not None and module is not None:
+        try:
+            import_module(module).add_parser(commands)
+        except ImportError as error:
+            # A package that shadows ours must not keep the doctor from reporting it.
+            _add_unloadable(commands, named, error)
     return top
 
 
@@ -170,21 +145,53 @@ def _list_of_all() -> str:
 
     width = shutil.get_terminal_size().columns - 2
     texts = []
-    for group, commands in GROUPS.items():
+    for group, commands in all_groups().items():
         texts.append(f"{group}:")
         for name, line in commands.items():
-            texts += textwrap.wrap(line, width, initial_indent=f"  {name:<10} ", subsequent_indent=" " * 13)
+            first = f"  {name:<10} "
+            texts += textwrap.wrap(line, width, initial_indent=first, subsequent_indent=" " * 13) or [first]
     return "\n".join([*texts, ""])
 
 
+def all_groups() -> dict[str, dict[str, str]]:
+    """The commands with their lines: those of this folder in their groups, then those of packages by the package's name."""
+    from apad_bridge.commands.entry_points import entry_points
+
+    groups = {title: dict(commands) for title, commands in GROUPS.items()}
+    for entry in entry_points(_ENTRY_POINTS):
+        groups.setdefault(entry.package, {})[entry.name] = entry.line
+    return groups
+
+
 def _named(arguments: Sequence[str]) -> str | None:
-    return next((it for it in arguments if not it.startswith("-")), None)
+    """The command; None where the list of all is asked for before it."""
+    first = next((it for it in arguments if it in ("-h", "--help") or not it.startswith("-")), "-")
+    return None if first.startswith("-") else first
 
 
-def _unknown(name: str) -> str:
+def _module_of(name: str) -> str:
+    """The module of a command. UserError for an unknown one, and for one that two packages bring."""
+    for group, commands in GROUPS.items():
+        if name in commands:
+            # One module has all orders; each other module has the command of its own name.
+            module = "control" if group == "order" else name
+            return f"apad_bridge.commands.{_FOLDERS.get(group, group)}.{module}"
+    from apad_bridge.commands.entry_points import entry_points
+
+    brought = entry_points(_ENTRY_POINTS)
+    found = [it for it in brought if it.name == name]
+    if not found:
+        raise UserError(_unknown(name, [*COMMANDS, *(it.name for it in brought)]))
+    if len(found) > 1:
+        packages = ", ".join(it.package for it in found)
+        raise UserError(f"command {name} is in each of {packages}: remove one of these packages")
+    return found[0].module
+
+
+def _unknown(name: str, known: Sequence[str]) -> str:
     from difflib import get_close_matches
 
-    near = get_close_matches(name, COMMANDS, n=1)
+    near = get_close_matches(name, known, n=1)
     meant = f"did you mean `musselbed {near[0]}`?" if near else "`musselbed --help` lists all"
     return f"there is no command {name}: {meant}"
 
@@ -225,10 +232,11 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _run(arguments: list[str]) -> int:
     arguments = _in_namespace(arguments)
-    if (named := _named(arguments)) is not None and named not in COMMANDS:
-        print(f"musselbed: {_unknown(named)}", file=sys.stderr)
+    try:
+        top = parser(arguments)
+    except UserError as error:
+        print(f"musselbed: {error}", file=sys.stderr)
         return Exit.USER_MISTAKE
-    top = parser(arguments)
     chosen = top.parse_args(arguments)
     if chosen.command is None:
         top.print_help()

@@ -26,7 +26,7 @@ from patient import PATIENCE_S
 from selenium.webdriver.support.wait import WebDriverWait
 
 from apad_bridge.commands.look.console import console_service
-from apad_bridge.commands.look.imc import imc_service
+from apad_bridge.imc.commands.imc import imc_service
 from apad_bridge.records.journal import read_journal
 from apad_bridge.ros.system.master import loopback_environment, start_master
 from apad_bridge.supervisor.control_client import SOCKET_NAME, listens

@@ -23,4 +23,4 @@ def add_parser(commands: Any) -> None:
         ),
     )
     run_command.add_scenario_arguments(parser)
-    parser.set_defaults(run=run_command.run, part=BenchPart.FLEET, strategy="none", check=False)
+    parser.set_defaults(run=run_command.run, part=BenchPart.FLEET, strategy="none", check=False, beside=())

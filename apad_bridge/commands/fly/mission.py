@@ -23,4 +23,4 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--strategy", metavar=STRATEGY, help="collection strategy, instead of the scenario's")
     run_command.add_manual_argument(parser)
     run_command.add_scenario_arguments(parser)
-    parser.set_defaults(run=run_command.run, part=BenchPart.MISSION, check=False)
+    parser.set_defaults(run=run_command.run, part=BenchPart.MISSION, check=False, beside=())

@@ -8,22 +8,15 @@ import re
 from pathlib import Path
 from typing import Any
 
+from apad_bridge.commands.entry_points import entry_points
 from apad_bridge.commands.help_text import STRATEGY, ending
-from apad_bridge.commands.look.console import add_console_argument, console_asked
-from apad_bridge.commands.look.foxglove import add_foxglove_argument, foxglove_asked
-from apad_bridge.commands.look.imc import add_imc_argument, imc_asked
+from apad_bridge.commands.look import console
 from apad_bridge.commands.trust import trust_of_typed
 from apad_bridge.runs.exits import UserError
 from apad_bridge.scenario.choices import Generation, Hosting
 from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource
 
 SLOWEST, FASTEST = 0.01, 10_000.0
-_BESIDE = (
-    (add_console_argument, console_asked),
-    (add_foxglove_argument, foxglove_asked),
-    (add_imc_argument, imc_asked),
-)
-"""The services that a run may have beside it: the argument of each, and what was asked for by it."""
 _TIMES = """asap: virtual time, as fast as the machine goes, the simulated aPad in the same process, no ROS;
 wall: real time (times --speed with the simulated aPad); ros: the /clock of another master (default: wall)"""
 _NAMESPACE = re.compile(r"/?|/?[A-Za-z]\w*(/[A-Za-z]\w*)*/?", re.ASCII)
@@ -58,9 +51,8 @@ def add_parser(commands: Any) -> None:
         action="store_true",
         help="at the end, check that the records obey the rules that hold in every run (musselbed check)",
     )
-    for add_argument, _ in _BESIDE:
-        add_argument(parser)
-    parser.set_defaults(run=run, part=BenchPart.WHOLE)
+    bringers = [console, *(it.load() for it in entry_points("musselbed.run_options"))]
+    parser.set_defaults(run=run, part=BenchPart.WHOLE, beside=[it.add_run_options(parser) for it in bringers])
 
 
 def add_manual_argument(parser: argparse.ArgumentParser) -> None:
@@ -235,5 +227,5 @@ def run(arguments: argparse.Namespace) -> int:
 
     trust = trust_of_typed()
     scenario, starts = read_scenario(arguments, trust)
-    live = [service for _, asked in _BESIDE if (service := asked(arguments)) is not None]
+    live = [service for asked in arguments.beside if (service := asked(arguments)) is not None]
     return fly(options, scenario, starts, arguments.out, arguments.json, trust, live, check=arguments.check)

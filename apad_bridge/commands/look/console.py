@@ -6,7 +6,7 @@ import argparse
 import json
 import sys
 import webbrowser
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -130,18 +130,14 @@ def _directory_of(arguments: argparse.Namespace) -> Iterator[Path]:
         yield copy
 
 
-def add_console_argument(parser: argparse.ArgumentParser) -> None:
-    """The argument by which `musselbed run` has a console beside it."""
+def add_run_options(parser: argparse.ArgumentParser) -> Callable[[argparse.Namespace], Service | None]:
+    """Adds the argument by which `musselbed run` has a console beside it; returns the maker of what was asked for."""
     parser.add_argument(
         "--console",
         action="store_true",
         help="serve a live page of the run to a browser on this machine, and print its address",
     )
-
-
-def console_asked(arguments: argparse.Namespace) -> Service | None:
-    """The console that `musselbed run` was asked for; None for none."""
-    return console_service() if getattr(arguments, "console", False) else None
+    return lambda arguments: console_service() if arguments.console else None
 
 
 def console_service() -> Service:

@@ -1,4 +1,4 @@
-"""`musselbed calibrate BAG...`: a vehicle's numbers from its logs, with intervals, as a scenario's keys."""
+"""`musselbed calibrate BAG...`: a vehicle's own numbers from its logs, with intervals, as a scenario's keys."""
 
 from __future__ import annotations
 

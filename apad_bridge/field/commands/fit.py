@@ -1,4 +1,4 @@
-"""`musselbed fit battery`: fits the numbers of a board to a battery's own log."""
+"""`musselbed fit battery`: fit a battery's charge or discharge curve to your own log."""
 
 from __future__ import annotations
 

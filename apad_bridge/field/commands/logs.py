@@ -1,4 +1,4 @@
-"""`musselbed logs merge A.bag B.bag`: one bag of two that recorded the same mission on two machines."""
+"""`musselbed logs merge A.bag B.bag`: bags of one mission that were recorded on two machines."""
 
 from __future__ import annotations
 

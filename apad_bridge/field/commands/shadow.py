@@ -1,4 +1,4 @@
-"""`musselbed shadow SCENARIO.yaml`: somebody else's mission, and what ours would have done at each of their decisions."""
+"""`musselbed shadow SCENARIO.yaml`: somebody else's mission, live or from a bag: their decisions beside ours."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`musselbed branch RUN --at TIME`: what would have happened with another strategy, another threshold, or a lost aPad."""
+"""`musselbed branch RUN --at TIME`: fly a run again from a moment on with other rules, or without an aPad."""
 
 from __future__ import annotations
 

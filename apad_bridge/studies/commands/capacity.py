@@ -1,4 +1,4 @@
-"""`musselbed capacity`: what no strategy can exceed in a scenario, and how many aMussels its aPads sustain."""
+"""`musselbed capacity`: upper bounds of a scenario's uptime, activity and samples, and of the fleet its docks sustain."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`musselbed pack STUDY|RUN`: an archive to publish beside a paper, with one script that repeats its figures."""
+"""`musselbed pack STUDY|RUN`: pack a study or a run as an archive that repeats its own figures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`musselbed study`: compares strategies on many configurations, or repeats the paper's Table II on them."""
+"""`musselbed study`: compare strategies on many random configurations, with confidence intervals."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`musselbed imc RUN`: a run that flies, on the map of a console that speaks IMC, such as Neptus."""
+"""`musselbed imc RUN`: show a run live on a console that speaks IMC (Neptus), and take its orders."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import argparse
 import ipaddress
 import json
 import sys
+from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -45,8 +46,8 @@ def add_parser(commands: Any) -> None:
     parser.set_defaults(run=run)
 
 
-def add_imc_argument(parser: argparse.ArgumentParser) -> None:
-    """The arguments by which `musselbed run` has a gateway beside it."""
+def add_run_options(parser: argparse.ArgumentParser) -> Callable[[argparse.Namespace], Service | None]:
+    """Adds the arguments by which `musselbed run` has a gateway beside it; returns the maker of what was asked for."""
     group = parser.add_argument_group("IMC", "a console that speaks IMC, such as Neptus (docs/neptus.md)")
     group.add_argument(
         "--imc",
@@ -54,15 +55,14 @@ def add_imc_argument(parser: argparse.ArgumentParser) -> None:
         help="show the run on such consoles; by default on one of this machine, which gives no orders",
     )
     _add_gateway_arguments(group, "imc-")
+    return _asked
 
 
-def imc_asked(arguments: argparse.Namespace) -> Service | None:
+def _asked(arguments: argparse.Namespace) -> Service | None:
     """The gateway that `musselbed run` was asked for; None for none.
 
     UserError for a gateway that cannot be opened so.
     """
-    if "imc" not in arguments:  # a part of the bench without a run of its own
-        return None
     asked: list[str] = []
     for console in arguments.neptus:
         asked += ["--neptus", console]

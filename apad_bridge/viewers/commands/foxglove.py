@@ -1,10 +1,11 @@
-"""`musselbed foxglove RUN`: the topics of a run that flies, in Foxglove or Lichtblick."""
+"""`musselbed foxglove RUN`: show a run live in Foxglove or Lichtblick; they give no orders."""
 
 from __future__ import annotations
 
 import argparse
 import json
 import sys
+from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -58,19 +59,20 @@ def add_parser(commands: Any) -> None:
     parser.set_defaults(run=run)
 
 
-def add_foxglove_argument(parser: argparse.ArgumentParser) -> None:
-    """The argument by which `musselbed run` has such a server beside it."""
+def add_run_options(parser: argparse.ArgumentParser) -> Callable[[argparse.Namespace], Service | None]:
+    """Adds the argument by which `musselbed run` has a server beside it; returns the maker of what was asked for."""
     parser.add_argument(
         "--foxglove",
         type=int,
         metavar="PORT",
         help="serve the run's topics to Foxglove and Lichtblick on this machine, at this port, such as 8765; 0: a free one",
     )
+    return _asked
 
 
-def foxglove_asked(arguments: argparse.Namespace) -> Service | None:
+def _asked(arguments: argparse.Namespace) -> Service | None:
     """The server that `musselbed run` was asked for; None for none. UserError for a server that cannot be opened so."""
-    port: int | None = getattr(arguments, "foxglove", None)
+    port: int | None = arguments.foxglove
     if port is None:
         return None
     _require_foxglove()

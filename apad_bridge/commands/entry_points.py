@@ -1,0 +1,73 @@
+"""Modules that packages bring to the command line by entry points: rooms of ours that can leave, and a stranger's packages.
+
+The packages' metadata are read here, because importing importlib.metadata takes as long as all else that a help needs.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import suppress
+from importlib import import_module
+from importlib.util import find_spec
+from typing import Any, NamedTuple
+
+_OURS = "apad_bridge."
+
+
+class EntryPoint(NamedTuple):
+    """A module that a package brings under a name."""
+
+    name: str
+    module: str
+
+    @property
+    def package(self) -> str:
+        """The name of its package; a room of ours has its own."""
+        return self.module.removeprefix(_OURS).partition(".")[0]
+
+    @property
+    def line(self) -> str:
+        """The first line of the module's docstring without the command, read and not executed; empty without a file."""
+        package, *rest = self.module.split(".")
+        spec = find_spec(package)
+        for folder in (spec and spec.submodule_search_locations) or ():
+            with suppress(OSError), open(f"{os.path.join(folder, *rest)}.py", encoding="utf-8") as file:
+                return file.readline().strip().strip('".').rpartition("`: ")[2]
+        return ""
+
+    def load(self) -> Any:
+        return import_module(self.module)
+
+
+def entry_points(group: str) -> list[EntryPoint]:
+    """The entry points of this group, by package and name. Of two versions of a package the first on the path counts."""
+    found = {}
+    for folder in reversed(sys.path):
+        for package, text in _metadata_in(folder):
+            found[package] = text
+    return sorted(
+        (it for text in found.values() for it in _entries_of(text, group)),
+        key=lambda it: (it.package, it.name),
+    )
+
+
+def _metadata_in(folder: str) -> Iterator[tuple[str, str]]:
+    """Yields the name and the text of entry points of each package that is installed in this folder of the path."""
+    with suppress(OSError):
+        for info in os.listdir(folder):
+            if info.endswith((".dist-info", ".egg-info")):
+                with (
+                    suppress(OSError),
+                    open(os.path.join(folder, info, "entry_points.txt"), encoding="utf-8") as file,
+                ):
+                    yield info.rpartition(".")[0].partition("-")[0], file.read()
+
+
+def _entries_of(text: str, group: str) -> Iterator[EntryPoint]:
+    section = text.partition(f"[{group}]\n")[2].partition("\n[")[0]
+    for line in section.splitlines():
+        name, is_entry, module = line.partition("=")
+        if is_entry:
+            yield EntryPoint(name.strip(), module.strip())

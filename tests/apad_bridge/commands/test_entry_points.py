@@ -1,0 +1,99 @@
+"""Commands that packages bring: a stranger's is listed by its metadata, loaded for itself alone, and never by a stop."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from doc_blocks import ROOT, file_of
+
+from apad_bridge.commands.entry_points import EntryPoint, entry_points
+from apad_bridge.commands.main import main
+
+SERVICES = file_of(ROOT / "docs/extending.md", "lab_services.py") + "\nprint('loaded')\n"
+
+
+def install(site: Path, package: str, module: str, text: str, version: str = "1.0") -> None:
+    """Writes a package with the command of docs/extending.md, as pip leaves it behind."""
+    info = site / f"{package}-{version}.dist-info"
+    info.mkdir(parents=True)
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: {version}\n")
+    (info / "entry_points.txt").write_text(
+        f"[console_scripts]\nl = l:m\n\n[musselbed.commands]\nservices = {module}\n\n[musselbed.strategies]\na = b:C\n"
+    )
+    path = site.joinpath(*module.split(".")).with_suffix(".py")
+    path.parent.mkdir(exist_ok=True)
+    path.write_text(text)
+
+
+@pytest.fixture
+def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder on the search path in which a stranger's package is installed."""
+    install(tmp_path, "lab_tools", "lab_tools.services", SERVICES)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    return tmp_path
+
+
+def run_musselbed(site: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    code = "import sys; from apad_bridge.commands.main import main; sys.exit(main(sys.argv[1:]))"
+    return subprocess.run(
+        [sys.executable, "-c", code, *words],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        env={"PYTHONPATH": str(site), "PATH": "/usr/bin:/bin"},
+    )
+
+
+def test_a_strangers_command_is_listed_under_its_package_without_being_loaded(site: Path) -> None:
+    done = run_musselbed(site, "--help")
+    assert done.returncode == 0, done.stderr
+    assert "lab_tools:\n  services   The number of services of a run\n" in done.stdout
+    assert "loaded" not in done.stdout
+
+
+def test_a_strangers_command_runs(site: Path) -> None:
+    (site / "summary.json").write_text('{"services": 8}')
+    done = run_musselbed(site, "services", str(site))
+    assert (done.returncode, done.stdout, done.stderr) == (0, "loaded\n8\n", "")
+
+
+def test_a_mistyped_command_gets_the_nearest_of_a_strangers(
+    site: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["servces"]) == 2
+    assert "did you mean `musselbed services`?" in capsys.readouterr().err
+
+
+def test_a_command_of_two_packages_is_refused_and_both_are_named(
+    site: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    install(site, "pool_tools", "pool_tools.services", SERVICES)
+    assert main(["services"]) == 2
+    assert capsys.readouterr().err == (
+        "musselbed: command services is in each of lab_tools, pool_tools: remove one of these packages\n"
+    )
+
+
+def test_the_first_version_on_the_path_counts(site: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
+    older = tmp_path_factory.mktemp("older")
+    install(older, "lab_tools", "lab_tools.older", SERVICES, "0.9")
+    sys.path.append(str(older))
+    try:
+        found = [it for it in entry_points("musselbed.commands") if it.name == "services"]
+    finally:
+        sys.path.remove(str(older))
+    assert found == [EntryPoint("services", "lab_tools.services")]
+
+
+@pytest.mark.parametrize("words", [["stop", "/nowhere"], ["order", "stop", "/nowhere"]])
+def test_an_order_reads_no_metadata(words: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """A search path with many packages delays no stop."""
+
+    def refuse(group: str) -> list[EntryPoint]:
+        raise AssertionError(group)
+
+    monkeypatch.setattr("apad_bridge.commands.entry_points.entry_points", refuse)
+    assert main(words) == 2
