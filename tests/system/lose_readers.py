@@ -20,7 +20,7 @@ def main() -> None:
     rospy.init_node("loser", disable_signals=True)
     sender = OrderSender(lambda order: True)
     publishers = [
-        sender.add_topic("orders", "/orders", String),
+        sender.add_topic("orders", "/orders", String).publisher,
         rospy.Publisher("/words", String, queue_size=1),
     ]
     sender.begin()

@@ -21,8 +21,7 @@ from actionlib_msgs.msg import GoalID, GoalStatusArray
 
 from apad_bridge.ros.links.dock_inquiry import DockInquiry
 from apad_bridge.ros.links.legacy_link import LegacyLink, OpenedAPad
-from apad_bridge.ros.links.legacy_subscribers import POSE_FIELDS, LegacySubscribers
-from apad_bridge.ros.links.order_sender import is_read
+from apad_bridge.ros.links.legacy_subscribers import POSE_FIELDS, LegacySubscribers, publisher_of
 from apad_bridge.ros.links.service_calls import CallFailed
 from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.ros.types.live_types import differing_listeners, unreadable_topics
@@ -72,7 +71,8 @@ class Subscribers(LegacySubscribers):
     """Subscribes to the aPad called `name` and to `position_static` of each aMussel."""
 
     def __init__(self, name: str, agent_ids: Iterable[int], inbox: Inbox[Received], *, stamped: bool) -> None:
-        self.has_server_status = False
+        self.server_node = ""
+        """The node that publishes the action server's status; empty before its first message."""
         super().__init__(name, inbox, stamped=stamped, pose_fields=(*POSE_FIELDS, "status"))
         server = of_apad(name, "action_server")
         self._listen(f"{server}/status", GoalStatusArray, _STATUS, self._take_status, is_vital=True)
@@ -92,7 +92,7 @@ class Subscribers(LegacySubscribers):
     def missing(self) -> list[str]:
         """A line for a person about each part that a flight needs and that is not connected."""
         lines = super().missing
-        return lines if self.has_server_status else [*lines, "no message from its action server"]
+        return lines if self.server_node else [*lines, "no message from its action server"]
 
     def _take_static(self, message: Any, agent_id: int) -> None:
         position, released = message.position, message.status == 1
@@ -102,15 +102,14 @@ class Subscribers(LegacySubscribers):
         self._inbox.put(contact, always=released)
 
     def _take_status(self, message: Any) -> None:
-        self.has_server_status = True
+        self.server_node = publisher_of(message)
         self._inbox.put(
             GoalStatusReceived(self._stamp(message), self._statuses(message.status_list), whole=True)
         )
 
     def _take_goal(self, message: Any) -> None:
         """A goal on its way to the server: actionlib itself would tell neither its place nor who sent it."""
-        place, key, header = message.goal.pose.position, message.goal_id.id, message._connection_header
-        client = str(header.get("callerid", "")) if isinstance(header, dict) else ""
+        place, key, client = message.goal.pose.position, message.goal_id.id, publisher_of(message)
         self._inbox.put(GoalSeen(UNSTAMPED, key, message.goal.id, place.x, place.y, client), always=True)
 
     def _take_result(self, message: Any) -> None:
@@ -169,8 +168,8 @@ class GenerationALink(LegacyLink[GenerationACore]):
         self._subscribers = Subscribers(name, ids, self._inbox, stamped=our_clock)
         self._inquiry = DockInquiry(name, self._inbox)
         server = of_apad(name, "action_server")
-        self._goals = self._sender.add_topic(_GOALS, f"{server}/goal", aPadActionGoal)
-        self._sender.add_topic(_CANCELS, f"{server}/cancel", GoalID, may_be_late=True)
+        self._goals = self._sender.add_topic(_GOALS, f"{server}/goal", aPadActionGoal, self._server)
+        self._sender.add_topic(_CANCELS, f"{server}/cancel", GoalID, self._server, may_be_late=True)
         for switch in _SWITCHES:
             self._sender.add_service(switch, of_apad(name, switch), EnableControl)
 
@@ -179,12 +178,15 @@ class GenerationALink(LegacyLink[GenerationACore]):
         self._core.docks.serve(agent_ids)
 
     def _missing(self) -> list[str]:
-        unread = [] if is_read(self._goals) else [f"no subscriber on {self._goals.resolved_name}"]
+        unread = [] if self._goals.readers() else [f"no subscriber on {self._goals.name}"]
         return self._subscribers.missing + unread
 
     def _differences(self) -> list[str]:
-        goal_types = {self._goals.resolved_name: self._goals.data_class}
+        goal_types = {self._goals.name: aPadActionGoal}
         return [*unreadable_topics(self._subscribers.needed), *differing_listeners(goal_types)]
+
+    def _server(self) -> str:
+        return self._subscribers.server_node
 
     @property
     def can_stop(self) -> bool:

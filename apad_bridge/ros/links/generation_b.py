@@ -25,7 +25,7 @@ from apad_bridge.assembly import parts
 from apad_bridge.doctor.graph import Graph
 from apad_bridge.doctor.network import Unreachable
 from apad_bridge.ros.links.legacy_link import LegacyLink, OpenedAPad
-from apad_bridge.ros.links.legacy_subscribers import LegacySubscribers
+from apad_bridge.ros.links.legacy_subscribers import LegacySubscribers, publisher_of
 from apad_bridge.ros.links.order_sender import Answered
 from apad_bridge.ros.links.virtual_camera import DETECTION_TOPICS, VirtualCamera
 from apad_bridge.ros.system.inbox import Inbox
@@ -122,8 +122,7 @@ class Subscribers(LegacySubscribers):
 
     def _take_goal(self, message: Any) -> None:
         """A goal on its way to the server. The commander sends those of its services, whoever called them."""
-        place, header = message.goal.T2.point, message._connection_header
-        client = str(header.get("callerid", "")) if isinstance(header, dict) else ""
+        place, client = message.goal.T2.point, publisher_of(message)
         self._inbox.put(Go2pointGoalSeen(UNSTAMPED, place.x, place.y, client), always=True)
 
     def _take_arms(self, message: Any) -> None:

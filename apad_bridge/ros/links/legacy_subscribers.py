@@ -100,7 +100,7 @@ class LegacySubscribers:
 
     def _take_pose(self, message: Any, connection: int) -> None:
         """Takes a position that came over the first connection (0) or the second (1)."""
-        position, yaw, publisher = message.position, message.orientation.yaw, _publisher(message)
+        position, yaw, publisher = message.position, message.orientation.yaw, publisher_of(message)
         stamp_ms = to_ms(message.header.stamp) or None  # 0 is no time
         heard_ms = None if self._stamped else arrival_ms()
         pose = PoseReceived(
@@ -130,6 +130,6 @@ def _speed_m_s(message: Any) -> float | None:
     return speed_m_s if math.isfinite(speed_m_s) else None
 
 
-def _publisher(message: Any) -> str:
+def publisher_of(message: Any) -> str:
     header = getattr(message, "_connection_header", None)
     return str(header.get("callerid", "")) if isinstance(header, dict) else ""

@@ -49,6 +49,7 @@ from apad_bridge.vehicle.sending_road import (
 
 Answered = Callable[[Any, str | None, bool], None]
 """Takes the response, the reason if there is none, and whether a stop ended the order on its way."""
+LOST = "the connection ended before the order was acknowledged"
 ACKNOWLEDGED_S = 0.02
 """So often somebody looks if a topic's reader has acknowledged an OFF's order."""
 NAMED_AGAIN_MS = 1_000
@@ -86,23 +87,46 @@ class _ServiceLine:
         self.answers = Answers(address.kind)
 
 
+@dataclass(slots=True, eq=False)
+class TopicLine:
+    """A line of orders by a topic, which one node obeys, and others may read."""
+
+    obeyer: Callable[[], str]
+    publisher: Any = None
+    asked_ms: int | None = None
+    """When the master was last asked to name the topic again: 0 for never, None until somebody has read it."""
+    was_obeyed: bool = False
+    """The node that obeys has read the topic. Before that it may stand behind another one, as a relay."""
+
+    @property
+    def name(self) -> str:
+        return str(self.publisher.resolved_name)
+
+    def readers(self) -> list[Any]:
+        """The connections of nodes that may obey: an observer's acknowledgement is no stop, and his silence no failure."""
+        others = [it for it in list(self.publisher.impl.connections) if it.endpoint_id != rospy.get_name()]
+        obeyer = self.obeyer()
+        theirs = [it for it in others if it.endpoint_id == obeyer]
+        self.was_obeyed = self.was_obeyed or bool(theirs)
+        return theirs if self.was_obeyed else others
+
+
 class OrderSender:
     """`lets_go` is the gate's last word about an order, asked directly before the order leaves."""
 
     def __init__(self, lets_go: Callable[[Cleared[Any]], bool]) -> None:
         self._road = SendingRoad(lets_go)
         self._services: dict[str, _ServiceLine] = {}
-        self._topics: dict[str, Any] = {}
+        self._topics: dict[str, TopicLine] = {}
         self._came: SimpleQueue[_Order | _Opened] = SimpleQueue()
         self._orders: dict[Outgoing, _Order] = {}
         self._responses: dict[str, Any] = {}
         """The newest response that came by each line."""
         self._unread: set[Outgoing] = set()
         """Orders that nobody was there to read."""
-        self._read_topics: dict[str, int] = {}
-        """Topics that have had a reader, and the time at which the master was last asked to name them again; 0 for none."""
-        self._unacknowledged: dict[Outgoing, int] = {}
-        """An OFF's order by a topic, and until when its acknowledgement is awaited: such a line brings no other answer."""
+        self._unacknowledged: dict[Outgoing, tuple[list[Any], int]] = {}
+        """An OFF's order by a topic, its connections, and until when their acknowledgement is awaited: such a line brings
+        no other answer."""
         self._open = frozenset[str]()
         self._changed = threading.Condition()
         """Guards `_open` and `_whys` for those who wait."""
@@ -122,20 +146,23 @@ class OrderSender:
         self._services[line] = _ServiceLine(ServiceAddress(service, kind))
         self._road.add_line(line)
 
-    def add_topic(self, line: str, topic: str, kind: Any, *, may_be_late: bool = False) -> Any:
-        """A line by a topic, before `begin`. Returns its publisher, by which nobody else may publish.
+    def add_topic(
+        self, line: str, topic: str, kind: Any, obeyer: Callable[[], str] = str, *, may_be_late: bool = False
+    ) -> TopicLine:
+        """A line by a topic, before `begin`; nobody else may publish there.
 
-        What `may_be_late` is delivered after a gap of the link, too. Else it ends there.
+        `obeyer` names the node that obeys its orders, or nobody as long as that is not known. What `may_be_late` is
+        delivered after a gap of the link, too. Else it ends there.
         """
 
         def prepare(sock: socket.socket) -> None:
             outlive_gaps(sock, with_bytes=may_be_late)
-            self._read_topics.setdefault(line, 0)
+            added.asked_ms = added.asked_ms or 0
 
-        publisher = never_blocking_publisher(topic, kind, Stalls(), prepare)
-        self._topics[line] = publisher
+        added = self._topics[line] = TopicLine(obeyer)  # a reader may be there before the publisher is
+        added.publisher = never_blocking_publisher(topic, kind, Stalls(), prepare)
         self._road.add_line(line, answers=False)
-        return publisher
+        return added
 
     def begin(self) -> None:
         """Opens the lines and keeps them open, from now on."""
@@ -164,8 +191,10 @@ class OrderSender:
         self._wake()
         if self._thread is not None:
             self._thread.join(PATIENCE_S)
-        for publisher in self._topics.values():
-            publisher.unregister()
+        for topic in self._topics.values():
+            topic.publisher.unregister()
+        self._wake_in.close()
+        self._wake_out.close()
 
     def _put(self, item: _Order | _Opened) -> None:
         self._came.put(item)
@@ -231,16 +260,17 @@ class OrderSender:
                     target=self._open_line, args=(name, address), name=f"open {name}", daemon=True
                 ).start()
             case CutLine(name) if name in self._topics:
-                self._cut_topic(self._topics[name])
+                self._cut_topic(self._topics[name].publisher)
             case CutLine(name):
                 self._drop(name)
             case Write(outgoing):
                 self._write(outgoing)
             case Ended(outgoing, refused) if outgoing in self._unread:
                 self._unread.discard(outgoing)
-                self._end(outgoing, f"nobody reads {self._topics[outgoing.line].resolved_name}")
+                self._end(outgoing, f"nobody reads {self._topics[outgoing.line].name}")
             case Ended(outgoing, None) if outgoing.line in self._topics and outgoing.rank is Rank.OFF:
-                self._unacknowledged[outgoing] = _now_ms() + STOP_PATIENCE_MS
+                readers = self._topics[outgoing.line].readers()
+                self._unacknowledged[outgoing] = readers, _now_ms() + STOP_PATIENCE_MS
             case Ended(outgoing, refused):
                 self._end(outgoing, refused)
 
@@ -249,12 +279,13 @@ class OrderSender:
         self._orders.pop(outgoing).answered(response, refused, refused == CUT)
 
     def _look_for_acknowledgements(self) -> None:
-        for outgoing, until_ms in list(self._unacknowledged.items()):
-            connections = list(self._topics[outgoing.line].impl.connections)
-            is_acknowledged = not any(_unacknowledged_bytes(it.socket) for it in connections if it.socket)
-            if is_acknowledged or _now_ms() >= until_ms:
+        for outgoing, (connections, until_ms) in list(self._unacknowledged.items()):
+            readers = self._topics[outgoing.line].readers()
+            is_gone = not connections or any(it not in readers or it.socket is None for it in connections)
+            is_acknowledged = not (is_gone or any(_unacknowledged_bytes(it.socket) for it in connections))
+            if is_gone or is_acknowledged or _now_ms() >= until_ms:
                 del self._unacknowledged[outgoing]
-                self._end(outgoing, None if is_acknowledged else TOO_LATE)
+                self._end(outgoing, None if is_acknowledged else LOST if is_gone else TOO_LATE)
 
     def _open_line(self, name: str, address: ServiceAddress) -> None:
         try:
@@ -265,10 +296,10 @@ class OrderSender:
     def _write(self, outgoing: Outgoing) -> None:
         message = self._orders[outgoing].message
         if outgoing.line in self._topics:
-            publisher = self._topics[outgoing.line]
-            if not is_read(publisher):
+            topic = self._topics[outgoing.line]
+            if not topic.readers():
                 self._unread.add(outgoing)
-            publisher.publish(message)
+            topic.publisher.publish(message)
             return
         sock = self._services[outgoing.line].socket
         assert sock is not None, "the road writes to open lines"
@@ -290,14 +321,14 @@ class OrderSender:
 
     def _call_readers_back(self) -> None:
         """A reader of rospy does not connect again by itself after its connection has ended."""
-        for name, publisher in self._topics.items():
-            if is_read(publisher):
-                self._read_topics[name] = 0
-            elif _now_ms() - self._read_topics.get(name, _now_ms()) >= NAMED_AGAIN_MS:
-                self._read_topics[name] = _now_ms()
+        for name, topic in self._topics.items():
+            if topic.readers():
+                topic.asked_ms = 0
+            elif topic.asked_ms is not None and _now_ms() - topic.asked_ms >= NAMED_AGAIN_MS:
+                topic.asked_ms = _now_ms()
                 threading.Thread(
                     target=name_again,
-                    args=(publisher.resolved_name, publisher.type),
+                    args=(topic.name, topic.publisher.type),
                     name=f"name {name} again",
                     daemon=True,
                 ).start()
@@ -342,11 +373,6 @@ class OrderSender:
             with self._changed:
                 self._open = is_open
                 self._changed.notify_all()
-
-
-def is_read(publisher: Any) -> bool:
-    """True when another node than ours reads the topic."""
-    return any(it.endpoint_id != rospy.get_name() for it in list(publisher.impl.connections))
 
 
 def _unacknowledged_bytes(sock: socket.socket) -> int:

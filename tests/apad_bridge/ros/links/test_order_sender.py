@@ -1,0 +1,126 @@
+"""An OFF by a topic counts when the node that obeys has it, whoever else reads along."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from queue import SimpleQueue
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+import rospy
+
+from apad_bridge.ros.links import order_sender
+from apad_bridge.ros.links.order_sender import LOST, OrderSender
+from apad_bridge.vehicle.sending_road import TOO_LATE, Rank
+
+OURS, SERVER, OBSERVER = "/bench", "/apad/server", "/laptop/rostopic"
+LONGEST_S = 10.0
+
+
+@dataclass(eq=False)
+class Reader:
+    """A connection to a node. The kernel counts what the other end has not read, as TCP what is not acknowledged."""
+
+    endpoint_id: str
+    socket: socket.socket | None
+    other_end: socket.socket
+
+    def read(self) -> None:
+        self.other_end.settimeout(LONGEST_S)
+        assert self.other_end.recv(100) == b"cancel"
+
+
+@dataclass
+class Topic:
+    """A publisher with these readers."""
+
+    resolved_name: str = "/apad/cancel"
+    type: str = "actionlib_msgs/GoalID"
+    readers: dict[str, Reader] = field(default_factory=dict)
+
+    @property
+    def impl(self) -> Any:
+        return SimpleNamespace(connections=list(self.readers.values()))
+
+    def publish(self, data: bytes) -> None:
+        for it in self.readers.values():
+            if it.socket is not None:
+                it.socket.send(data)
+
+    def unregister(self) -> None:
+        pass
+
+
+class Bench:
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, obeyer: str, readers: tuple[str, ...]) -> None:
+        self.topic = Topic()
+        monkeypatch.setattr(rospy, "get_name", lambda: OURS)
+        monkeypatch.setattr(order_sender, "never_blocking_publisher", lambda *_: self.topic)
+        monkeypatch.setattr(order_sender, "name_again", lambda *_: None)
+        for name in readers:
+            self.topic.readers[name] = Reader(name, *socket.socketpair())
+        self.sender = OrderSender(lambda order: True)
+        self.line = self.sender.add_topic("cancels", "/apad/cancel", None, lambda: obeyer)
+        self.sender.begin()
+        self.answers: SimpleQueue[str | None] = SimpleQueue()
+
+    def off(self) -> None:
+        cleared: Any = SimpleNamespace(under=0)
+        self.sender.send("cancels", Rank.OFF, cleared, b"cancel", lambda _, why, cut: self.answers.put(why))
+
+    def answer(self) -> str | None:
+        return self.answers.get(timeout=LONGEST_S)
+
+
+@pytest.fixture
+def bench(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
+    bench = Bench(monkeypatch, *request.param)
+    yield bench
+    bench.sender.close()
+    for it in bench.topic.readers.values():
+        it.other_end.close()
+        if it.socket is not None:
+            it.socket.close()
+
+
+WITH_AN_OBSERVER = pytest.mark.parametrize("bench", [(SERVER, (OURS, OBSERVER, SERVER))], indirect=True)
+
+
+@WITH_AN_OBSERVER
+def test_an_observer_that_does_not_read_makes_no_stop_fail(bench: Bench) -> None:
+    bench.off()
+    bench.topic.readers[SERVER].read()
+    assert bench.answer() is None
+
+
+@WITH_AN_OBSERVER
+def test_an_observer_that_reads_makes_no_stop_good(bench: Bench) -> None:
+    bench.off()
+    bench.topic.readers[OBSERVER].read()
+    assert bench.answer() == TOO_LATE
+
+
+@WITH_AN_OBSERVER
+def test_a_server_whose_connection_ends_has_not_taken_the_stop(bench: Bench) -> None:
+    bench.off()
+    bench.topic.readers[OBSERVER].read()
+    assert bench.answers.empty()
+    server = bench.topic.readers.pop(SERVER)
+    assert bench.answer() == LOST
+    assert bench.line.readers() == []
+    bench.off()
+    assert bench.answer() == "nobody reads /apad/cancel"
+    for end in (server.socket, server.other_end):
+        assert end is not None
+        end.close()
+
+
+@pytest.mark.parametrize("bench", [(SERVER, (OBSERVER,)), ("", (OBSERVER,))], indirect=True)
+def test_before_the_node_that_obeys_is_seen_every_reader_counts(bench: Bench) -> None:
+    """It may stand behind a relay."""
+    bench.off()
+    bench.topic.readers[OBSERVER].read()
+    assert bench.answer() is None
