@@ -31,6 +31,7 @@ from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.acoustics import answer_charge
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.beliefs.belief import Belief
+from apad_bridge.events.sound import PacketPassed
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.runs.in_memory import MemoryRecorder
 from apad_bridge.scenario.firmware_config import board_config, charge_models
@@ -199,11 +200,10 @@ def _flown(thought: Scenario, truth: Scenario) -> dict[str, float]:
         flight.supervisor.beliefs.hear(packet, MissionMs(0))
     flight.run()
     figures = uptime_figures(recorder.meter, flight.now_ms)
-    kinds = Counter(kind for _, kind, _ in recorder.events)
+    kinds = Counter(event.kind for _, event in recorder.journal.entries)
     answers = sum(
-        isinstance(MusselbedCodec().decode(bytes.fromhex(event["data"])), ShortStatus)
-        for _, kind, event in recorder.events
-        if kind == "packet"
+        isinstance(MusselbedCodec().decode(bytes.fromhex(packet.data_)), ShortStatus)
+        for _, packet in recorder.journal.events(PacketPassed)
     )
     whole = board_config(truth.board, truth.seed).whole
     assert whole is not None

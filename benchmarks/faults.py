@@ -284,9 +284,9 @@ def _torn(run_dir: Path) -> Iterator[str]:
     journal = read_journal(run_dir / "journal.jsonl")
     if journal.dropped:
         yield f"journal.jsonl has {journal.dropped} lines that cannot be read"
-    for before, after in pairwise(journal.lines):
-        if after["t"] < before["t"]:
-            yield f"journal.jsonl steps back in time from {before['t']} to {after['t']} ms"
+    for before, after in pairwise(journal.entries):
+        if after.at_ms < before.at_ms:
+            yield f"journal.jsonl steps back in time from {before.at_ms} to {after.at_ms} ms"
 
 
 def _expect(terminal: Terminal, codes: set[int], words: str = "", within_s: float = _END_S) -> str | None:

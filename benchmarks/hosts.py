@@ -135,12 +135,13 @@ class Heard:
     def look(self) -> None:
         if self._tail is None and self._path.exists():
             self._tail = JournalTail(self._path)
-        for line in () if self._tail is None else self._tail.read_new().lines:
-            self.now_ms = max(self.now_ms, line["t"])
-            if line["kind"] == BeliefChanged.kind:
-                self.newest_ms[line["id"]] = max(self.newest_ms.get(line["id"], 0), line["heard"])
-            if line["kind"] == AMusselReleased.kind and line["full"]:
-                self.served.append(line["agent"])
+        for at_ms, event in () if self._tail is None else self._tail.read_new().entries:
+            self.now_ms = max(self.now_ms, at_ms)
+            match event:
+                case BeliefChanged(id=agent_id, heard=heard_ms):
+                    self.newest_ms[agent_id] = max(self.newest_ms.get(agent_id, 0), heard_ms)
+                case AMusselReleased(full=True):
+                    self.served.append(event.agent)
 
 
 def fly(tier: Tier, home: Path, patience_s: float) -> dict[str, Any]:

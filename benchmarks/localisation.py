@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
+from apad_bridge.events.mission import DockSwitched
+from apad_bridge.events.sound import PlaceFixed
 from apad_bridge.runs.in_memory import fly_in_memory
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.starts import starts_of
@@ -31,15 +33,15 @@ def measure(short: bool = False) -> dict[str, Any]:
         scenario = from_data(data, "localisation")
         _, recorder = fly_in_memory(scenario)
         places = {it.agent_id: np.array((it.north_m, it.east_m)) for it in starts_of(scenario)}
-        for _, kind, event in recorder.events:
-            if kind == "dock":
-                places.pop(event["agent"], None)
-            elif kind == "fix" and event["id"] in places:
-                off = np.array((event["north_m"], event["east_m"])) - places[event["id"]]
-                north, cross, east = event["covariance"]
+        for _, event in recorder.journal.entries:
+            if isinstance(event, DockSwitched):
+                places.pop(event.agent, None)
+            elif isinstance(event, PlaceFixed) and event.id in places:
+                off = np.array((event.north_m, event.east_m)) - places[event.id]
+                north, cross, east = event.covariance
                 errors_m.append(float(np.hypot(*off)))
                 nees.append(float(off @ np.linalg.solve([[north, cross], [cross, east]], off)))
-                hdops.append(event["hdop"])
+                hdops.append(event.hdop)
         told({"seed": seed, "fixes_so_far": len(errors_m)})
     return {
         "fixes": len(errors_m),

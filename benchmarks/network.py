@@ -38,6 +38,7 @@ from two_machines import (
     why_no_two_machines,
 )
 
+from apad_bridge.events.event import Event
 from apad_bridge.events.graph import MasterGone
 from apad_bridge.events.guards import DangerOver, GuardReacted
 from apad_bridge.events.persons import PersonOrdered
@@ -160,10 +161,7 @@ def fly(home: Path, scenario: Path, minutes: float, vehicle: Machine, bench: Mac
             lose(LINK.loss, LINK.delay_s)
             with closing(JournalTail(journal)) as tail:
                 programs.wait_until(
-                    lambda: (
-                        flight.poll() is not None
-                        or any(it["kind"] == RunEnded.kind for it in tail.read_new().lines)
-                    ),
+                    lambda: flight.poll() is not None or any(tail.read_new().events(RunEnded)),
                     "the mission did not end",
                 )
             # To leave a topic is a call to the master: a second for each of a hundred, over a poor link.
@@ -191,7 +189,7 @@ def person(run: Path) -> Iterator[None]:
         journal = JournalTail(run / "journal.jsonl")
         stopped_s: float | None = None
         while not ended.wait(LOOK_S):
-            if any(it["kind"] in STOPPED for it in journal.read_new().lines):
+            if any(journal.read_new().events(*STOPPED)):
                 stopped_s = time.monotonic()
             if stopped_s is not None and time.monotonic() - stopped_s > CALM_S:
                 subprocess.run(
@@ -209,7 +207,7 @@ def person(run: Path) -> Iterator[None]:
         thread.join()
 
 
-STOPPED = (GuardReacted.kind, DangerOver.kind, VehicleSilent.kind, VehicleHeard.kind)
+STOPPED: tuple[type[Event], ...] = (GuardReacted, DangerOver, VehicleSilent, VehicleHeard)
 
 
 def figures(summary: dict[str, Any]) -> dict[str, Any]:
@@ -219,14 +217,12 @@ def figures(summary: dict[str, Any]) -> dict[str, Any]:
 
 def told_by_journal(run: Path) -> dict[str, Any]:
     """The counts of guard stops by cause, of silences of the vehicle, and of a person's words that it may go on."""
-    tail = JournalTail(run / "journal.jsonl")
-    lines = tail.read_new().lines
-    tail.close()
+    journal = read_journal(run / "journal.jsonl")
     return {
-        "guards": Counter(it["cause"] for it in lines if it["kind"] == GuardReacted.kind),
-        "vehicle_silent": sum(it["kind"] == VehicleSilent.kind for it in lines),
-        "master_gone": sum(it["kind"] == MasterGone.kind for it in lines),
-        "person_asked": sum(it["kind"] == PersonOrdered.kind for it in lines),
+        "guards": Counter(it.cause for _, it in journal.events(GuardReacted)),
+        "vehicle_silent": len(list(journal.events(VehicleSilent))),
+        "master_gone": len(list(journal.events(MasterGone))),
+        "person_asked": len(list(journal.events(PersonOrdered))),
     }
 
 

@@ -1,6 +1,6 @@
-"""Rules that hold in every run's journal. A line that breaks one shows a defect of musselbed, not of the mission.
+"""Rules that hold in every run's journal. An event that breaks one shows a defect of musselbed, not of the mission.
 
-The checker takes the lines in order and knows nothing of the flight but these lines and the scenario.
+The checker takes the events in order and knows nothing of the flight but these and the scenario.
 """
 
 from __future__ import annotations
@@ -16,12 +16,13 @@ from typing import Any
 from agents.mussel.outputs import Truth
 from agents.mussel.physical import Physical
 from agents.mussel.stimuli import ChargeLost, ContactClosed, ContactOpened, Placed, from_json
+from apad_bridge.events.event import Event
 from apad_bridge.events.fleet import BeliefChanged, FaultBegan, FaultEnded, Stimulated, TruthChanged
 from apad_bridge.events.mission import DockSwitched, LegBegan
 from apad_bridge.events.run import RunBegan, RunResumed
 from apad_bridge.events.vehicle import APadMoved
-from apad_bridge.records.journal import read_journal
-from apad_bridge.records.line_file import Line, read_lines
+from apad_bridge.records.journal import Entry, read_journal
+from apad_bridge.records.line_file import read_lines
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.records.samples import Water
 from apad_bridge.records.truth_lines import truth_of
@@ -38,23 +39,23 @@ NEAR_M = 5.0
 WAY_FRACTION, WAY_M = 0.05, 2.0
 """The counted way exceeds the way between the journal's places by no more than this fraction, and these metres."""
 _KEPT = 4
-"""The newest lines on an aMussel that are shown with a broken rule."""
+"""The newest events of an aMussel that are shown with a broken rule."""
 
 
 @dataclass(frozen=True, slots=True)
 class Broken:
-    """A rule that a line breaks, with the lines that show it."""
+    """A rule that an event breaks, with the events that show it."""
 
     rule: str
     reason: str
-    lines: tuple[Line, ...]
+    entries: tuple[Entry, ...]
 
 
 class Invariants:
-    """Checks the lines of one journal as they come.
+    """Checks the events of one journal as they come.
 
-    After a kill of the supervisor, lines that were not on disk are missing. So contacts and docks are not checked again
-    until the next line about them.
+    After a kill of the supervisor, events that were not on disk are missing. So contacts and docks are not checked again
+    until the next event of them.
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -82,46 +83,45 @@ class Invariants:
         self._apad_m: tuple[int, float, float] | None = None
         self._way_m = 0.0
         self._legs_m = 0.0
-        self._shown: dict[int, deque[Line]] = {}
+        self._shown: dict[int | None, deque[Entry]] = {}
 
-    def take(self, line: Line) -> list[Broken]:
-        """The rules that this line breaks."""
-        agent_id = line.get("id", line.get("agent"))
-        shown = self._shown.setdefault(agent_id if isinstance(agent_id, int) else -1, deque(maxlen=_KEPT))
-        shown.append(line)
-        return [Broken(rule, reason, tuple(shown)) for rule, reason in self._rules(line)]
+    def take(self, entry: Entry) -> list[Broken]:
+        """The rules that this event breaks."""
+        shown = self._shown.setdefault(entry.event.amussel, deque(maxlen=_KEPT))
+        shown.append(entry)
+        return [Broken(rule, reason, tuple(shown)) for rule, reason in self._rules(*entry)]
 
     def end(self, summary: Mapping[str, Any], kept: Mapping[int, Counter[int]]) -> list[Broken]:
         """The rules of a whole run. `kept` counts the lines of samples.jsonl, by aMussel and sequence number."""
         return [Broken(rule, reason, ()) for rule, reason in self._last_rules(summary, kept)]
 
-    def _rules(self, line: Line) -> Iterator[tuple[str, str]]:
-        if line["t"] < self._now_ms:
-            yield "time never falls", f"{line['t']} ms after {self._now_ms} ms"
-        self._now_ms = max(self._now_ms, line["t"])
-        match line["kind"]:
-            case RunBegan.kind:
-                ids = [it["id"] for it in line["agents"]]
+    def _rules(self, at_ms: int, event: Event) -> Iterator[tuple[str, str]]:
+        if at_ms < self._now_ms:
+            yield "time never falls", f"{at_ms} ms after {self._now_ms} ms"
+        self._now_ms = max(self._now_ms, at_ms)
+        match event:
+            case RunBegan():
+                ids = [it["id"] for it in event.agents]
                 self._ids = frozenset(ids)
                 if len(ids) != len(self._ids):
                     yield "ids are unique", f"{ids}"
-            case TruthChanged.kind:
-                yield from self._of_truth(truth_of(line))
-            case BeliefChanged.kind:
-                yield from _of_belief(line)
-            case Stimulated.kind:
-                self._take_stimulus(line)
-            case DockSwitched.kind:
-                yield from self._of_dock(line["dock"], line["agent"], closed=line["closed"])
-            case APadMoved.kind:
-                yield from self._of_apad(line)
-            case LegBegan.kind:
-                self._legs_m += line["metres"]
-            case FaultBegan.kind if line["fault"] == TimedFault.APAD_LIES and "refused" not in line:
-                self._lie_m, self._lie_until_ms = abs(line["value"]), 1 << 62
-            case FaultEnded.kind if line["fault"] == TimedFault.APAD_LIES:
-                self._lie_until_ms = line["t"] + 2000  # the place of that tick came before
-            case RunResumed.kind:
+            case TruthChanged():
+                yield from self._of_truth(truth_of(event))
+            case BeliefChanged():
+                yield from _of_belief(at_ms, event)
+            case Stimulated():
+                self._take_stimulus(event)
+            case DockSwitched():
+                yield from self._of_dock(event.dock, event.agent, closed=event.closed)
+            case APadMoved():
+                yield from self._of_apad(at_ms, event)
+            case LegBegan():
+                self._legs_m += event.metres
+            case FaultBegan(fault=TimedFault.APAD_LIES, refused=None, value=float() | int() as lie_m):
+                self._lie_m, self._lie_until_ms = abs(lie_m), 1 << 62
+            case FaultEnded(fault=TimedFault.APAD_LIES):
+                self._lie_until_ms = at_ms + 2000  # the place of that tick came before
+            case RunResumed():
                 self._docks, self._opened_ms = {}, {}
 
     def _of_truth(self, truth: Truth) -> Iterator[tuple[str, str]]:
@@ -219,18 +219,19 @@ class Invariants:
             primary, secondary = left or (primary, secondary)
         return [primary.charge, secondary.charge]
 
-    def _take_stimulus(self, line: Line) -> None:
-        match from_json(line["wire"]):
+    def _take_stimulus(self, event: Stimulated) -> None:
+        agent_id, at_ms = event.id, event.agent_ms
+        match from_json(event.wire):
             case ContactClosed():
-                self._opened_ms.pop(line["id"], None)
+                self._opened_ms.pop(agent_id, None)
             case ContactOpened():
-                self._opened_ms[line["id"]] = line["agent_ms"]
+                self._opened_ms[agent_id] = at_ms
             case ChargeLost() as lost:
-                self._lost.setdefault(line["id"], []).append((line["agent_ms"], lost))
+                self._lost.setdefault(agent_id, []).append((at_ms, lost))
             case Placed():
-                self._placed.add(line["id"])
-                self._lost.pop(line["id"], None)
-                self._opened_ms[line["id"]] = line["agent_ms"]
+                self._placed.add(agent_id)
+                self._lost.pop(agent_id, None)
+                self._opened_ms[agent_id] = at_ms
 
     def _of_dock(self, dock_index: int, agent_id: int, *, closed: bool) -> Iterator[tuple[str, str]]:
         holder = self._docks.get(dock_index)
@@ -253,17 +254,17 @@ class Invariants:
         else:
             self._docks = {index: held for index, held in self._docks.items() if held != agent_id}
 
-    def _of_apad(self, line: Line) -> Iterator[tuple[str, str]]:
-        held = [it for it in line["docks"] if it >= 0]
+    def _of_apad(self, at_ms: int, apad: APadMoved) -> Iterator[tuple[str, str]]:
+        held = [it for it in apad.docks if it >= 0]
         if len(held) != len(set(held)):
             yield "an aMussel is in one dock", f"the aPad holds {held}"
-        here = line["north_m"], line["east_m"]
+        here = apad.north_m, apad.east_m
         if not all(map(math.isfinite, here)):
             yield "a place is a number", f"the aPad is at {here}"
             return
         if self._apad_m is not None:
             self._way_m += math.dist(self._apad_m[1:], here)
-        self._apad_m = (line["t"], *here)
+        self._apad_m = (at_ms, *here)
 
     def _last_rules(
         self, summary: Mapping[str, Any], kept: Mapping[int, Counter[int]]
@@ -294,18 +295,16 @@ def _held_at(battery: Battery, at_ms: int, model: ChargeModel) -> Battery:
     return Battery(at_ms, model.charge_at(battery, at_ms), Flow.RESTING)
 
 
-def _of_belief(line: Line) -> Iterator[tuple[str, str]]:
-    numbers = {name: line[name] for name in ("charge", "secondary", "north_m", "east_m")}
-    if not all(map(math.isfinite, numbers.values())):
-        yield "a belief is finite", f"aMussel {line['id']}: {numbers}"
-    if line["heard"] > line["t"]:
-        yield (
-            "a packet is older than the belief of it",
-            f"aMussel {line['id']}: {line['heard']} ms at {line['t']} ms",
-        )
+def _of_belief(at_ms: int, belief: BeliefChanged) -> Iterator[tuple[str, str]]:
+    name, low, high = f"aMussel {belief.id}", belief.low, belief.high
+    numbers = belief.charge, belief.secondary, belief.north_m, belief.east_m
+    if not all(map(math.isfinite, numbers)):
+        yield "a belief is finite", f"{name}: {numbers}"
+    if belief.heard > at_ms:
+        yield "a packet is older than the belief of it", f"{name}: {belief.heard} ms at {at_ms} ms"
     # The mean of a skewed mixture may lie outside its central interval; the interval itself has an order.
-    if "low" in line and not 0 <= line["low"] <= line["high"] <= 1:
-        yield "an interval has an order", f"aMussel {line['id']}: {line['low']} to {line['high']}"
+    if low is not None and high is not None and not 0 <= low <= high <= 1:
+        yield "an interval has an order", f"{name}: {low} to {high}"
 
 
 def check_run(directory: RunDirectory) -> list[Broken]:
@@ -316,7 +315,7 @@ def check_run(directory: RunDirectory) -> list[Broken]:
     A run that has not ended yet is checked as far as its journal goes.
     """
     checker = Invariants(load(directory.scenario))
-    broken = [it for line in read_journal(directory.journal).lines for it in checker.take(line)]
+    broken = [it for entry in read_journal(directory.journal).entries for it in checker.take(entry)]
     if (summary := directory.read_summary()) is not None:
         kept = kept_samples(directory.samples)
         try:

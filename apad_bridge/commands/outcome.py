@@ -9,9 +9,12 @@ from pathlib import Path
 from shlex import quote
 from typing import Any, assert_never
 
+from agents.time_scale import MissionMs
 from apad_bridge.assembly.capacity import bounds_of
 from apad_bridge.commands.table import print_table
+from apad_bridge.events.mission import PlanMade
 from apad_bridge.events.run import EndReason
+from apad_bridge.records.journal import Entry
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.exits import Exit
 from apad_bridge.runs.rich_console import Console
@@ -129,16 +132,22 @@ def _print_next(console: Console, directory: RunDirectory, summary: dict[str, An
         console.print(line, highlight=False, soft_wrap=True)
 
 
-def print_plan(plan: dict[str, Any] | None, as_json: bool) -> int:
-    """Prints the plan of a dry run."""
+def plan_line(made: tuple[MissionMs, PlanMade] | None) -> dict[str, Any] | None:
+    """The journal's line of a plan."""
+    return None if made is None else Entry(*made).line
+
+
+def print_plan(made: tuple[MissionMs, PlanMade] | None, as_json: bool) -> int:
+    """Prints the plan of a dry run, with its mission time."""
     if as_json:
-        print(json.dumps(plan))
-    elif plan is None:
+        print(json.dumps(plan_line(made)))
+    elif made is None:
         print("no plan: there are never enough candidates")
     else:
-        steps = ", ".join(f"aMussel {step['agent']} into dock {step['dock'] + 1}" for step in plan["steps"])
-        costs = plan["costs"]
-        print(f"at {plan['t'] / 1000:.0f} s, {plan['strategy']}: {steps}")
+        at_ms, plan = made
+        steps = ", ".join(f"aMussel {step['agent']} into dock {step['dock'] + 1}" for step in plan.steps)
+        costs = plan.costs
+        print(f"at {at_ms / 1000:.0f} s, {plan.strategy}: {steps}")
         print(
             f"distance {costs['distance_m']:.1f} m, demand {costs['demand']:.2f} batteries; no order was given"
         )

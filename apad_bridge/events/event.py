@@ -6,9 +6,10 @@ consoles, and the table in docs/records.md follow from an event's class.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import MISSING, Field, fields, is_dataclass
 from enum import Enum, StrEnum
+from functools import partial
 from typing import Annotated, Any, ClassVar, NamedTuple, Self, get_args, get_origin, get_type_hints
 
 from annotated_types import Ge, Lt
@@ -88,8 +89,14 @@ class Event:
         for it in fields_of(type(self)):
             value = getattr(self, it.attribute)
             if value is not None or not it.is_optional:
-                told[it.name] = it.plain(value)
+                told[it.name] = value if value is None or it.plain is None else it.plain(value)
         return told
+
+    @property
+    def amussel(self) -> int | None:
+        """The id of the aMussel that it is about; None for an event of none."""
+        own = vars(self)
+        return own.get("agent", own.get("id"))
 
     def text(self) -> str | None:
         """One sentence for people; None for a step of routine."""
@@ -98,7 +105,12 @@ class Event:
     @classmethod
     def of(cls, data: Mapping[str, Any]) -> Self:
         """The event of a journal's line; further fields are left out. TypeError for a line without a field."""
-        return cls(**{it.attribute: it.read(data[it.name]) for it in fields_of(cls) if it.name in data})
+        values = {}
+        for it in fields_of(cls):
+            if it.name in data:
+                value = data[it.name]
+                values[it.attribute] = value if value is None or it.read is None else it.read(value)
+        return cls(**values)
 
 
 class EventField(NamedTuple):
@@ -108,28 +120,12 @@ class EventField(NamedTuple):
     name: str
     """The name in the journal."""
     annotation: Any
-    enum: type[Enum] | None
-    """The enum of its values, if they are of one."""
     meaning: Meaning
     is_optional: bool
-    of_class: TypeAdapter[Any] | None
-    """The form of its values in the journal, if they are of a dataclass."""
-
-    def plain(self, value: Any) -> Any:
-        """The journal's form of a value of the class. One of another type stays, and the line's check refuses it."""
-        if self.of_class is not None:
-            return self.of_class.dump_python(value, mode="json")
-        if self.enum is None or not isinstance(value, Enum):
-            return value
-        return value.value if isinstance(value, StrEnum) else value.name
-
-    def read(self, value: Any) -> Any:
-        """The value of the class, from that of the journal. ValueError for one that the class does not allow."""
-        if self.of_class is not None:
-            return self.of_class.validate_python(value)
-        if self.enum is None or value is None:
-            return value
-        return self.enum(value) if issubclass(self.enum, StrEnum) else self.enum[value]
+    plain: Callable[[Any], Any] | None
+    """Gives the journal's form of a value; None where both are the same. The line's check refuses what it does not know."""
+    read: Callable[[Any], Any] | None
+    """Gives the value of the class from that of the journal; None where both are the same."""
 
 
 _FIELDS: dict[type[Event], tuple[EventField, ...]] = {}
@@ -152,13 +148,36 @@ def _field_of(declared: Field[Any], hint: Any) -> EventField | None:
     if meaning is None:
         return None
     bounds = tuple(it for it in extras if it is not meaning)
-    members = get_args(annotation) or (annotation,)
     return EventField(
         declared.name,
         declared.name.removesuffix("_"),
         Annotated[annotation, *bounds] if bounds else annotation,
-        next((it for it in members if isinstance(it, type) and issubclass(it, Enum)), None),
         meaning,
         declared.default is not MISSING,
-        TypeAdapter(annotation) if is_dataclass(annotation) else None,
+        *_forms_of(annotation),
     )
+
+
+_Form = Callable[[Any], Any]
+
+
+def _forms_of(annotation: Any) -> tuple[_Form | None, _Form | None]:
+    """The functions `plain` and `read` of a field. JSON has lists for tuples, and for those of a list."""
+    members = (annotation, *get_args(annotation))
+    if is_dataclass(annotation):
+        adapter: TypeAdapter[Any] = TypeAdapter(annotation)
+        return partial(adapter.dump_python, mode="json"), adapter.validate_python
+    for it in members:
+        if isinstance(it, type) and issubclass(it, Enum):
+            return _plain, {_plain(member): member for member in it}.__getitem__
+    rows = (of for it in members if get_origin(it) is list for of in get_args(it))
+    if any(get_origin(of) is tuple for of in rows):
+        return None, lambda values: [tuple(row) for row in values]
+    return None, tuple if any(get_origin(it) is tuple for it in members) else None
+
+
+def _plain(value: Any) -> Any:
+    """The value of an enum in the journal."""
+    if not isinstance(value, Enum):
+        return value
+    return value.value if isinstance(value, StrEnum) else value.name

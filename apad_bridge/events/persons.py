@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Annotated, Any
 
@@ -84,11 +84,17 @@ class ScriptTold(Event):
     said: Annotated[str | None, Meaning("a line for people")] = None
     what: Annotated[str | None, Meaning("the name that the script gave its event")] = None
     own: Mapping[str, Any] = field(default_factory=dict)
-    """The fields that the script's author named. A line that is read keeps them to itself."""
+    """The fields that the script's author named."""
 
     @property
     def data(self) -> dict[str, Any]:
         return super().data | dict(self.own)
+
+    @classmethod
+    def of(cls, data: Mapping[str, Any]) -> ScriptTold:
+        """The event of a line: each further field is the author's."""
+        own = {name: it for name, it in data.items() if name not in ("t", "kind", "said", "what")}
+        return replace(super().of(data), own=own)
 
     def text(self) -> str | None:
         return None if self.said is None else f"script: {self.said}"

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from apad_bridge.events import fleet, graph, guards, mission, persons, run, sound, vehicle
-from apad_bridge.events.event import Event
+from apad_bridge.events.event import Event, Uncounted
 
 _FAMILIES = (run, mission, persons, guards, vehicle, fleet, sound, graph)
 
@@ -19,12 +20,29 @@ EVENTS: dict[str, type[Event]] = {
 """The class of each kind, in the order of docs/records.md."""
 
 
+@dataclass(frozen=True)
+class UnknownEvent(Event):
+    """An event of a kind that another version knows. It is in no table, and keeps its fields as they are."""
+
+    kind = "unknown"
+    when = "another version saw it"
+    counted = Uncounted("the meaning of its fields is unknown")
+
+    named: str
+    """Its own kind, which an instance has as its `kind`."""
+    fields: Mapping[str, Any]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "kind", self.named)
+
+    @property
+    def data(self) -> dict[str, Any]:
+        return dict(self.fields)
+
+
 def event_of(kind: str, data: Mapping[str, Any]) -> Event:
-    """The event of a journal's line; KeyError for a kind unknown here."""
-    return EVENTS[kind].of(data)
-
-
-def told_event(line: Mapping[str, Any]) -> Event | None:
-    """The event of a journal's line, if its kind has a text for people; None for samples and for kinds unknown here."""
-    found = EVENTS.get(line["kind"])
-    return None if found is None or found.text is Event.text else found.of(line)
+    """The event of a journal's line."""
+    found = EVENTS.get(kind)
+    if found is not None:
+        return found.of(data)
+    return UnknownEvent(kind, {name: it for name, it in data.items() if name not in ("t", "kind")})

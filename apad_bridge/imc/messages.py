@@ -15,7 +15,7 @@ from apad_bridge.imc import protocol as imc
 from apad_bridge.imc.picture import AMusselView, ConsoleAPad, RunPicture
 from apad_bridge.imc.protocol import Message
 from apad_bridge.imc.systems import NOBODY, System
-from apad_bridge.records.journal import Line
+from apad_bridge.records.line_file import Line
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from firmware_model.power.charge import EMPTY_MV, FULL_MV
 

@@ -11,13 +11,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from apad_bridge.analysis.replay.history import History, ToldEvent
-from apad_bridge.events.mission import Phase, PrimitiveChanged
+from apad_bridge.events.mission import Phase, PrimitiveChanged, PrimitivePhase
 from apad_bridge.events.persons import Overridden, PersonOrdered
 from apad_bridge.events.vehicle import APadMoved
-from apad_bridge.records.journal import JournalTail, Line
-from apad_bridge.records.line_file import LineTail
+from apad_bridge.records.journal import Entry, JournalTail
+from apad_bridge.records.line_file import Line, LineTail
 from apad_bridge.records.run_directory import RunDirectory
-from apad_bridge.scenario.firmware_config import charge_models, works_on_secondary
 from apad_bridge.scenario.schema import Scenario
 from firmware_model.state_groups import BEYOND_HELP, STRANDED, UP_AND_UNDOCKED
 from firmware_model.states import State
@@ -81,21 +80,15 @@ class RunPicture:
         self._directory = RunDirectory.open(run_dir)
         self._journal = JournalTail(self._directory.journal)
         begun = self._journal.read_new()
-        self._history = History(
-            begun,
-            scenario.time_scale,
-            charge_models(scenario),
-            scenario.apad.docks,
-            secondary_in_use=works_on_secondary(scenario.board),
-        )
+        self._history = History(begun, scenario)
         self._samples: LineTail | None = None
-        self._track: tuple[Line, ...] = ()
-        """The newest two lines of the aPad."""
+        self._track: tuple[tuple[int, APadMoved], ...] = ()
+        """The newest two places of the aPad, with their mission times."""
         self.manoeuvre: PersonsManoeuvre | None = None
         self.last_failed: bool | None = None
         """Result of a person's last go-to; None while there was none."""
         self._told_events = 0
-        self._take(begun.lines)
+        self._take(begun.entries)
         self._history.advance(self._history.end_ms)
         self._told_events = len(self._history.events)  # a console that comes later gets no old news
 
@@ -103,7 +96,7 @@ class RunPicture:
         """Reads what is new, and returns the new events for people."""
         new = self._journal.read_new()
         self._history.add(new)
-        self._take(new.lines)
+        self._take(new.entries)
         self._history.advance(self._history.end_ms)
         events = self._history.events[self._told_events :]
         self._told_events += len(events)
@@ -126,7 +119,7 @@ class RunPicture:
 
     @property
     def ended_by(self) -> str | None:
-        return self._history.ended_by
+        return self._history.now.ended_by
 
     @property
     def has_summary(self) -> bool:
@@ -146,16 +139,16 @@ class RunPicture:
 
     @property
     def apad(self) -> ConsoleAPad | None:
-        line = self._history.now.apad
-        if line is None:
+        seen = self._history.now.apad
+        if seen is None:
             return None
         return ConsoleAPad(
-            line["north_m"],
-            line["east_m"],
-            line["heading_rad"],
+            seen.north_m,
+            seen.east_m,
+            seen.heading_rad,
             self._velocity_m_s(),
-            line["voltage_v"],
-            line["battery"],
+            seen.voltage_v,
+            seen.battery,
         )
 
     @property
@@ -166,15 +159,15 @@ class RunPicture:
         for agent_id, belief in sorted(now.beliefs.items()):
             is_docked = agent_id in now.docks and now.apad is not None
             place = now.apad if is_docked and now.apad is not None else belief
-            low, high = belief.get("low"), belief.get("high")
+            low, high = belief.low, belief.high
             views.append(
                 AMusselView(
                     agent_id,
-                    place["north_m"],
-                    place["east_m"],
-                    State[belief["state"]],
+                    place.north_m,
+                    place.east_m,
+                    belief.state,
                     is_docked,
-                    belief["charge"],
+                    belief.charge,
                     None if low is None or high is None else high - low,
                 )
             )
@@ -188,46 +181,44 @@ class RunPicture:
         left_m = math.dist((self.apad.north_m, self.apad.east_m), self.manoeuvre.goal_m)
         return max(0.0, 1 - left_m / self.manoeuvre.whole_m) if self.manoeuvre.whole_m else 1.0
 
-    def _take(self, lines: list[Line]) -> None:
-        for line in lines:
-            match line["kind"], line:
-                case APadMoved.kind, _:
-                    self._track = (*self._track[-1:], line)
-                case PersonOrdered.kind, {
-                    "order": "go to" | "hold" as order,
-                    "north_m": north,
-                    "east_m": east,
-                }:
-                    self._begin(order == "go to", (north, east))
-                case PersonOrdered.kind, {"order": "stop" | "abort"}:
+    def _take(self, entries: list[Entry]) -> None:
+        for at_ms, event in entries:
+            match event:
+                case APadMoved():
+                    self._track = (*self._track[-1:], (at_ms, event))
+                case PersonOrdered(
+                    order="go to" | "hold", north_m=float() | int() as north, east_m=float() | int() as east
+                ):
+                    self._begin(event.order == "go to", (north, east))
+                case PersonOrdered(order="stop" | "abort") | Overridden(taken=False):
                     self.manoeuvre = None
-                case Overridden.kind, {"taken": False}:
-                    self.manoeuvre = None
-                case PrimitiveChanged.kind, {"name": "go to point", "phase": "succeeded" | "failed" as phase}:
-                    self._end(line, has_failed=phase == "failed")
+                case PrimitiveChanged(
+                    name="go to point", phase=PrimitivePhase.SUCCEEDED | PrimitivePhase.FAILED
+                ):
+                    self._end(event)
 
     def _begin(self, is_go_to: bool, goal_m: tuple[float, float]) -> None:
-        here = self._track[-1] if self._track else None
-        whole_m = math.dist((here["north_m"], here["east_m"]), goal_m) if here and is_go_to else 0.0
+        here = self._track[-1][1] if self._track else None
+        whole_m = math.dist((here.north_m, here.east_m), goal_m) if here and is_go_to else 0.0
         self.manoeuvre = PersonsManoeuvre(is_go_to, goal_m, whole_m)
 
-    def _end(self, line: Line, *, has_failed: bool) -> None:
+    def _end(self, go_to: PrimitiveChanged) -> None:
         manoeuvre = self.manoeuvre
-        if manoeuvre is None or not manoeuvre.is_go_to or "north_m" not in line:
+        if manoeuvre is None or not manoeuvre.is_go_to or go_to.north_m is None or go_to.east_m is None:
             return
         if (
-            math.dist((line["north_m"], line["east_m"]), manoeuvre.goal_m) < 1e-3
+            math.dist((go_to.north_m, go_to.east_m), manoeuvre.goal_m) < 1e-3
         ):  # not the one that it pre-empted
-            self.manoeuvre, self.last_failed = None, has_failed
+            self.manoeuvre, self.last_failed = None, go_to.phase is PrimitivePhase.FAILED
 
     def _velocity_m_s(self) -> tuple[float, float]:
         if len(self._track) < 2:
             return 0.0, 0.0
-        before, now = self._track
-        span_ms = now["t"] - before["t"]
-        if not 0 < span_ms <= _NEWEST_MS or self._history.end_ms - now["t"] > _NEWEST_MS:
+        (before_ms, before), (now_ms, now) = self._track
+        span_ms = now_ms - before_ms
+        if not 0 < span_ms <= _NEWEST_MS or self._history.end_ms - now_ms > _NEWEST_MS:
             return 0.0, 0.0
         return (
-            1000 * (now["north_m"] - before["north_m"]) / span_ms,
-            1000 * (now["east_m"] - before["east_m"]) / span_ms,
+            1000 * (now.north_m - before.north_m) / span_ms,
+            1000 * (now.east_m - before.east_m) / span_ms,
         )

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Mapping
 from hashlib import blake2b
 from typing import Any, NamedTuple
 
-from apad_bridge.events.event import Uncounted
+from apad_bridge.events.event import Event, Uncounted
 from apad_bridge.events.fleet import TruthChanged
 from apad_bridge.events.mission import LegBegan, MissionChanged, PlanMade
 from apad_bridge.events.sound import PacketPassed, RangeMeasured
@@ -49,16 +49,16 @@ class RunDigest:
     def __str__(self) -> str:
         return _text(self._sum)
 
-    def take(self, at_ms: int, kind: str, data: Facts) -> CountedEvent | None:
+    def take(self, at_ms: int, event: Event) -> CountedEvent | None:
         """Counts an event and returns it; None for one that does not count."""
-        choose = COUNTED.get(kind)
-        facts = None if choose is None else choose(self, data)
+        choose = COUNTED.get(event.kind)
+        facts = None if choose is None else choose(self, event.data)
         if facts is None:
             return None
-        event = CountedEvent(at_ms, str(kind), json.dumps(facts, sort_keys=True, separators=(",", ":")))
-        text = f"{event.at_ms} {event.kind} {event.facts}".encode()
+        counted = CountedEvent(at_ms, event.kind, json.dumps(facts, sort_keys=True, separators=(",", ":")))
+        text = f"{counted.at_ms} {counted.kind} {counted.facts}".encode()
         self._sum += int.from_bytes(blake2b(text, digest_size=_BYTES).digest(), "big")
-        return event
+        return counted
 
     def truth(self, data: Facts) -> Facts | None:
         """A truth counts where an aMussel's state changed, or a dock closed or opened around it."""
@@ -88,10 +88,10 @@ def combined_digest(digests: Iterable[str]) -> str:
     return _text(sum(int(digest, 16) for digest in digests))
 
 
-def events_of(lines: Iterable[Mapping[str, Any]]) -> tuple[list[CountedEvent], str]:
-    """The counted events of a journal's lines, sorted, and their digest."""
+def counted_events(entries: Iterable[tuple[int, Event]]) -> tuple[list[CountedEvent], str]:
+    """The counted events of a journal, sorted, and their digest."""
     digest = RunDigest()
-    taken = (digest.take(line["t"], line["kind"], line) for line in lines)
+    taken = (digest.take(at_ms, event) for at_ms, event in entries)
     return sorted(event for event in taken if event is not None), str(digest)
 
 

@@ -1,8 +1,8 @@
 """journal.jsonl: the authoritative record of a run. One JSON object a line, `{"t": mission ms, "kind": ..., ...}`.
 
 It holds events, not samples. `t` never falls from one line to the next. Lines wait for the end of their tick and are then
-sorted: an aMussel's events between two ticks are known at the second tick, one aMussel after the other. (Journals of
-versions up to 0.1 were not sorted.)
+sorted: an aMussel's events between two ticks are known at the second tick, one aMussel after the other. Readers get an
+`Entry` for each line, and never the line.
 """
 
 from __future__ import annotations
@@ -10,28 +10,17 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from agents.time_scale import MissionMs
 from apad_bridge.events.event import Event
 from apad_bridge.events.run import RunBegan
+from apad_bridge.events.union import event_of
 from apad_bridge.records.line_file import Line, LineFile, LineTail, numbered_lines, read_lines
 from apad_bridge.records.line_types import fault_of
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
-
-__all__ = [
-    "FORMAT_VERSION",
-    "Journal",
-    "JournalContents",
-    "JournalDamaged",
-    "JournalTail",
-    "Line",
-    "await_beginning",
-    "format_of",
-    "read_journal",
-]
 
 Kind = TypeVar("Kind", bound=Event)
 FORMAT_VERSION = 2
@@ -42,29 +31,46 @@ _QUIET_TICK = b',"kind":"tick"}\n'
 
 
 class JournalDamaged(RunDirectoryError):
-    """A line lacks a field of its kind, or has a wrong one; the message names the file and the line's number."""
+    """A line lacks a field of its kind, or has a wrong one, or the journal is of a version before 0.1.0.
+
+    The message names the file, and a wrong line's number.
+    """
+
+
+class Entry(NamedTuple):
+    """An event and its mission time."""
+
+    at_ms: MissionMs
+    event: Event
+
+    @property
+    def line(self) -> dict[str, Any]:
+        """Its line in the journal, which is also its form for programs of other languages."""
+        return {"t": self.at_ms, "kind": self.event.kind, **self.event.data}
 
 
 @dataclass(frozen=True, slots=True)
 class JournalContents:
-    lines: list[Line]
+    """The events of the readable lines, each with its mission time, in the journal's order."""
+
+    entries: list[Entry]
     dropped: int
     """Lines that could not be read: a torn last one after a kill, or damage."""
 
     @property
     def last_ms(self) -> MissionMs:
-        """The newest mission time that a line names; 0 for an empty journal."""
-        return MissionMs(max((line["t"] for line in self.lines), default=0))
+        """The newest mission time of an event; 0 for an empty journal."""
+        return max((it.at_ms for it in self.entries), default=MissionMs(0))
 
     def events(self, *kinds: type[Kind]) -> Iterator[tuple[MissionMs, Kind]]:
         """The events of these classes, each with its mission time, in the journal's order."""
-        wanted = {it.kind: it for it in kinds}
-        for line in self.lines:
-            if (kind := wanted.get(line["kind"])) is not None:
-                yield MissionMs(line["t"]), kind.of(line)
+        for at_ms, event in self.entries:
+            if isinstance(event, kinds):
+                yield at_ms, event
 
-    def first(self, kind: str) -> Line | None:
-        return next((line for line in self.lines if line["kind"] == kind), None)
+    def until(self, at_ms: int) -> JournalContents:
+        """The events up to a mission time."""
+        return replace(self, entries=[it for it in self.entries if it.at_ms <= at_ms])
 
 
 class Journal:
@@ -76,9 +82,9 @@ class Journal:
         `flushed_ms` is the newest mission time in the file.
         """
         self._file = LineFile(path)
-        self.last_ms = -1
+        self.last_ms = MissionMs(-1)
         """The newest mission time of an appended line; -1 for none."""
-        self.flushed_ms = flushed_ms
+        self.flushed_ms = MissionMs(flushed_ms)
         """The newest mission time in the file; 0 for none."""
 
     @property
@@ -86,20 +92,20 @@ class Journal:
         """The length of the torn last line that was cut off."""
         return self._file.torn_bytes
 
-    def append(self, at_ms: int, event: Event) -> None:
+    def append(self, at_ms: MissionMs, event: Event) -> None:
         """Appends the line of an event at mission time `at_ms`.
 
         ValueError for a value that the event's class does not allow, for one that JSON lacks (NaN), and for a time before a
         line that is in the file; TypeError for data that is not plain.
         """
-        data = event.data
-        if (fault := fault_of(event.kind, data)) is not None:
-            raise ValueError(f"{fault}: {data!r}")
+        line = Entry(at_ms, event).line
+        if (fault := fault_of(event.kind, line)) is not None:
+            raise ValueError(f"{fault}: {event.data!r}")
         if at_ms < self.flushed_ms:
             raise ValueError(
                 f"time went back: a line {event.kind!r} of {at_ms} ms after one of {self.flushed_ms} ms"
             )
-        self._file.append({"t": at_ms, "kind": event.kind, **data}, at_ms)
+        self._file.append(line, at_ms)
         self.last_ms = max(self.last_ms, at_ms)
 
     def refuse_gone(self) -> None:
@@ -118,17 +124,16 @@ class Journal:
 def read_journal(path: Path) -> JournalContents:
     """Reads all lines; of quiet ticks in a row only the last.
 
-    OSError for no file; JournalDamaged for a line of a known kind without its fields. Further fields, and kinds of another
-    version, are left as they are.
+    OSError for no file; JournalDamaged. A kind of another version is an `UnknownEvent`; further fields are left out.
     """
     reader = _LineReader(path)
     for number, line in numbered_lines(path, newest_of=_QUIET_TICK):
         reader.take(number, line)
-    return JournalContents(reader.lines, reader.dropped)
+    return JournalContents(reader.entries, reader.dropped)
 
 
 class JournalTail:
-    """Reads a journal that grows: each `read_new` gives the lines that were written since the last one."""
+    """Reads a journal that grows: each `read_new` gives the events that were written since the last one."""
 
     def __init__(self, path: Path) -> None:
         """OSError for no file."""
@@ -136,11 +141,11 @@ class JournalTail:
         self._reader = _LineReader(path)
 
     def read_new(self) -> JournalContents:
-        """The new whole lines, as `read_journal` gives them. A line whose end is not written yet comes later."""
-        self._reader.lines, self._reader.dropped = [], 0
+        """The events of new whole lines, as `read_journal` gives them. A line whose end is not written yet comes later."""
+        self._reader.entries, self._reader.dropped = [], 0
         for number, line in self._tail.read_new():
             self._reader.take(number, line)
-        return JournalContents(self._reader.lines, self._reader.dropped)
+        return JournalContents(self._reader.entries, self._reader.dropped)
 
     def close(self) -> None:
         self._tail.close()
@@ -173,7 +178,7 @@ class _LineReader:
     """Takes the lines of a journal in order, and checks them."""
 
     def __init__(self, path: Path) -> None:
-        self.lines: list[Line] = []
+        self.entries: list[Entry] = []
         self.dropped = 0
         self._path = path
 
@@ -186,7 +191,13 @@ class _LineReader:
                 f"{self._path}, line {number}: {fault}: damaged, or of another version: mend or remove the line, or use "
                 "the version that flew the run (versions.json beside it)"
             )
-        self.lines.append(line)
+        event = event_of(line["kind"], line)
+        if isinstance(event, RunBegan) and event.format < FORMAT_VERSION:
+            raise JournalDamaged(
+                f"{self._path} is of a version before 0.1.0 (format {event.format}), which this one does not read: "
+                "use the version that flew the run (versions.json beside it)"
+            )
+        self.entries.append(Entry(MissionMs(line["t"]), event))
 
 
 def format_of(path: Path) -> int | None:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from agents.modem.frames import TO_ALL
 from agents.water.medium import PacketOutcome
+from apad_bridge.events.sound import PacketPassed
 
 _TO_ALL = frozenset(kind.name.lower() for kind in TO_ALL)
 
@@ -36,19 +36,19 @@ class SoundRow(NamedTuple):
     conflict: bool
 
 
-def sound_rows(packet: Mapping[str, Any]) -> list[SoundRow]:
-    """A row for each listener of a journal's `packet` line; no rows for a packet that was never sent."""
-    everybody = packet["what"] in _TO_ALL
+def sound_rows(packet: PacketPassed) -> list[SoundRow]:
+    """A row for each listener of a packet; no rows for a packet that was never sent."""
+    everybody = packet.what in _TO_ALL
     return [
         SoundRow(
-            f"{outcome} {packet['data']}".rstrip(),
-            packet["lasted_ms"] / 1000,
-            packet["from"],
+            f"{outcome} {packet.data_}".rstrip(),
+            packet.lasted_ms / 1000,
+            packet.from_,
             EVERYBODY if everybody else max(listener, _TO_AN_APAD),
             snr_db,
             range_m,
             listener,
             outcome in _CONFLICTS,
         )
-        for listener, outcome, snr_db, _, _, range_m in packet["heard"]
+        for listener, outcome, snr_db, _, _, range_m in packet.heard
     ]

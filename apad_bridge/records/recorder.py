@@ -13,13 +13,6 @@ from agents.mussel.outputs import Truth
 from agents.time_scale import AgentMs, MissionMs
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.events.event import Event
-from apad_bridge.events.fleet import (
-    Presence,
-    PresenceChanged,
-    ProcessDied,
-    TruthChanged,
-)
-from apad_bridge.events.mission import AMusselReleased
 from apad_bridge.events.run import EndReason, RunResumed, TickPassed
 from apad_bridge.events.sound import PacketPassed
 from apad_bridge.mission.events import PlacedSample
@@ -33,23 +26,21 @@ from apad_bridge.records.changes import (
 )
 from apad_bridge.records.checkpoint import Checkpoint
 from apad_bridge.records.digest import RunDigest
-from apad_bridge.records.journal import Journal, JournalContents, JournalDamaged, Line, read_journal
+from apad_bridge.records.journal import Journal, JournalContents, JournalDamaged, read_journal
 from apad_bridge.records.line_file import FileGone
 from apad_bridge.records.packet_lines import sound_rows
 from apad_bridge.records.run_directory import RunDirectory
+from apad_bridge.records.run_state import RunState
 from apad_bridge.records.sample_file import SAMPLE_KEYS, SampleFile, sample_figures
 from apad_bridge.records.samples import TruthSample, Water, apad_sample, belief_sample
 from apad_bridge.records.summary import (
     Ending,
-    FailureCounts,
-    Interruptions,
     amussel_figures,
     apad_energy,
     uptime_figures,
 )
-from apad_bridge.records.truth_lines import truth_event, truth_of
-from apad_bridge.records.uptime import UptimeMeter
-from apad_bridge.scenario.firmware_config import takes_samples, works_on_secondary
+from apad_bridge.records.truth_lines import truth_event
+from apad_bridge.scenario.firmware_config import takes_samples
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start, save_starts
 from apad_bridge.supervisor.core import LearnedState
@@ -129,17 +120,11 @@ class Recorder:
         self._battery_min = battery_min
         self._agent_ids = frozenset(agent_ids)
         self._water = Water(scenario)
-        self.meter = UptimeMeter(
-            self._scale, self._water.charge_of, secondary_in_use=works_on_secondary(scenario.board)
-        )
+        self.state = RunState(scenario)
+        """The state by the events in the journal."""
         self._newest: dict[int, Truth] = {}
-        self._journaled: dict[int, Truth] = {}
         self._beliefs: Sequence[Belief] = ()
-        self._given_up: set[int] = set()
-        self._failures = FailureCounts()
         self._digest = RunDigest()
-        self._interruptions = Interruptions()
-        self._services: Counter[int] = Counter()
         self._apad_changes = APadChanges()
         self._belief_changes = BeliefChanges()
         self._capacity_changes = CapacityChanges()
@@ -199,23 +184,13 @@ class Recorder:
     @_on_disk
     def event(self, at_ms: MissionMs, event: Event) -> None:
         """Records an event at mission time `at_ms`."""
-        kind, data = event.kind, event.data
         self._journal.append(at_ms, event)
-        self._failures.take(at_ms, kind, data)
-        self._digest.take(at_ms, kind, data)
-        self._interruptions.take(at_ms, kind, data)
-        match event:
-            case ProcessDied(gave_up=str()):
-                self._count_given_up(data)
-            case PresenceChanged():
-                self._note_presence(at_ms, data)
-            case AMusselReleased():
-                self._count_service(data)
-            case PacketPassed():
-                for row in sound_rows(data):
-                    self._bag.sound(at_ms, row)
+        self._count(at_ms, event)
+        if isinstance(event, PacketPassed):
+            for row in sound_rows(event):
+                self._bag.sound(at_ms, row)
         if not event.is_for_journal_alone:
-            self._bag.event(at_ms, kind, json.dumps(data, separators=(",", ":")))
+            self._bag.event(at_ms, event.kind, json.dumps(event.data, separators=(",", ":")))
 
     def truths(self, truths: Sequence[Truth]) -> None:
         """Takes truths, for each aMussel in order of time; a truth out of order is dropped and counted.
@@ -228,21 +203,23 @@ class Recorder:
             if agent_id not in self._agent_ids:
                 self.dropped["a truth of an unknown aMussel"] += 1
                 continue
-            newest, journaled = self._newest.get(agent_id), self._journaled.get(agent_id)
+            newest, journaled = self._newest.get(agent_id), self.state.truths.get(agent_id)
             if newest is not None and truth.at_ms < newest.at_ms:
                 self.dropped["a truth that a newer one overtook"] += 1
                 continue
             self._newest[agent_id] = truth
-            # The meter takes only truths that are journaled, so that a resumed run counts the same.
-            if journaled is None or differs_in_kind(truth, journaled):
-                self.meter.take(truth)
-            elif not has_moved(truth, journaled):
+            if (
+                journaled is not None
+                and not differs_in_kind(truth, journaled)
+                and not has_moved(truth, journaled)
+            ):
                 continue
-            self._journaled[agent_id] = truth
+            # The state has only truths that are journaled, so that a resumed run counts the same.
+            self.state.take_truth(truth)
             at_ms = max(self._scale.mission_ms(AgentMs(truth.at_ms)), self._journal.flushed_ms)
             event = truth_event(truth)
             self._journal.append(at_ms, event)
-            self._digest.take(at_ms, event.kind, event.data)
+            self._digest.take(at_ms, event)
 
     @_on_disk
     def flush(self) -> None:
@@ -309,32 +286,32 @@ class Recorder:
             self._water.sample(truth, max(agent_ms, truth.at_ms)) for _, truth in sorted(self._newest.items())
         ]
 
-    def finish(self, at_ms: MissionMs, ending: Ending) -> Line:
+    def finish(self, at_ms: MissionMs, ending: Ending) -> dict[str, Any]:
         """Ends the run at mission time `at_ms`: writes ends.csv and summary.json, closes all files, returns the summary."""
         scenario = self._scenario
         self._write_ends(at_ms)
-        summary: Line = {
+        summary = {
             "name": scenario.name,
             "theta": scenario.theta,
             "seed": scenario.seed,
             "agents": len(self._agent_ids),
             "mission_s": at_ms / 1000,
-            "stopped_s": self._interruptions.stopped_s(at_ms),
+            "stopped_s": self.state.interruptions.stopped_s(at_ms),
             "ended_by": str(ending.ended_by),
             "end_reason": ending.ended_by.reason.value,
             "first_cause": ending.first_cause,
-            **self._failures.figures(),
-            **uptime_figures(self.meter, at_ms, battery_min=self._battery_min),
+            **self.state.failures.figures(),
+            **uptime_figures(self.state.meter, at_ms, battery_min=self._battery_min),
             "cost_m": ending.cost_m,
             "planned_m": ending.planned_m,
             "services": ending.services,
             **apad_energy(ending, self._scale),
             **self._sample_figures(ending, at_ms),
             "latest_tick_s": ending.latest_tick_s,
-            "gave_up": len(self._given_up),
+            "gave_up": len(self.state.gone),
             "amussels": amussel_figures(
-                self.meter,
-                self._services,
+                self.state.meter,
+                self.state.services,
                 self._agent_ids,
                 at_ms,
                 takes_samples=takes_samples(scenario.board),
@@ -383,7 +360,7 @@ class Recorder:
             self.dropped[f"{self._directory.ends.name}: {error}"] += 1
 
     @_on_disk
-    def _write_ending(self, summary: Line) -> None:
+    def _write_ending(self, summary: dict[str, Any]) -> None:
         self._directory.write_json(self._directory.summary, summary)
         self.close()
         self._directory.checkpoint.unlink(missing_ok=True)  # an ended run cannot be resumed
@@ -396,11 +373,11 @@ class Recorder:
         unreadable = Counter({"a line of samples.jsonl that cannot be read": self._samples.unreadable})
         return self.dropped_before + Counter(ending.dropped) + self.dropped + unreadable
 
-    def _sample_figures(self, ending: Ending, at_ms: MissionMs) -> Line:
+    def _sample_figures(self, ending: Ending, at_ms: MissionMs) -> dict[str, Any]:
         if not takes_samples(self._scenario.board):
             return dict.fromkeys(SAMPLE_KEYS)
         taken = {agent_id: truth.physical.samples for agent_id, truth in self._newest.items()}
-        apart = {uptime.agent_id: uptime.apart for uptime in self.meter.at(at_ms)}
+        apart = {uptime.agent_id: uptime.apart for uptime in self.state.meter.at(at_ms)}
         return sample_figures(taken, self._samples.kept, ending.samples_gone, apart)
 
     def _is_sampled(self, now_ms: MissionMs) -> bool:
@@ -411,33 +388,15 @@ class Recorder:
         self._sampled_ms = now_ms
         return True
 
-    def _count_given_up(self, died: Line) -> None:
-        self._given_up.add(died["id"])
-        self.meter.ended(died["id"], died["agent_ms"])
-
-    def _count_service(self, released: Line) -> None:
-        if released["full"]:
-            self._services[released["agent"]] += 1
-
-    def _note_presence(self, at_ms: MissionMs, presence: Line) -> None:
-        self.meter.set_presence(presence["id"], Presence(presence["is"]), self._scale.agent_ms(at_ms))
+    def _count(self, at_ms: MissionMs, event: Event) -> None:
+        self._digest.take(at_ms, event)
+        self.state.apply(at_ms, event)
 
     def _replay(self, contents: JournalContents) -> None:
-        """Rebuilds the uptimes, the newest truths and the counts of failures from the lines of the journal."""
-        for line in contents.lines:
-            self._failures.take(line["t"], line["kind"], line)
-            self._digest.take(line["t"], line["kind"], line)
-            self._interruptions.take(line["t"], line["kind"], line)
-            if line["kind"] == TruthChanged.kind:
-                truth = truth_of(line)
-                self.meter.take(truth)
-                self._newest[truth.agent_id] = self._journaled[truth.agent_id] = truth
-            elif line["kind"] == ProcessDied.kind and line["gave_up"] is not None:
-                self._count_given_up(line)
-            elif line["kind"] == PresenceChanged.kind:
-                self._note_presence(line["t"], line)
-            elif line["kind"] == AMusselReleased.kind:
-                self._count_service(line)
+        """Rebuilds the run's state and its digest from the journal."""
+        for at_ms, event in contents.entries:
+            self._count(at_ms, event)
+        self._newest = dict(self.state.truths)
         self._sampled_ms = contents.last_ms
 
     def _ends(self, at_ms: MissionMs) -> list[Start]:

@@ -11,6 +11,7 @@ from statistics import fmean
 from typing import Any
 
 from agents.time_scale import TimeScale
+from apad_bridge.events.event import Event
 from apad_bridge.events.fleet import Presence
 from apad_bridge.events.guards import DangerOver, GuardReacted, OrderRefused
 from apad_bridge.events.mission import (
@@ -21,6 +22,7 @@ from apad_bridge.events.mission import (
     LeftAlone,
     MissionEnd,
     PrimitiveChanged,
+    PrimitivePhase,
     StepGivenUp,
 )
 from apad_bridge.events.persons import Overridden, PersonOrdered
@@ -91,32 +93,35 @@ class FailureCounts:
         """Number of failures by cause, the most frequent first."""
         return {self._texts[cause]: count for cause, count in self._causes.most_common()}
 
-    def take(self, at_ms: int, kind: str, data: Mapping[str, Any]) -> None:
-        if kind == PrimitiveChanged.kind and data.get("phase") == "failed" and data["reason"] != PRE_EMPTED:
-            self._count(data["reason"])
-            self._newest = (at_ms, data["reason"])
-            if data["name"] == "dock" and (dock_index := data.get("dock")) is not None:
-                self._failed_dockings[dock_index] += 1
-        elif kind == DockSwitched.kind and data["closed"]:
-            self._closed.add(data["dock"])
-        elif kind == StepGivenUp.kind:
-            self.steps_given_up += 1
-            if self._newest != (at_ms, data["reason"]):
-                self._count(data["reason"])
-        elif kind == GuardReacted.kind and self._newest != (at_ms, data["reason"]):
-            self._count(data["reason"])  # unless it ended a primitive, whose line has counted it
-        elif kind == DocksDisagree.kind:
-            self._count(data["reason"])
-        elif kind == OrderRefused.kind and data["order"] == "permit to surface":
-            self._count(data["reason"])  # a refused command fails its primitive, whose line is counted
-        elif kind == LeftAlone.kind:
-            self.left_alone.add(data["agent"])
-        elif kind == BeyondReach.kind:
-            self.beyond_reach.add(data["agent"])
-        elif kind == InReach.kind:
-            self.beyond_reach.discard(data["agent"])
-        elif kind == Overridden.kind and not data["taken"]:
-            self.left_alone.clear()  # a person gives them another chance
+    def take(self, at_ms: int, event: Event) -> None:
+        match event:
+            case PrimitiveChanged(phase=PrimitivePhase.FAILED, reason=str() as reason) if (
+                reason != PRE_EMPTED
+            ):
+                self._count(reason)
+                self._newest = (at_ms, reason)
+                if event.name == "dock" and event.dock is not None:
+                    self._failed_dockings[event.dock] += 1
+            case DockSwitched(closed=True):
+                self._closed.add(event.dock)
+            case StepGivenUp():
+                self.steps_given_up += 1
+                if self._newest != (at_ms, event.reason):
+                    self._count(event.reason)
+            case GuardReacted() if self._newest != (at_ms, event.reason):
+                self._count(event.reason)  # unless it ended a primitive, whose line has counted it
+            case DocksDisagree():
+                self._count(event.reason)
+            case OrderRefused(order="permit to surface"):
+                self._count(event.reason)  # a refused command fails its primitive, whose line is counted
+            case LeftAlone():
+                self.left_alone.add(event.agent)
+            case BeyondReach():
+                self.beyond_reach.add(event.agent)
+            case InReach():
+                self.beyond_reach.discard(event.agent)
+            case Overridden(taken=False):
+                self.left_alone.clear()  # a person gives them another chance
 
     def figures(self) -> dict[str, Any]:
         """The keys of summary.json."""
@@ -151,21 +156,21 @@ class Interruptions:
         self._since_ms = 0
         self._spans_ms: list[tuple[int, int]] = []
 
-    def take(self, at_ms: int, kind: str, data: Mapping[str, Any]) -> None:
-        match kind, data:
-            case PersonOrdered.kind, {"order": "stop" | "motors off"}:
+    def take(self, at_ms: int, event: Event) -> None:
+        match event:
+            case PersonOrdered(order="stop" | "motors off"):
                 self._begin(at_ms, _STOP)
-            case PersonOrdered.kind, {"order": "continue"}:
+            case PersonOrdered(order="continue"):
                 self._end(at_ms, *(it for it in self._causes if it != _TAKEN))
-            case Overridden.kind, {"taken": True}:
+            case Overridden(taken=True):
                 self._begin(at_ms, _TAKEN)
-            case Overridden.kind, {"taken": False}:
+            case Overridden(taken=False):
                 self._end(at_ms, *self._causes)
-            case GuardReacted.kind, {"cause": cause}:
-                self._begin(at_ms, cause)
-            case DangerOver.kind, {"cause": cause}:
-                self._end(at_ms, cause)
-            case OrderRefused.kind, {"guard": "person"}:
+            case GuardReacted():
+                self._begin(at_ms, event.cause)
+            case DangerOver():
+                self._end(at_ms, event.cause)
+            case OrderRefused(guard="person"):
                 self._begin(at_ms, _UNCONFIRMED)
 
     @property

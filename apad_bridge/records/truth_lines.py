@@ -1,14 +1,12 @@
-"""Makes events of truths, and truths of lines, in exact integers, so that a resumed run counts on exactly."""
+"""Makes events of truths, and truths of events, in exact integers, so that a resumed run counts on exactly."""
 
 from __future__ import annotations
 
 from agents.mussel.outputs import Truth
 from agents.mussel.physical import Physical
 from apad_bridge.events.fleet import BatteryAnchor, TruthChanged
-from apad_bridge.records.journal import Line
 from firmware_model.actions import Buoyancy
 from firmware_model.power.charge import Battery, Flow
-from firmware_model.states import State
 
 
 def truth_event(truth: Truth) -> TruthChanged:
@@ -31,31 +29,27 @@ def truth_event(truth: Truth) -> TruthChanged:
     )
 
 
-def truth_of(line: Line) -> Truth:
-    """The Truth of a journal's line; KeyError, TypeError or ValueError for any other line."""
-    depth_anchor_ms, depth_um = line["depth"]
-    samples, acknowledged = line.get("log", (0, 0))
+def truth_of(event: TruthChanged) -> Truth:
+    """The Truth of an event."""
     physical = Physical(
-        _battery_of(line["primary"]),
-        _battery_of(line["secondary"]),
-        line["north_um"],
-        line["east_um"],
-        depth_anchor_ms,
-        depth_um,
-        Buoyancy[line["buoyancy"]],
-        line["docked"],
-        line.get("pin_due", 0),
-        line.get("hover_um", 0),
-        samples,
-        acknowledged,
+        _battery_of(event.primary),
+        _battery_of(event.secondary),
+        event.north_um,
+        event.east_um,
+        *event.depth,
+        event.buoyancy,
+        event.docked,
+        event.pin_due or 0,
+        event.hover_um or 0,
+        *(event.log or (0, 0)),
     )
-    return Truth(line["agent_ms"], line["id"], State[line["state"]], physical)
+    return Truth(event.agent_ms, event.id, event.state, physical)
 
 
 def _anchor_of(battery: Battery) -> BatteryAnchor:
     return battery.anchor_ms, battery.charge, int(battery.flow), battery.load, battery.coils
 
 
-def _battery_of(data: list[int]) -> Battery:
-    anchor_ms, charge, flow, load, coils = data
+def _battery_of(anchor: BatteryAnchor) -> Battery:
+    anchor_ms, charge, flow, load, coils = anchor
     return Battery(anchor_ms, charge, Flow(flow), load, coils)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
+from agents.time_scale import MissionMs
 from apad_bridge.events.mission import PlanMade
 from apad_bridge.planning.registry import Trust
 from apad_bridge.runs.in_memory import open_flight
@@ -31,16 +31,15 @@ def without_commands(context: FlightContext) -> FlightContext:
     return replace(context, vehicle=_UncommandedVehicle(context.vehicle), relay=relay)
 
 
-def first_plan(scenario: Scenario, trust: Trust | None = None) -> dict[str, Any] | None:
-    """The journal's `plan` event of the first plan, with its time `t` in mission milliseconds; None if there is no plan.
+def first_plan(scenario: Scenario, trust: Trust | None = None) -> tuple[MissionMs, PlanMade] | None:
+    """The first plan and its mission time; None if there is no plan.
 
     Strategies in files are executed with `trust` alone.
     """
     flight, recorder = open_flight(scenario, join=without_commands, trust=trust)
-    plan: dict[str, Any] | None = None
+    plan: tuple[MissionMs, PlanMade] | None = None
     while plan is None and not flight.supervisor.has_ended:
         flight.step()
-        events = recorder.events
-        plan = next(({"t": at_ms, **data} for at_ms, kind, data in events if kind == PlanMade.kind), None)
-        recorder.events.clear()
+        plan = next(recorder.journal.events(PlanMade), None)
+        recorder.journal.entries.clear()
     return plan

@@ -22,6 +22,7 @@ from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.events import PlacedSample
 from apad_bridge.mission.manual import CommandSource
 from apad_bridge.planning.registry import Trust
+from apad_bridge.records.journal import Entry, JournalContents
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.records.uptime import UptimeMeter
 from apad_bridge.runs.flying import in_process_context
@@ -45,14 +46,14 @@ class MemoryRecorder:
         )
         self.battery_min = battery_worth_min(scenario)
         """The parameter of `uptime_figures`."""
-        self.events: list[tuple[int, str, dict[str, Any]]] = []
+        self.journal = JournalContents([], 0)
         self.taken: dict[int, int] = {}
         """The number of samples that each aMussel has ever taken, by id."""
         self.uploaded: dict[int, list[SampleRecord]] = {}
         """The uploaded samples by aMussel, in the order of their arrival."""
 
     def event(self, at_ms: MissionMs, event: Event) -> None:
-        self.events.append((at_ms, event.kind, event.data))
+        self.journal.entries.append(Entry(at_ms, event))
         if isinstance(event, PresenceChanged):
             self.meter.set_presence(event.id, event.is_, self._scale.agent_ms(at_ms))
 

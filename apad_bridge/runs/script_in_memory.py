@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from apad_bridge.events.mission import MissionState
 from apad_bridge.events.run import EndReason
 from apad_bridge.planning.registry import Trust
+from apad_bridge.records.journal import Entry
 from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scripting.api import Api
@@ -19,13 +19,13 @@ from apad_bridge.scripting.rendezvous import AS_FAST_AS_POSSIBLE, TurnTimeouts
 
 @dataclass(frozen=True, slots=True)
 class ScriptFlight:
-    """The result: the reason and time of the end, the script's output, the journal's events, the mission's last state."""
+    """The result: the reason and time of the end, the script's output, the events, the mission's last state."""
 
     ended_by: str
     end_reason: EndReason
     mission_s: float
     said: tuple[str, ...]
-    events: tuple[tuple[int, str, dict[str, Any]], ...]
+    events: tuple[Entry, ...]
     state: MissionState
     error: BaseException | None
     """The exception that the script raised."""
@@ -47,7 +47,7 @@ def fly_script(
         end.reason,
         flight.now_ms / 1000,
         tuple(messages),
-        tuple(recorder.events),
+        tuple(recorder.journal.entries),
         flight.supervisor.mission.state,
         command_source.error,
     )

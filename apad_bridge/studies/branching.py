@@ -233,8 +233,7 @@ def _again(
     )
     opened.runner.run(at_ms)
     for name, recorder in opened.recorders.items():
-        repeated = JournalContents([{"t": t, "kind": kind, **data} for t, kind, data in recorder.events], 0)
-        if _stimuli(repeated, at_ms) != _stimuli(journals[name], at_ms):
+        if _stimuli(recorder.journal, at_ms) != _stimuli(journals[name], at_ms):
             return None
     return _Opened(
         opened.runner,
@@ -267,7 +266,7 @@ def _from_records(
         raise NoBranch("a run by sound branches if it was flown in virtual time and repeats")
     ((name, journal),) = journals.items()
     at_ms = MissionMs(at_ms // TICK_MS * TICK_MS)
-    journal = JournalContents([line for line in journal.lines if line["t"] <= at_ms], 0)
+    journal = journal.until(at_ms)
     if any(journal.events(PresenceChanged)):
         raise NoBranch("real aMussels, or retired ones, cannot go on in virtual time")
     point = find_resume_point(journal, epoch=2, gap_ms=0)

@@ -5,6 +5,8 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, wait
 from typing import Any
 
+from journals import facts_of
+
 from agents.time_scale import MissionMs
 from apad_bridge.events.guards import StopState
 from apad_bridge.events.mission import MissionChanged, MissionState, Phase
@@ -98,4 +100,4 @@ class Flying:
         return self.flight.supervisor.mission.state.phase
 
     def events(self, kind: str) -> list[dict[str, Any]]:
-        return [data for _, name, data in self.records.events if name == kind]
+        return [data for _, name, data in facts_of(self.records) if name == kind]

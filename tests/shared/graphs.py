@@ -12,10 +12,10 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import yaml
+from journals import Line, lines_in
 from patient import PATIENCE_S
 from scenario_files import POOL_FILE
 
-from apad_bridge.records.journal import Line, read_journal
 from apad_bridge.ros.simulated_node.apad_process import start_apad_node, stop_apad_node
 from apad_bridge.ros.system.master import loopback_environment, start_master
 
@@ -52,8 +52,7 @@ def somebodys_graph(scenario: Path, folder: Path, speed: float) -> Iterator[dict
 
 def lines_of(run: Path) -> list[Line]:
     """The lines of its journal so far."""
-    journal = run / "journal.jsonl"
-    return read_journal(journal).lines if journal.exists() else []
+    return lines_in(run / "journal.jsonl")
 
 
 def wait_until(holds: Callable[[], bool], *flights: subprocess.Popen[str]) -> None:

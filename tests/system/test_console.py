@@ -21,6 +21,7 @@ from typing import Any, ClassVar
 import pytest
 import yaml
 from browsers import chromium, load_page
+from journals import lines_in
 from killing import kill_9, pid_of_supervisor, standing_still
 from selenium import webdriver
 from selenium.webdriver.common.by import By
@@ -29,7 +30,6 @@ from stalled import stalled_s
 
 from apad_bridge.analysis.invariants import check_run
 from apad_bridge.commands.look.console import console_service
-from apad_bridge.records.journal import read_journal
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.exits import UserError
 from apad_bridge.supervisor.control_client import listens
@@ -139,7 +139,7 @@ def text(browser: webdriver.Chrome, element: str) -> str:
 
 
 def journalled(run_dir: Path, kind: str) -> list[dict[str, Any]]:
-    return [line for line in read_journal(run_dir / "journal.jsonl").lines if line["kind"] == kind]
+    return [line for line in lines_in(run_dir / "journal.jsonl") if line["kind"] == kind]
 
 
 def seconds(browser: webdriver.Chrome) -> float:

@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from journals import lines_in
 from scenario_files import POOL_FILE
 
 from apad_bridge.commands.main import main
-from apad_bridge.records.journal import Line, read_journal
+from apad_bridge.records.journal import Line
 from apad_bridge.scenario import loader
 
 pytestmark = pytest.mark.system
@@ -50,7 +51,7 @@ def in_virtual_time(path: Path, out: Path) -> tuple[dict[str, Any], list[Line]]:
 
 
 def records(out: Path) -> tuple[dict[str, Any], list[Line]]:
-    return json.loads((out / "summary.json").read_text()), read_journal(out / "journal.jsonl").lines
+    return json.loads((out / "summary.json").read_text()), lines_in(out / "journal.jsonl")
 
 
 def changes(lines: list[Line]) -> list[tuple[int, int, bool]]:

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 import yaml
+from journals import lines_in
 
 from apad_bridge.analysis.energy.energy import energy_of
 from apad_bridge.analysis.invariants import check_run
-from apad_bridge.records.journal import read_journal
 from apad_bridge.records.run_directory import RunDirectory
 
 pytestmark = pytest.mark.system
@@ -52,7 +52,7 @@ def test_processes_that_are_killed_stopped_or_short_of_memory_come_back(tmp_path
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["amussels_lost"] == 0
 
-    lines = read_journal(RunDirectory(out).journal).lines
+    lines = lines_in(RunDirectory(out).journal)
     faults = {(it["fault"], it["id"]): it for it in lines if it["kind"] == "fault"}
     assert all("refused" not in it for it in faults.values())
     deaths = {(it["id"], it["cause"]): it for it in lines if it["kind"] == "died"}
@@ -84,7 +84,7 @@ def test_the_energy_of_a_run_with_many_kills_is_that_of_its_truths(tmp_path: Pat
     assert done.returncode == 0, done.stderr
     waited: set[int] = set()
     left: dict[int, int] = {}
-    for line in read_journal(out.journal).lines:
+    for line in lines_in(out.journal):
         if line["kind"] == "stimulus":
             left[line["id"]] = line["agent_ms"]
         elif line["kind"] == "died" and line["agent_ms"] <= left.get(line["id"], -1):

@@ -14,12 +14,12 @@ from typing import Any
 import pytest
 import yaml
 from graphs import lines_of, served_pool, somebodys_graph, wait_until
+from journals import lines_in
 from killing import kill_supervisor
 from patient import PATIENT_MUSSELBED
 from rosbags.rosbag1 import Reader
 
 from apad_bridge.records.bag_messages import typestore
-from apad_bridge.records.journal import read_journal
 from apad_bridge.ros.types.messages import generated_folder
 
 pytestmark = pytest.mark.system
@@ -219,7 +219,7 @@ def resume_after_a_kill(scenario: Path, graph: dict[str, str], out: Path) -> Non
     assert resumed.returncode == 0, mistakes
     said, mistakes = run.communicate(timeout=PATIENCE_S)
     assert run.returncode == 0, mistakes
-    released = [line for line in read_journal(out / "journal.jsonl").lines if line["kind"] == "released"]
+    released = [line for line in lines_in(out / "journal.jsonl") if line["kind"] == "released"]
     assert json.loads(said)["services"] == sum(line["full"] for line in released) > 0
     # Mission time is the bags' own, and the headers have the master's /clock, which began before the run.
     before, after = recorded(out / "run.bag"), recorded(out / "run-1.bag")

@@ -21,6 +21,7 @@ from urllib.parse import urlsplit
 
 import pytest
 import yaml
+from journals import lines_in
 from killing import kill_9, standing_still
 from patient import PATIENCE_S
 from selenium.webdriver.support.wait import WebDriverWait
@@ -100,7 +101,7 @@ def order(page: str, act: str) -> dict[str, Any]:
 
 
 def noted(run: Path, kind: str) -> list[dict[str, Any]]:
-    return [it for it in read_journal(run / "journal.jsonl").lines if it["kind"] == kind]
+    return [it for it in lines_in(run / "journal.jsonl") if it["kind"] == kind]
 
 
 def test_1100_connections_to_each_door_take_no_stop_from_a_person(tmp_path: Path) -> None:

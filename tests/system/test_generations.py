@@ -17,12 +17,12 @@ from pathlib import Path
 from typing import IO, Any
 
 import pytest
+from journals import lines_in
 from killing import kill_9, standing_still
 from scenario_files import POOL_FILE, silent_in_its_dock
 
 from apad_bridge.doctor.graph import Graph
 from apad_bridge.doctor.network import Unreachable
-from apad_bridge.records.journal import read_journal
 from apad_bridge.ros.simulated_node.apad_process import APadNodeFailed, start_apad_node, stop_apad_node
 from apad_bridge.ros.system.master import Master, loopback_environment, start_master
 from apad_bridge.ros.system.route import free_port
@@ -194,7 +194,7 @@ def test_a_charge_of_which_no_packet_came_counts_by_the_docks_own_service(
         [*command, "--json", "--out", str(out)], capture_output=True, text=True, timeout=PATIENCE_S, cwd=ROOT
     )
     assert done.returncode == 0, done.stderr
-    lines = read_journal(out / "journal.jsonl").lines
+    lines = lines_in(out / "journal.jsonl")
     assert [it["full"] for it in lines if it["kind"] == "released"] == [counts]
     summary = json.loads(done.stdout)
     doubts = [cause for cause in summary["causes"] if "the aMussel is not heard in it" in cause]
@@ -224,14 +224,15 @@ def test_the_vehicles_own_eyes_dock_simulated_amussels_that_a_camera_shows_them(
         command += ["--hosting", "one_process", "--json", "--out", str(out)]
         done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, cwd=ROOT)
         assert done.returncode == 0, done.stderr
-        flights[name] = (json.loads(done.stdout), read_journal(out / "journal.jsonl"))
+        flights[name] = (json.loads(done.stdout), lines_in(out / "journal.jsonl"))
 
     def decided(name: str) -> list[Any]:
         _, journal = flights[name]
-        steps = [(step["agent"], step["dock"]) for step in journal.first("plan")["steps"]]
-        docks = [
-            (line["agent"], line["dock"], line["closed"]) for line in journal.lines if line["kind"] == "dock"
+        steps = [
+            (step["agent"], step["dock"])
+            for step in next(line for line in journal if line["kind"] == "plan")["steps"]
         ]
+        docks = [(line["agent"], line["dock"], line["closed"]) for line in journal if line["kind"] == "dock"]
         return [steps, docks[:2]]
 
     steps, docks = decided("ros")
@@ -240,7 +241,7 @@ def test_the_vehicles_own_eyes_dock_simulated_amussels_that_a_camera_shows_them(
     ros, _ = flights["ros"]
     assert ros["first_cause"] is None and ros["dropped"] == {}
     legs = {
-        name: [line["metres"] for line in journal.lines if line["kind"] == "leg"][:2]
+        name: [line["metres"] for line in journal if line["kind"] == "leg"][:2]
         for name, (_, journal) in flights.items()
     }
     # Where the vehicle ends up after a docking by eye is its own business: a metre a docking.
@@ -480,7 +481,7 @@ def test_a_dock_made_by_anothers_planner_reaches_the_aMussels_charge_edge(
     while not felt:
         assert time.monotonic() < until_s and fleet.poll() is None
         pause.wait(0.05)  # files announce nothing
-        lines = read_journal(journal).lines if journal.exists() else []
+        lines = lines_in(journal) if journal.exists() else []
         felt = [line for line in lines if line["kind"] == "stimulus" and line["id"] == 3]
     # A contact closed, at slot 2 of an aPad that heads north from (6, 6): astern.
     assert felt[0]["wire"] == [0, 5_600_000, 6_000_000]

@@ -18,8 +18,8 @@ from typing import Any
 import pytest
 import yaml
 from imc_codec import Codec, header_of, name_of
+from journals import lines_in
 
-from apad_bridge.records.journal import read_journal
 from apad_bridge.scenario.area.local_frame import LocalFrame
 
 pytestmark = pytest.mark.system
@@ -127,7 +127,7 @@ def run_dir(tmp_path: Path, console: Console) -> Iterator[Path]:
 
 
 def journalled(run_dir: Path, kind: str) -> list[dict[str, Any]]:
-    return [line for line in read_journal(run_dir / "journal.jsonl").lines if line["kind"] == kind]
+    return [line for line in lines_in(run_dir / "journal.jsonl") if line["kind"] == kind]
 
 
 def test_a_scripted_console_watches_a_run_moves_the_apad_inside_the_fence_alone_and_aborts(

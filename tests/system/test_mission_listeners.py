@@ -11,11 +11,11 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
+from journals import lines_in
 from patient import PATIENCE_S
 from rosbags.rosbag1 import Reader
 
 from apad_bridge.records.bag_samples import definitions_in
-from apad_bridge.records.journal import read_journal
 from apad_bridge.ros.system.master import Master, loopback_environment, start_master
 from apad_bridge.scenario import loader
 
@@ -95,7 +95,7 @@ def test_who_listens_early_hears_each_event_as_the_bag_has_it(
     kinds = {kind for _, kind in heard}
     assert {"plan", "primitive", "mission"} <= kinds
     # What passes between the supervisor and each aMussel is in the journal alone.
-    assert any(it["kind"] == "stimulus" for it in read_journal(out / "journal.jsonl").lines)
+    assert any(it["kind"] == "stimulus" for it in lines_in(out / "journal.jsonl"))
 
 
 def events_in(bag: Path) -> list[tuple[int, str]]:

@@ -15,8 +15,7 @@ from typing import Any
 
 import pytest
 import yaml
-
-from apad_bridge.records.journal import read_journal
+from journals import lines_in
 
 pytestmark = pytest.mark.system
 
@@ -81,7 +80,7 @@ def test_the_pages_program_pings_from_an_opened_modem(run: Path) -> None:
     assert 0.5 < float(metres.split()[0]) < diagonal_m
 
     def pings() -> list[dict[str, Any]]:
-        packets = [line for line in read_journal(run / "journal.jsonl").lines if line["kind"] == "packet"]
+        packets = [line for line in lines_in(run / "journal.jsonl") if line["kind"] == "packet"]
         return [line for line in packets if line["from"] == 7 and line["what"] == "ping"]
 
     wait_for(pings, "no ping in the journal")

@@ -14,9 +14,9 @@ from typing import Any
 
 import pytest
 import yaml
+from journals import lines_in
 from scenario_files import POOL_FILE
 
-from apad_bridge.records.journal import read_journal
 from apad_bridge.ros.system.master import loopback_environment
 
 pytestmark = pytest.mark.system
@@ -155,11 +155,9 @@ def test_an_apad_is_flown_by_calls(
     assert "no mission to which to give the aPad back" in called.stdout
     # A stop by a service is a person's: numbered, taken by the vehicle, and in force until `continue`.
     assert "stop 1: hold, " in called.stdout
-    journal = read_journal(run / "journal.jsonl").lines
+    journal = lines_in(run / "journal.jsonl")
     assert [it["order"] for it in journal if it["kind"] == "operator"] == ["stop", "continue"]
-    first = read_journal(run / "journal.jsonl").first("run")
-    assert first is not None
-    agent = first["agents"][0]
+    agent = journal[0]["agents"][0]
     where = [agent["id"], agent["north_m"], agent["east_m"]]
     client = subprocess.run(
         [sys.executable, "-c", CLIENT, *map(str, where)],
@@ -179,7 +177,7 @@ def test_an_apad_is_flown_by_calls(
     assert finished(flight)["ended_by"] == "a call: abort by node /somebody"
     docks = [
         (it["dock"], it["agent"], it["closed"])
-        for it in read_journal(run / "journal.jsonl").lines
+        for it in lines_in(run / "journal.jsonl")
         if it["kind"] == "dock"
     ]
     assert docks == [(1, agent["id"], True), (1, agent["id"], False)]
@@ -202,7 +200,7 @@ def test_a_script_flies_over_ros_as_in_virtual_time(
         flight = start(flights, "script", script, "--scenario", scenario, *how, "--out", run, "--json")
         summary = finished(flight)
         assert (summary["ended_by"], summary["services"]) == ("the script's end", 1)
-        lines = read_journal(run / "journal.jsonl").lines
+        lines = lines_in(run / "journal.jsonl")
         flown.append(
             [(it["agent"], it["closed"]) for it in lines if it["kind"] == "dock"]
             + [it["said"] for it in lines if it["kind"] == "script"]

@@ -15,6 +15,7 @@ from typing import Any
 
 import pytest
 import yaml
+from journals import lines_in
 from killing import kill_9, pid_of_supervisor, standing_still
 from patient import PATIENCE_S, PATIENT_MUSSELBED
 from rosbags.rosbag1 import Reader
@@ -164,6 +165,6 @@ def test_the_next_supervisor_knows_who_is_real_and_who_sleeps_and_for_how_long(
     assert all(
         it.state == State.SLEEPING and it.charge > 0.85 for id_, it in beliefs.items() if id_ in SLEEPERS
     )
-    lines = read_journal(journal).lines
+    lines = lines_in(journal)
     assert [line["is"] for line in lines if line["kind"] == "presence"] == ["real"]
     assert not (run / "checkpoint.jsonl").exists(), "the run has ended"

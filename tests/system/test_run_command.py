@@ -14,6 +14,7 @@ from typing import Any
 
 import pytest
 import yaml
+from journals import lines_in
 from killing import kill_9, kill_supervisor, pid_of_supervisor, standing_still
 from patient import PATIENCE_S, PATIENT_MUSSELBED
 from rosbags.rosbag1 import Reader
@@ -98,7 +99,7 @@ def fly(scenario: Path, tmp_path: Path) -> Iterator[Callable[..., tuple[subproce
 def docked(run: Path) -> list[int]:
     """Agents that the journal says are docked now, in docking order."""
     held: list[int] = []
-    for line in read_journal(run / "journal.jsonl").lines if (run / "journal.jsonl").exists() else []:
+    for line in lines_in(run / "journal.jsonl") if (run / "journal.jsonl").exists() else []:
         if line["kind"] == "dock":
             held = [*held, line["agent"]] if line["closed"] else [a for a in held if a != line["agent"]]
     return held
@@ -106,14 +107,14 @@ def docked(run: Path) -> list[int]:
 
 def left_full(run: Path) -> list[int]:
     """The aMussels that left a dock full, in order."""
-    lines = read_journal(run / "journal.jsonl").lines
+    lines = lines_in(run / "journal.jsonl")
     return [line["agent"] for line in lines if line["kind"] == "released" and line["full"]]
 
 
 def charging(run: Path) -> list[int]:
     """Agents that the journal says are charging now, in the order in which they began."""
     began: dict[int, int] = {}
-    for line in read_journal(run / "journal.jsonl").lines if (run / "journal.jsonl").exists() else []:
+    for line in lines_in(run / "journal.jsonl") if (run / "journal.jsonl").exists() else []:
         if line["kind"] == "truth":
             if line["state"] != "CHARGING":
                 began.pop(line["id"], None)
@@ -142,7 +143,7 @@ def processes_of(run: Path) -> dict[int, str]:
 
 
 def decisions(run: Path) -> list[tuple[str, list[int]]]:
-    lines = read_journal(run / "journal.jsonl").lines
+    lines = lines_in(run / "journal.jsonl")
     return [(line["what"], [s["agent"] for s in line["steps"]]) for line in lines if line["kind"] == "plan"]
 
 
@@ -230,7 +231,7 @@ def test_a_person_stops_a_run_continues_and_aborts_it_by_commands(fly: Any, scen
     stdout, stderr = process.communicate(timeout=2 * PATIENCE_S)
     assert process.returncode == 0, stderr
     assert json.loads(stdout)["ended_by"] == "a call: abort by Anna"
-    lines = read_journal(run / "journal.jsonl").lines
+    lines = lines_in(run / "journal.jsonl")
     assert [line["order"] for line in lines if line["kind"] == "operator"] == [
         "stop",
         "stop",
@@ -267,7 +268,7 @@ def test_kill_9_of_the_supervisor_and_resume_goes_on_with_the_docks_as_they_were
     assert set(before) <= set(left_full(run))
     assert summary["amussels_lost"] == 0
 
-    lines = read_journal(run / "journal.jsonl").lines
+    lines = lines_in(run / "journal.jsonl")
     at = next(n for n, line in enumerate(lines) if line["kind"] == "resumed")
     told = next(line for line in lines if line["kind"] == "restored")["told"]
     assert told and [it for it in summary["events"] if it in told] == told, (
@@ -300,7 +301,7 @@ def test_ctrl_c_in_the_first_terminal_ends_a_resumed_run_in_order(fly: Any, scen
     assert [it["ended_by"] for it in summaries] == ["the operator"] * 2
     assert not any("nobody" in text or "killed" in text for _, text in outputs), outputs
     assert "Traceback" not in (run / "supervisor.log").read_text()
-    assert read_journal(run / "journal.jsonl").lines[-1]["kind"] == "end"
+    assert lines_in(run / "journal.jsonl")[-1]["kind"] == "end"
     assert children_of(run) == []
 
 
@@ -314,13 +315,13 @@ def test_a_run_resumes_after_a_restart_of_the_machine_with_a_master_an_apad_and_
     process.communicate(timeout=PATIENCE_S)
     wait_for(lambda: not children_of(run), "an agent outlived its nursery")
     before = docked(run)
-    seen = [it for it in read_journal(run / "journal.jsonl").lines if it["kind"] == "apad"][-1]
+    seen = [it for it in lines_in(run / "journal.jsonl") if it["kind"] == "apad"][-1]
 
     resumed = musselbed("resume", run, "--json")
     assert resumed.returncode == 0, resumed.stderr
     summary = json.loads(resumed.stdout)
     assert summary["end_reason"] == "mission time" and summary["amussels_lost"] == 0
-    lines = read_journal(run / "journal.jsonl").lines
+    lines = lines_in(run / "journal.jsonl")
     after = lines[next(n for n, line in enumerate(lines) if line["kind"] == "resumed") :]
     first = next(it for it in after if it["kind"] == "apad")
     # It is at rest where it was: within a second of its way, and its docks hold whom they held.
@@ -354,7 +355,7 @@ def test_a_node_that_another_ends_is_an_abort_with_its_records(
     assert summary["end_reason"] == "loss of the node" and "shutdown request" in summary["ended_by"]
     assert summary["ended_by"] in stderr
     assert "Traceback" not in (run / "supervisor.log").read_text()
-    assert read_journal(run / "journal.jsonl").lines[-1]["kind"] == "end"
+    assert lines_in(run / "journal.jsonl")[-1]["kind"] == "end"
     with Reader(run / "run.bag"):
         pass
     assert children_of(run) == []
@@ -384,7 +385,7 @@ def test_of_several_that_resume_a_run_at_once_one_flies_it_and_the_others_touch_
     for code, (_, stderr) in zip(codes, outputs, strict=True):
         assert code == 0 or ("there is nothing to resume" in stderr and "Traceback" not in stderr)
     assert json.loads((run / "run.json").read_text())["epoch"] == 2
-    lines = read_journal(run / "journal.jsonl").lines
+    lines = lines_in(run / "journal.jsonl")
     assert [line["kind"] for line in lines].count("resumed") == 1
     assert sorted(path.name for path in run.glob("*.bag")) == ["run-1.bag", "run.bag"]
     with Reader(run / "run-1.bag") as bag:
@@ -401,7 +402,7 @@ def test_kill_9_of_an_agent_while_it_charges_and_it_goes_on_charging(fly: Any) -
     assert process.returncode == 0, stderr
     assert json.loads(stdout)["services"] == len(left_full(run))
     assert agent_id in left_full(run)
-    lines = read_journal(run / "journal.jsonl").lines
+    lines = lines_in(run / "journal.jsonl")
     died = next(line for line in lines if line["kind"] == "died")
     assert (died["id"], died["cause"]) == (agent_id, "BROWN_OUT")
     truths = [line for line in lines if line["kind"] == "truth" and line["id"] == agent_id]
@@ -435,7 +436,7 @@ def test_kill_9_of_the_nursery_and_another_goes_on_from_its_file(fly: Any) -> No
     assert process.returncode == 0, stderr
     assert json.loads(stdout)["services"] == len(left_full(run))
     assert set(before) <= set(left_full(run))
-    lines = read_journal(run / "journal.jsonl").lines
+    lines = lines_in(run / "journal.jsonl")
     assert {line["id"] for line in lines if line["kind"] == "died"} == set(range(1, 7))
     assert children_of(run) == []
 

@@ -15,12 +15,12 @@ from typing import Any
 
 import pytest
 import yaml
+from journals import facts_of, lines_in
 from killing import kill_9
 from layout_topics import named_topics
 from scenario_files import POOL_FILE, SOUND_FILE
 
 from apad_bridge.assembly.division import members
-from apad_bridge.records.journal import read_journal
 from apad_bridge.runs.children import supervisor_of
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.starts import starts_of
@@ -100,7 +100,7 @@ def wait_until(what: Callable[[], object], flying: "subprocess.Popen[str]", why:
 
 def lines_of(run: Path, apad: str) -> list[dict[str, Any]]:
     path = run / apad / "journal.jsonl"
-    return list(read_journal(path).lines) if path.exists() else []
+    return list(lines_in(path)) if path.exists() else []
 
 
 def has_served(run: Path, apad: str) -> bool:
@@ -169,7 +169,7 @@ def test_each_serves_its_share_and_nobody_else(scenario: Path, tmp_path: Path) -
     assert isinstance(summary.pop("events"), list)
     assert summary == {**json.loads((run / "summary.json").read_text()), "run": str(run)}
     for apad, own in zip(APADS, ({1, 3, 5}, {2, 4, 6}), strict=True):
-        lines = read_journal(run / apad / "journal.jsonl").lines
+        lines = lines_in(run / apad / "journal.jsonl")
         assert {line["id"] for line in lines if line["kind"] == "truth"} == own
         assert {line["agent"] for line in lines if line["kind"] == "dock"} <= own
         served = [line["agent"] for line in lines if line["kind"] == "released" and line["full"]]
@@ -260,7 +260,7 @@ def test_one_that_is_killed_leaves_its_aMussels_to_the_other(
         stdout, stderr = ended(run, flying)
     assert flying.returncode == 3 and f"apad2: {why}" in stderr
     summary = json.loads(stdout)
-    first, second = (read_journal(run / apad / "journal.jsonl").lines for apad in APADS)
+    first, second = (lines_in(run / apad / "journal.jsonl") for apad in APADS)
 
     # The run of apad2 goes on until it is told to end: it keeps its aMussels, and nobody else records them.
     (reason,) = (line["reason"] for line in second if line["kind"] == "stands_down")
@@ -296,7 +296,7 @@ def test_two_share_one_sea_over_ros_and_end_in_order_without_it(tmp_path: Path) 
     beside = open_lockstep(members(scenario, starts_of(scenario)), scenario.sharing)
     beside.runner.run(until_ms=140_000)
     expected = {
-        name: outcomes_of({"kind": kind, **fields} for _, kind, fields in recorder.events)
+        name: outcomes_of({"kind": kind, **fields} for _, kind, fields in facts_of(recorder))
         for name, recorder in beside.recorders.items()
     }
     assert all(any(len(heard) == 2 for heard in it.values()) for it in expected.values()), "one hears alone"

@@ -13,12 +13,12 @@ from typing import Any
 
 import pytest
 import yaml
+from journals import lines_in
 from rosbags.rosbag1 import Reader
 from scenario_files import POOL_FILE
 from two_machines import Link, Machine, Programs, interrupt, master_uri, two_machines, why_no_two_machines
 
 from apad_bridge.commands.prepare.preflight_checks import recording_commands
-from apad_bridge.records.journal import read_journal
 from apad_bridge.scenario.loader import load
 
 pytestmark = [
@@ -107,7 +107,7 @@ def test_fleet_mission_and_console_are_on_two_machines_and_the_run_stays_with_it
     assert answer["accepted"] and answer["has_mussels"]
 
     def served() -> int:
-        return sum(it["full"] for it in read_journal(journal).lines if it["kind"] == "released")
+        return sum(it["full"] for it in lines_in(journal) if it["kind"] == "released")
 
     programs.wait_until(served, "nobody was served")
     abort = bench.command(*MUSSELBED, "abort", str(run))
@@ -118,7 +118,7 @@ def test_fleet_mission_and_console_are_on_two_machines_and_the_run_stays_with_it
     )
     interrupt(console)
     assert console.wait(PATIENCE_S) == 0
-    remarks = [it for it in read_journal(journal).lines if it["kind"] == "remark"]
+    remarks = [it for it in lines_in(journal) if it["kind"] == "remark"]
     assert [(it["text"], it["by"]) for it in remarks] == [("from the other machine", "Ana")]
     assert json.loads((run / "summary.json").read_text())["services"] == served() > 0
     # On the other machine there are bags alone.

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from journals import lines_in
 
-from apad_bridge.records.journal import read_journal
 from apad_bridge.scenario.loader import from_data, load, resolve, write_resolved
 
 pytestmark = pytest.mark.system
@@ -45,7 +45,7 @@ def test_one_process_and_many_fly_alike_to_the_byte(tmp_path: Path) -> None:
     samples = [(tmp_path / run / "samples.jsonl").read_text() for run in ("one", "many")]
     assert samples[0] == samples[1]
     assert len(samples[0].splitlines()) == alone["samples_uploaded"] > 0
-    lines = read_journal(tmp_path / "many" / "journal.jsonl").lines
+    lines = lines_in(tmp_path / "many" / "journal.jsonl")
     states = {line["state"] for line in lines if line["kind"] == "truth"}
     assert {"SLEEPING", "SAMPLING", "PROCESSING", "AWAITING_SLOT", "TRANSMITTING", "REPORTING"} <= states
 

@@ -16,12 +16,12 @@ from pathlib import Path
 from agents.time_scale import MissionMs, TimeScale
 from apad_bridge.analysis.replay.history import History
 from apad_bridge.beliefs.modes import Mode, mode_of
+from apad_bridge.events.fleet import BeliefChanged
 from apad_bridge.records.bag_samples import BagUnreadable, Instant, instants, why_no_deviations
-from apad_bridge.records.journal import Line, read_journal
+from apad_bridge.records.journal import read_journal
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.records.samples import BeliefSample, TruthSample, Water
 from apad_bridge.scenario.errors import ScenarioError
-from apad_bridge.scenario.firmware_config import charge_models
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Scenario
 from firmware_model.states import State
@@ -107,14 +107,12 @@ def comparisons_in(run_dir: Path, period_ms: int, record: Record) -> Iterator[Be
         scenario = load(directory.scenario)
     except ScenarioError as error:
         raise RunDirectoryError(error.lines[0]) from error
-    history = History(
-        read_journal(directory.journal), scenario.time_scale, charge_models(scenario), scenario.apad.docks
-    )
+    history = History(read_journal(directory.journal), scenario)
     water = Water(scenario)
     for now_ms in map(MissionMs, range(0, history.end_ms + 1, period_ms)):
         try:
             history.advance(now_ms)
-        except (KeyError, TypeError, ValueError) as error:
+        except ValueError as error:
             raise RunDirectoryError(
                 f"{directory.journal} has a line that this version does not read ({error!r}): "
                 "look at the run with the version that flew it"
@@ -213,29 +211,31 @@ def _place_square(belief: BeliefSample, truth: TruthSample) -> float | None:
 def _in_journal_at(
     history: History, water: Water, scenario: Scenario, now_ms: MissionMs
 ) -> Iterator[BeliefComparison]:
-    for agent_id, line in sorted(history.now.beliefs.items()):
+    for agent_id, belief in sorted(history.now.beliefs.items()):
         truth = history.now.truths.get(agent_id)
         if truth is None:
             continue
         sample = water.sample(truth, max(scenario.time_scale.agent_ms(now_ms), truth.at_ms))
         mode = _true_mode(sample)
-        interval = line.get("low", math.nan), line.get("high", math.nan)
+        interval = _or_nan(belief.low), _or_nan(belief.high)
         yield BeliefComparison(
             agent_id,
             now_ms,
-            scenario.time_scale.agent_span(now_ms - line["heard"]) / 3_600_000,
+            scenario.time_scale.agent_span(now_ms - belief.heard) / 3_600_000,
             mode,
             sample.state == State.RELEASED,
-            _mode_in(line) is mode,
-            _charge_compared(line["charge"], sample.primary, line.get("sd"), interval),
+            _mode_in(belief) is mode,
+            _charge_compared(belief.charge, sample.primary, belief.sd, interval),
             None,
             None
             if sample.docked
-            else math.hypot(line["north_m"] - sample.north_m, line["east_m"] - sample.east_m),
+            else math.hypot(belief.north_m - sample.north_m, belief.east_m - sample.east_m),
         )
 
 
-def _mode_in(line: Line) -> Mode:
-    if "mode" in line:
-        return Mode[line["mode"]]
-    return mode_of(State[line["state"]], line["charge"], line["secondary"])
+def _mode_in(belief: BeliefChanged) -> Mode:
+    return mode_of(belief.state, belief.charge, belief.secondary) if belief.mode is None else belief.mode
+
+
+def _or_nan(number: float | None) -> float:
+    return math.nan if number is None else number

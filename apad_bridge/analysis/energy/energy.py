@@ -20,7 +20,7 @@ from agents.time_scale import TimeScale
 from apad_bridge.assembly.fleet_parts import fleet_config, initial_states
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.events.fleet import ProcessDied, Stimulated, TruthChanged
-from apad_bridge.records.journal import JournalContents, Line, read_journal
+from apad_bridge.records.journal import JournalContents, read_journal
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.records.truth_lines import truth_of
 from apad_bridge.scenario.errors import ScenarioError
@@ -122,51 +122,54 @@ def _run_again(
     scale: TimeScale,
 ) -> Iterator[_SecondRun]:
     """Runs each aMussel with one of these starts."""
-    lines: dict[int, list[Line]] = {agent_id: [] for agent_id in starts}
-    for line in journal.lines:
-        if line["kind"] in (Stimulated.kind, ProcessDied.kind, TruthChanged.kind) and line["id"] in lines:
-            lines[line["id"]].append(line)
+    felt: dict[int, list[Stimulated | ProcessDied]] = {agent_id: [] for agent_id in starts}
+    recorded_of: dict[int, list[Truth]] = {agent_id: [] for agent_id in starts}
+    for _, event in journal.entries:
+        match event:
+            case TruthChanged() if event.id in starts:
+                recorded_of[event.id].append(truth_of(event))
+            case Stimulated() | ProcessDied() if event.id in starts:
+                felt[event.id].append(event)
     maker = fleet.maker()
-    for agent_id, own in lines.items():
+    for agent_id, recorded in recorded_of.items():
         agent = _Metered(maker.config(agent_id), codec, starts[agent_id], MemoryFlash(fleet.flash_pages))
-        recorded = [truth_of(line) for line in own if line["kind"] == TruthChanged.kind]
-        until_ms = _replay(agent, own, recorded, scale.agent_ms(journal.last_ms))
+        until_ms = _replay(agent, felt[agent_id], recorded, scale.agent_ms(journal.last_ms))
         truths = agent.take_truths()
         yield _SecondRun(agent, truths, until_ms, _is_same_course(truths, recorded))
 
 
-def _replay(agent: Agent, lines: list[Line], recorded: list[Truth], until_ms: int) -> int:
+def _replay(
+    agent: Agent, felt: Iterable[Stimulated | ProcessDied], recorded: list[Truth], until_ms: int
+) -> int:
     """Returns the agent time up to which it ran."""
-    for line in _as_lived(lines):
-        at_ms = line["agent_ms"]
-        if line["kind"] == Stimulated.kind:
-            agent.receive(from_json(line["wire"]), at_ms)
-        elif line["kind"] == ProcessDied.kind:
-            agent.receive(WasReset(ResetCause[line["cause"]]), at_ms)
-            if line["gave_up"] is not None:
-                until_ms = at_ms
-                break
+    for event in _as_lived(felt):
+        if isinstance(event, Stimulated):
+            agent.receive(from_json(event.wire), event.agent_ms)
+            continue
+        agent.receive(WasReset(ResetCause[event.cause]), event.agent_ms)
+        if event.gave_up is not None:
+            until_ms = event.agent_ms
+            break
     if not recorded or recorded[-1].at_ms <= until_ms:
         agent.advance(until_ms)
     return until_ms
 
 
-def _as_lived(lines: Iterable[Line]) -> list[Line]:
+def _as_lived(felt: Iterable[Stimulated | ProcessDied]) -> list[Stimulated | ProcessDied]:
     """The stimuli and deaths in the order in which an agent lived them.
 
-    A stimulus has its line when it waits for its window. A death takes effect at the begin of the window that was not
+    A stimulus is journaled when it waits for its window. A death takes effect at the begin of the window that was not
     answered: the stimuli that waited for that one came after the boot.
     """
-    lived: list[Line] = []
-    for line in lines:
+    lived: list[Stimulated | ProcessDied] = []
+    for event in felt:
         place = len(lived)
-        if line["kind"] == ProcessDied.kind:
-            while place and lived[place - 1]["kind"] == Stimulated.kind:
-                if lived[place - 1]["agent_ms"] < line["agent_ms"]:
+        if isinstance(event, ProcessDied):
+            while place and isinstance(before := lived[place - 1], Stimulated):
+                if before.agent_ms < event.agent_ms:
                     break
                 place -= 1
-        if line["kind"] != TruthChanged.kind:
-            lived.insert(place, line)
+        lived.insert(place, event)
     return lived
 
 

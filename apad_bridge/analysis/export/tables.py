@@ -22,13 +22,13 @@ from apad_bridge.events.vehicle import APadMoved
 from apad_bridge.records.bag import is_closed, repair_bag
 from apad_bridge.records.bag_messages import APAD, BELIEFS, TRUTH
 from apad_bridge.records.bag_samples import BagUnreadable, definitions_in, messages_in, open_bag
-from apad_bridge.records.journal import Line, read_journal
+from apad_bridge.records.journal import Entry, read_journal
 from apad_bridge.records.line_file import read_lines
 from apad_bridge.records.run_directory import RunDirectory
 
 _SAMPLED = {TRUTH: "truth", BELIEFS: "beliefs", APAD: "apad"}
-_IN_SAMPLES = (TruthChanged.kind, BeliefChanged.kind, APadMoved.kind, TickPassed.kind)
-"""Kinds whose values are in the samples, at more times."""
+_IN_SAMPLES = (TruthChanged, BeliefChanged, APadMoved, TickPassed)
+"""Events whose values are in the samples, at more times."""
 _HEARD = ("listener", "outcome", "snr_db", "end_agent_ms", "travel_ms", "way_m")
 
 
@@ -70,7 +70,7 @@ def tables_of(directory: RunDirectory) -> Iterator[SeriesTable]:
     """Yields each series of the run that has rows. BagUnreadable for a bag that is none; JournalDamaged, OSError."""
     with closed_bags(directory) as bags:
         yield from (it for it in _sampled(bags) if it.rows)
-    yield from _events(read_journal(directory.journal).lines)
+    yield from _events(read_journal(directory.journal).entries)
     if directory.samples.is_file():
         samples = _Rows("samples")
         for line in read_lines(directory.samples):
@@ -131,20 +131,19 @@ def _of_message(message: Any, store: Typestore) -> dict[str, Any]:
     return row
 
 
-def _events(lines: list[Line]) -> Iterator[SeriesTable]:
+def _events(entries: list[Entry]) -> Iterator[SeriesTable]:
     """A table for each kind of event, `event_KIND`, and of packets a second one with a row for each listener."""
     tables: dict[str, _Rows] = {}
     heard = _Rows("packets_heard")
-    for line in lines:
-        kind = line["kind"]
-        if kind in _IN_SAMPLES:
+    for at_ms, event in entries:
+        if isinstance(event, _IN_SAMPLES):
             continue
-        table = tables.setdefault(kind, _Rows(f"event_{kind}"))
-        fields = {name: value for name, value in line.items() if name not in ("t", "kind", "heard")}
-        table.add({"mission_ms": line["t"], **_flat(fields)})
-        for listener in line.get("heard", ()) if kind == PacketPassed.kind else ():
-            packet = {name: line[name] for name in ("from", "what", "began_ms", "lasted_ms")}
-            heard.add({"mission_ms": line["t"], **packet, **dict(zip(_HEARD, listener, strict=False))})
+        table = tables.setdefault(event.kind, _Rows(f"event_{event.kind}"))
+        fields = {name: value for name, value in event.data.items() if name != "heard"}
+        table.add({"mission_ms": at_ms, **_flat(fields)})
+        for listener in event.heard if isinstance(event, PacketPassed) else ():
+            packet = {name: fields[name] for name in ("from", "what", "began_ms", "lasted_ms")}
+            heard.add({"mission_ms": at_ms, **packet, **dict(zip(_HEARD, listener, strict=False))})
     yield from (it.table() for it in tables.values())
     if (found := heard.table()).rows:
         yield found
@@ -175,4 +174,4 @@ def _flat(fields: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _scalar(value: Any) -> Any:
-    return json.dumps(value, separators=(",", ":")) if isinstance(value, (list, dict)) else value
+    return json.dumps(value, separators=(",", ":")) if isinstance(value, (list, tuple, dict)) else value

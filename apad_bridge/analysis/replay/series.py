@@ -12,15 +12,15 @@ from enum import IntEnum
 from typing import Any
 
 from agents.time_scale import MissionMs, TimeScale
-from apad_bridge.analysis.replay.history import History, PlanView
+from apad_bridge.analysis.replay.history import History
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.assembly.stacks import stack_of
 from apad_bridge.events.run import RunBegan
 from apad_bridge.planning.registry import label
-from apad_bridge.records.journal import JournalContents, Line
+from apad_bridge.records.journal import Entry, JournalContents
+from apad_bridge.records.run_state import PlanView
 from apad_bridge.scenario.area.chart import chart_of
 from apad_bridge.scenario.area.fence import fence_of
-from apad_bridge.scenario.firmware_config import charge_models, works_on_secondary
 from apad_bridge.scenario.schema import Area, Scenario
 from firmware_model.power.charge import fraction
 from firmware_model.power.rails import Rail
@@ -130,19 +130,13 @@ class RunView:
 
         ValueError when the journal has no line `run`.
         """
-        start = journal.first(RunBegan.kind)
+        start = next((it for _, it in journal.events(RunBegan)), None)
         if start is None:
             raise ValueError("the journal has no line `run`: the flight never began")
         self._scenario = scenario
-        self._starts: list[dict[str, Any]] = start["agents"]
+        self._starts = start.agents
         self._dropped = journal.dropped
-        self._history = History(
-            journal,
-            scenario.time_scale,
-            charge_models(scenario),
-            scenario.apad.docks,
-            secondary_in_use=works_on_secondary(scenario.board),
-        )
+        self._history = History(journal, scenario)
         ids = [agent["id"] for agent in self._starts]
         self._sampler = _Sampler(scenario, self._history, ids, run_ms or self._history.end_ms)
 
@@ -161,7 +155,7 @@ class RunView:
 
     @property
     def ended_by(self) -> str | None:
-        return self._history.ended_by
+        return self._history.now.ended_by
 
     def add(self, journal: JournalContents) -> None:
         """Adds further lines."""
@@ -171,7 +165,7 @@ class RunView:
     @property
     def has_late_lines(self) -> bool:
         """True when lines were added since the newest sample that belong into it, as the run's end after its last tick."""
-        return self._history.has_lines_until(self.times_ms[-1])
+        return self._history.has_events_until(self.times_ms[-1])
 
     def sample(self, now_ms: MissionMs) -> None:
         """Takes a sample at this time, which is not before the last one. One of the same time replaces the last one."""
@@ -256,16 +250,16 @@ class _Sampler:
             for column in self._all_columns():
                 column.pop()
         self.times_ms.append(now_ms)
-        uptimes = {uptime.agent_id: uptime for uptime in history.meter.at(now_ms)}
+        uptimes = {uptime.agent_id: uptime for uptime in now.meter.at(now_ms)}
         for agent in self._agents:
             uptime = uptimes.get(agent.agent_id)
             self._sample_agent(agent, now_ms, lost=uptime is not None and uptime.lost)
             agent.uptime.append(0.0 if uptime is None else round(100 * uptime.paper / self._ticks, 2))
-        self._active.append(history.meter.active_now(now_ms))
+        self._active.append(now.meter.active_now(now_ms))
         self._cost.append(round(now.cost_m, 2))
         apad = now.apad
         self._apad.append(
-            None if apad is None else [apad[key] for key in ("north_m", "east_m", "heading_rad", "battery")]
+            None if apad is None else [apad.north_m, apad.east_m, apad.heading_rad, apad.battery]
         )
         self._docks.append(list(now.docks))
         stage = {
@@ -274,8 +268,8 @@ class _Sampler:
             "plan": _plan_data(now.plan),
             "stop": None if now.stop is None else now.stop._asdict(),
             "refused": None if now.refused_stop is None else now.refused_stop._asdict(),
-            "drift": now.drift,
-            "interrupted": history.interruptions.is_one,
+            "drift": None if now.drift is None else now.drift.line,
+            "interrupted": now.interruptions.is_one,
         }
         if not self._stages or stage != self._stages[-1]:
             self._stages.append(stage)
@@ -287,34 +281,34 @@ class _Sampler:
         truth, belief = now.truths.get(agent_id), now.beliefs.get(agent_id)
         docked = agent_id in now.docks
         if truth is not None:
-            physical, charge = truth.physical, self._history.meter.charge_of(agent_id)
+            physical, model = truth.physical, now.meter.charge_of(agent_id)
             at_ms = max(self._scenario.time_scale.agent_ms(now_ms), truth.at_ms)
-            left: float | None = fraction(charge.charge_at(physical.primary, at_ms))
-            other: float | None = fraction(charge.charge_at(physical.secondary, at_ms))
+            left: float | None = fraction(model.charge_at(physical.primary, at_ms))
+            other: float | None = fraction(model.charge_at(physical.secondary, at_ms))
             state: int | None = int(truth.state)
             place: tuple[float | None, float | None] = (physical.north_um / 1e6, physical.east_um / 1e6)
             docked = physical.docked
         elif belief is not None:
-            left, place = belief["charge"], (belief["north_m"], belief["east_m"])
-            other, state = belief["secondary"], int(State[belief["state"]])
+            left, place = belief.charge, (belief.north_m, belief.east_m)
+            other, state = belief.secondary, int(belief.state)
         else:
             left, place, other, state = None, (None, None), None, None
         if docked and now.apad is not None:
-            place = (now.apad["north_m"], now.apad["east_m"])
+            place = (now.apad.north_m, now.apad.east_m)
         agent.north.append(_rounded(place[0], 2))
         agent.east.append(_rounded(place[1], 2))
         agent.charge.append(_rounded(left, 4))
         agent.status.append(self._status(left, docked, lost or agent_id in now.gone))
-        believed = belief or {}
-        agent.believed.append(None if truth is None else _rounded(believed.get("charge"), 4))
-        agent.low.append(_rounded(believed.get("low"), 4))
-        agent.high.append(_rounded(believed.get("high"), 4))
+        charge, low, high = (None,) * 3 if belief is None else (belief.charge, belief.low, belief.high)
+        agent.believed.append(None if truth is None else _rounded(charge, 4))
+        agent.low.append(_rounded(low, 4))
+        agent.high.append(_rounded(high, 4))
         agent.secondary.append(_rounded(other, 3))
         agent.state.append(state)
         has_log = truth is not None and truth.physical.samples > 0
         agent.taken.append(truth.physical.samples if truth is not None and has_log else None)
         agent.acknowledged.append(truth.physical.acknowledged if truth is not None and has_log else None)
-        agent.heard.append(None if belief is None else belief["heard"] // 1000)
+        agent.heard.append(None if belief is None else belief.heard // 1000)
         left_of = now.capacities.get(agent_id)
         agent.capacity.append(None if left_of is None else [round(it, 2) for it in left_of])
 
@@ -345,7 +339,7 @@ class _Sampler:
         """The newest sample alone; each aMussel's values are in the order of `COLUMNS`."""
         return {
             "t": self.times_ms[-1],
-            "has_truth": bool(self._history.meter.agent_ids),
+            "has_truth": bool(self._history.now.meter.agent_ids),
             "agents": [[getattr(agent, name)[-1] for name in COLUMNS] for agent in self._agents],
             "active": self._active[-1],
             "cost": self._cost[-1],
@@ -357,7 +351,7 @@ class _Sampler:
     def columns(self) -> dict[str, Any]:
         return {
             "times_ms": self.times_ms,
-            "has_truth": bool(self._history.meter.agent_ids),
+            "has_truth": bool(self._history.now.meter.agent_ids),
             "agents": [
                 {
                     "id": agent.agent_id,
@@ -405,9 +399,9 @@ def _place_data(area: Area) -> dict[str, Any]:
     }
 
 
-def _reasons(line: Line) -> dict[str, Any]:
-    """A plan with whatever its line says of why: candidates, costs, and more where a version writes it."""
-    return {name: value for name, value in line.items() if name != "kind"}
+def _reasons(plan: Entry) -> dict[str, Any]:
+    """A plan with its reasons: candidates, costs, other plans that were weighed."""
+    return {"t": plan.at_ms, **plan.event.data}
 
 
 def _thinned(trace: list[tuple[int, float, float]]) -> list[list[float]]:

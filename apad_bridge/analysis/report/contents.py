@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any, NamedTuple
@@ -12,10 +12,10 @@ from apad_bridge.analysis.belief_scores.comparisons import best_record, comparis
 from apad_bridge.analysis.belief_scores.scores import Scores, scores_of
 from apad_bridge.analysis.energy.energy import AgentEnergy, energy_of
 from apad_bridge.analysis.replay.build import read_run
-from apad_bridge.events.event import Category
-from apad_bridge.events.mission import PRE_EMPTED
-from apad_bridge.events.union import told_event
-from apad_bridge.records.journal import Line
+from apad_bridge.analysis.replay.history import ToldEvent, told_event
+from apad_bridge.events.event import Event
+from apad_bridge.events.mission import PRE_EMPTED, PrimitiveChanged, StepGivenUp
+from apad_bridge.records.journal import Entry
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.records.summary import Interruptions
 from apad_bridge.scenario.firmware_config import charge_models
@@ -28,20 +28,11 @@ _MOST_FOLLOWING = 4
 _MOST_FAULTS = 200
 
 
-class Told(NamedTuple):
-    """An event for a person; `agent_id` is None for one that is of no aMussel."""
-
-    at_ms: int
-    category: Category
-    agent_id: int | None
-    text: str
-
-
 class Trouble(NamedTuple):
     """A fault, and the events of the next ten minutes: of that aMussel, or of all where it is of none."""
 
-    fault: Told
-    followed: tuple[Told, ...]
+    fault: ToldEvent
+    followed: tuple[ToldEvent, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,10 +66,10 @@ class RunReport:
 def contents_of(directory: RunDirectory) -> RunReport:
     """RunDirectoryError, one line, when the directory holds no run that can be shown."""
     scenario, journal, summary, data = read_run(directory)
-    troubles, interruptions = list(troubles_in(journal.lines)), Interruptions()
+    troubles, interruptions = list(troubles_in(journal.entries)), Interruptions()
     record, why_journal = best_record(directory.path)
-    for line in journal.lines:
-        interruptions.take(line["t"], line["kind"], line)
+    for at_ms, event in journal.entries:
+        interruptions.take(at_ms, event)
     energy, why_no_energy = _energy(directory) if data["has_truth"] else ([], None)
     return RunReport(
         directory.path.resolve().name,
@@ -112,19 +103,16 @@ def _versions(directory: RunDirectory) -> dict[str, Any]:
     return found
 
 
-def troubles_in(lines: list[Line]) -> Iterator[Trouble]:
+def troubles_in(entries: Iterable[Entry]) -> Iterator[Trouble]:
     """Yields the faults of a run in their order, each with what followed."""
-    told = [it for line in lines if (it := _told(line)) is not None]
+    told = [it for entry in entries if not _is_routine(entry.event) and (it := told_event(entry)) is not None]
     for n, fault in enumerate(told):
         if fault.category.is_trouble:
             later = (it for it in told[n + 1 :] if it.at_ms <= fault.at_ms + _FOLLOWS_MS)
-            same = (it for it in later if fault.agent_id is None or it.agent_id == fault.agent_id)
+            same = (it for it in later if fault.agent is None or it.agent == fault.agent)
             yield Trouble(fault, tuple(it for it, _ in zip(same, range(_MOST_FOLLOWING), strict=False)))
 
 
-def _told(line: Line) -> Told | None:
-    """None for a step of routine: a go-to that makes way for another has not failed."""
-    event = told_event(line)
-    if event is None or line.get("reason") == PRE_EMPTED or (text := event.text()) is None:
-        return None
-    return Told(line["t"], event.category, line.get("agent", line.get("id")), text)
+def _is_routine(event: Event) -> bool:
+    """A go-to that makes way for another has not failed."""
+    return isinstance(event, PrimitiveChanged | StepGivenUp) and event.reason == PRE_EMPTED

@@ -15,8 +15,9 @@ from typing import Any, NamedTuple
 from apad_bridge.analysis.belief_scores import figure as belief_figure
 from apad_bridge.analysis.belief_scores.scores import Score
 from apad_bridge.analysis.energy.energy import AgentEnergy, summed
+from apad_bridge.analysis.replay.history import ToldEvent
 from apad_bridge.analysis.report import figures
-from apad_bridge.analysis.report.contents import RunReport, Told
+from apad_bridge.analysis.report.contents import RunReport
 from apad_bridge.scenario.text_file import write_atomically
 
 PAGE = "report.html"
@@ -197,7 +198,7 @@ def _trouble_table(report: RunReport) -> Table:
     return Table("Faults and what followed", ("mission time", "fault", "what followed"), rows, note)
 
 
-def _later(event: Told, fault: Told) -> str:
+def _later(event: ToldEvent, fault: ToldEvent) -> str:
     return f"+{(event.at_ms - fault.at_ms) / 1000:.0f} s"
 
 

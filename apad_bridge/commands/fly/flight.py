@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from agents.hosting.interrupts import held_back
 from apad_bridge.assembly.division import Member, members
 from apad_bridge.commands.fly.run_checks import check_run
-from apad_bridge.commands.outcome import print_plan, report
+from apad_bridge.commands.outcome import plan_line, print_plan, report
 from apad_bridge.events.mission import PlanMade
 from apad_bridge.planning.registry import Trust, label
 from apad_bridge.records.journal import read_journal
@@ -129,7 +129,7 @@ def fly(
         if not flown.summaries:
             raise PeerFailed(*failure_lines(flown.failures, is_alone=not scenario.apads))
         if options.dry_run:
-            return print_plan(read_journal(whole.journal).first(PlanMade.kind), as_json)
+            return print_plan(next(read_journal(whole.journal).events(PlanMade), None), as_json)
         summary = _whole_summary(whole, scenario, all_members, flown)
         flown_by = flown_by_whom(options, scenario)
         bags = (
@@ -271,7 +271,8 @@ def _print_plans(all_members: Sequence[Member], as_json: bool, trust: Trust) -> 
         return print_plan(plans[all_members[0].name], as_json)
     if as_json:
         served = {it.name: list(it.scenario.fleet.ids) for it in all_members}
-        print(json.dumps({name: {"serves": served[name], "plan": plan} for name, plan in plans.items()}))
+        told = {name: {"serves": served[name], "plan": plan_line(made)} for name, made in plans.items()}
+        print(json.dumps(told))
         return Exit.DONE
     print(_allocation_text(all_members))
     for name, plan in plans.items():

@@ -7,7 +7,6 @@ import json
 import sys
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -60,7 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
             progress.step(f"checking {directory}")
             broken |= broken_rules(directory)
     if arguments.json:
-        print(json.dumps({str(path): [asdict(it) for it in each] for path, each in broken.items()}))
+        print(json.dumps({str(path): [_as_json(it) for it in each] for path, each in broken.items()}))
     else:
         print_rules(broken, sys.stdout)
     return exit_of_rules(broken)
@@ -72,7 +71,7 @@ def exit_of_rules(broken: Mapping[Path, list[Broken]]) -> int:
 
 def _compare(one: Path, other: Path, *, as_json: bool) -> int:
     """Prints the digests of two runs, and the first event in which they differ."""
-    from apad_bridge.records.digest import combined_digest, events_of
+    from apad_bridge.records.digest import combined_digest, counted_events
     from apad_bridge.records.journal import read_journal
     from apad_bridge.records.run_directory import RunDirectoryError
 
@@ -81,7 +80,7 @@ def _compare(one: Path, other: Path, *, as_json: bool) -> int:
         for directory in (one, other):
             # With several aPads, each one's own: an event is told by its aPad too.
             each = [
-                (it.relative_to(directory), *events_of(read_journal(it / "journal.jsonl").lines))
+                (it.relative_to(directory), *counted_events(read_journal(it / "journal.jsonl").entries))
                 for it in _runs_in(directory)
             ]
             digests.append(combined_digest(digest for _, _, digest in each))
@@ -144,6 +143,10 @@ def broken_rules(directory: Path) -> dict[Path, list[Broken]]:
         raise UserError(str(error)) from error
 
 
+def _as_json(it: Broken) -> dict[str, Any]:
+    return {"rule": it.rule, "reason": it.reason, "lines": [entry.line for entry in it.entries]}
+
+
 def print_rules(broken: Mapping[Path, list[Broken]], to: TextIO) -> None:
     """Prints for a person whether the rules hold, and the lines that break them."""
     for path, each in broken.items():
@@ -151,7 +154,7 @@ def print_rules(broken: Mapping[Path, list[Broken]], to: TextIO) -> None:
         for it in each[:MOST_SHOWN]:
             print(
                 f"  {it.rule}: {it.reason}",
-                *(f"    {json.dumps(line)}" for line in it.lines),
+                *(f"    {json.dumps(entry.line)}" for entry in it.entries),
                 sep="\n",
                 file=to,
             )

@@ -11,7 +11,7 @@ from rich.table import Table
 
 from apad_bridge.commands.help_text import MISSION_TIME, ending, mission_seconds
 from apad_bridge.events.mission import PlanMade
-from apad_bridge.records.journal import Line, read_journal
+from apad_bridge.records.journal import Entry, read_journal
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.runs.exits import Exit, UserError
 from apad_bridge.runs.progress import WorkProgress
@@ -45,34 +45,33 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         with WorkProgress(arguments.json) as progress:
             progress.step(f"reading {arguments.directory}")
-            lines = read_journal(RunDirectory.open(arguments.directory).journal).lines
+            journal = read_journal(RunDirectory.open(arguments.directory).journal)
     except (RunDirectoryError, OSError) as error:
         raise UserError(str(error)) from error
-    plans = [line for line in lines if line["kind"] == PlanMade.kind]
+    plans = list(journal.events(PlanMade))
     if not plans:
         raise UserError(f"{arguments.directory}: no plan was made yet")
-    if arguments.at is not None and 1000 * arguments.at > lines[-1]["t"]:
-        raise UserError(f"--at {arguments.at:g}: the run has come to {lines[-1]['t'] / 1000:g} s")
-    made = [line for line in plans if arguments.at is None or line["t"] <= arguments.at * 1000]
+    if arguments.at is not None and 1000 * arguments.at > journal.last_ms:
+        raise UserError(f"--at {arguments.at:g}: the run has come to {journal.last_ms / 1000:g} s")
+    made = [it for it in plans if arguments.at is None or it[0] <= arguments.at * 1000]
     if not made:
-        raise UserError(f"--at {arguments.at:g}: the first plan was made at {plans[0]['t'] / 1000:g} s")
+        raise UserError(f"--at {arguments.at:g}: the first plan was made at {plans[0][0] / 1000:g} s")
+    at_ms, plan = made[-1]
     if arguments.json:
-        print(json.dumps(made[-1]))
+        print(json.dumps(Entry(at_ms, plan).line))
     else:
-        _show(made[-1], Console())
+        _show(at_ms, plan, Console())
     return Exit.DONE
 
 
-def _show(plan: Line, console: Console) -> None:
-    chosen = [step["agent"] for step in plan["steps"]]
-    what = "to collect" if plan["what"] == "collect" else "to release"
-    console.print(
-        f"{plan['t'] / 1000:g} s: {plan['strategy']} planned {what} {_ids(chosen)}", highlight=False
-    )
-    if "exchanged" in plan:
-        pairs = [f"{it['released']} takes the place of {it['collected']}" for it in plan["exchanged"]]
+def _show(at_ms: int, plan: PlanMade, console: Console) -> None:
+    chosen = [step["agent"] for step in plan.steps]
+    what = "to collect" if plan.what == "collect" else "to release"
+    console.print(f"{at_ms / 1000:g} s: {plan.strategy} planned {what} {_ids(chosen)}", highlight=False)
+    if plan.exchanged is not None:
+        pairs = [f"{it['released']} takes the place of {it['collected']}" for it in plan.exchanged]
         console.print(f"on the same tour {', '.join(pairs)}", highlight=False)
-    costs = plan["costs"]
+    costs = plan.costs
     console.print(
         f"{costs['distance_m']:.1f} m of way and {costs['demand']:.2f} batteries of demand; scaled by the scenario "
         f"{costs['distance_cost']:.1f} and {costs['energy_cost']:.1f}",
@@ -89,7 +88,7 @@ def _show(plan: Line, console: Console) -> None:
         "east m",
     ):
         table.add_column(name, justify="right")
-    for belief in plan["beliefs"]:
+    for belief in plan.beliefs:
         table.add_row(
             str(belief["id"]),
             str(chosen.index(belief["id"]) + 1) if belief["id"] in chosen else "",
@@ -103,10 +102,10 @@ def _show(plan: Line, console: Console) -> None:
     _show_options(plan, console)
 
 
-def _show_options(plan: Line, console: Console) -> None:
-    options = plan.get("options")
+def _show_options(plan: PlanMade, console: Console) -> None:
+    options = plan.options
     if not options:
-        why = plan.get("unexplained")
+        why = plan.unexplained
         console.print(
             "no reasons given" + (f": its explanation failed: {why}" if why else ""),
             highlight=False,

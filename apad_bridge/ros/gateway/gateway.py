@@ -161,7 +161,7 @@ class Gateway:
     def event(self, at_ms: int, event: Event) -> None:
         """Publishes an event of the mission on /musselbed/mission; a packet of sound on /musselbed/sound as well."""
         if isinstance(event, PacketPassed) and self._sound.get_num_connections() > 0:
-            for row in sound_rows(event.data):
+            for row in sound_rows(event):
                 self._sound.publish(_transmission(row, at_ms, self._ned))
         if event.is_for_journal_alone or self._events.get_num_connections() == 0:
             return

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from journals import facts_of
 from scenario_files import POOL_FILE, SOUND_FILE
 
 from apad_bridge.runs.in_memory import MemoryRecorder, open_flight
@@ -52,7 +53,7 @@ def flown(data: dict[str, Any]) -> tuple[MemoryRecorder, dict[str, int]]:
 
 
 def events(recorder: MemoryRecorder, kind: str) -> list[tuple[int, dict[str, Any]]]:
-    return [(at_ms, event) for at_ms, its_kind, event in recorder.events if its_kind == kind]
+    return [(at_ms, event) for at_ms, its_kind, event in facts_of(recorder) if its_kind == kind]
 
 
 def ranges(data: dict[str, Any]) -> list[int]:

@@ -11,11 +11,11 @@ from typing import Any
 
 import pytest
 import yaml
+from journals import journal_of, lines_in
 from scenario_files import POOL_FILE
 
 from apad_bridge.analysis.invariants import Broken, Invariants, check_run
 from apad_bridge.commands.main import main
-from apad_bridge.records.journal import read_journal
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.scenario.loader import load
 
@@ -32,12 +32,12 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def journal(run: Path) -> Lines:
-    return read_journal(run / "journal.jsonl").lines
+    return lines_in(run / "journal.jsonl")
 
 
 def rules_broken_in(lines: Lines, summary: dict[str, Any] | None = None) -> set[str]:
     checker = Invariants(load(POOL_FILE))
-    broken: list[Broken] = [it for line in lines for it in checker.take(line)]
+    broken: list[Broken] = [it for entry in journal_of(lines).entries for it in checker.take(entry)]
     if summary is not None:
         broken += checker.end(summary, {})
     return {it.rule for it in broken}
@@ -166,8 +166,8 @@ def test_a_sample_is_kept_once_and_was_taken(journal: Lines, run: Path) -> None:
     checker = Invariants(load(POOL_FILE))
     lines = copy.deepcopy(journal)
     lines[of_kind(lines, "truth", id=1)[-1]]["log"] = [3, 1]
-    for line in lines:
-        checker.take(line)
+    for entry in journal_of(lines).entries:
+        checker.take(entry)
     summary = json.loads((run / "summary.json").read_text())
     assert checker.end(summary, {1: Counter({0: 1, 1: 1, 2: 1})}) == []
     assert [it.rule for it in checker.end(summary, {1: Counter({1: 2})})] == ["a sample is kept once"]
@@ -184,7 +184,7 @@ def test_a_whole_board_in_sound_obeys_them(tmp_path: Path) -> None:
     scenario.write_text(yaml.safe_dump(data | {"duration_s": 600}))
     command = ["run", str(scenario), "--time", "asap", "--hosting", "one_process", "--out", str(out)]
     assert main(command) == 0
-    assert any(line["kind"] == "packet" for line in read_journal(out / "journal.jsonl").lines)
+    assert any(line["kind"] == "packet" for line in lines_in(out / "journal.jsonl"))
     assert check_run(RunDirectory.open(out)) == []
 
 
@@ -211,11 +211,12 @@ def test_motor_runs_that_cost_charge_obey_them(motor_run: Path) -> None:
 
 
 def test_a_motor_run_that_costs_nothing_breaks_the_rule_of_energy(motor_run: Path) -> None:
-    lines = copy.deepcopy(read_journal(motor_run / "journal.jsonl").lines)
+    lines = copy.deepcopy(lines_in(motor_run / "journal.jsonl"))
     surfacing = lines[of_kind(lines, "truth", state="SURFACING")[0]]
     surfacing["primary"][1] += 6 * 10**12
     checker = Invariants(load(motor_run / "scenario.yaml"))
-    broken = [it for line in lines[: lines.index(surfacing) + 1] for it in checker.take(line)]
+    until = journal_of(lines[: lines.index(surfacing) + 1])
+    broken = [it for entry in until.entries for it in checker.take(entry)]
     assert {it.rule for it in broken} == {"energy is neither made nor lost"}
 
 

@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 import yaml
+from journals import lines_in
 from scenario_files import POOL_FILE
 
 from apad_bridge.assembly.division import members, with_apad
 from apad_bridge.commands.main import main
-from apad_bridge.records.journal import read_journal
 from apad_bridge.runs.in_memory import fly_in_memory
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import from_data, load, resolve, with_overrides
@@ -140,7 +140,7 @@ def test_a_run_in_which_one_fails_counts_each_aMussel_once(
     assert main(["run", str(path), "--time", "asap", "--out", str(run), "--json"]) == 0
     summary = json.loads(capsys.readouterr().out)
     assert summary["counted_s"] == 8 * 1200 and summary["ended_by"] == "mission time"
-    journals = {name: read_journal(run / name / "journal.jsonl").lines for name in ("apad1", "apad5")}
+    journals = {name: lines_in(run / name / "journal.jsonl") for name in ("apad1", "apad5")}
     took, handed = (
         [line["id"] for line in journals[name] if line["kind"] == kind]
         for name, kind in (("apad1", "took_on"), ("apad5", "handed_on"))

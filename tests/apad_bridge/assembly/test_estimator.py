@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from journals import facts_of
 from scenario_files import POOL_FILE, WHOLE_FILE
 
 from agents.mussel.outputs import Truth
@@ -155,5 +156,5 @@ def test_a_mission_flies_on_twins_through_silence() -> None:
     beliefs = flight.supervisor.beliefs.all()
     assert len(beliefs) == 12 and all(belief.silent_timeslots >= 170 for belief in beliefs)
     assert len({belief.at_ms for belief in beliefs}) == 1
-    released = {data["agent"]: at_ms for at_ms, kind, data in recorder.events if kind == "released"}
+    released = {data["agent"]: at_ms for at_ms, kind, data in facts_of(recorder) if kind == "released"}
     assert len(released) == 4 and min(released.values()) > 240_000

@@ -6,11 +6,11 @@ import shlex
 from pathlib import Path
 
 import pytest
+from journals import lines_in
 from scenario_files import POOL_FILE
 
 from apad_bridge.commands.main import main
 from apad_bridge.events.run import EndReason
-from apad_bridge.records.journal import read_journal
 from apad_bridge.runs.exits import Exit
 from apad_bridge.runs.script_in_memory import fly_script
 from apad_bridge.scenario.loader import load
@@ -31,10 +31,10 @@ def test_a_script_leaves_a_run_behind(tmp_path: Path, capsys: pytest.CaptureFixt
     summary = json.loads(capsys.readouterr().out)
     assert (summary["ended_by"], summary["run"]) == (EndReason.SCRIPT_ENDED, str(run))
     assert (run / "script.py").read_text() == (tmp_path / "mine.py").read_text()
-    journal = read_journal(run / "journal.jsonl")
-    assert [line["said"] for line in journal.lines if line["kind"] == "script"] == ["got 10"]
-    dock = journal.first("dock")
-    assert dock is not None and (dock["dock"], dock["agent"]) == (3, 10)
+    journal = lines_in(run / "journal.jsonl")
+    assert [line["said"] for line in journal if line["kind"] == "script"] == ["got 10"]
+    dock = next(it for it in journal if it["kind"] == "dock")
+    assert (dock["dock"], dock["agent"]) == (3, 10)
     assert main(["replay", str(run)]) == Exit.DONE
     assert main(["resume", str(run)]) == Exit.USER_MISTAKE
 

@@ -19,6 +19,7 @@ import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from imc_codec import Codec, header_of, name_of
+from journals import lines_in
 
 from apad_bridge.commands import main
 from apad_bridge.imc import messages
@@ -26,7 +27,6 @@ from apad_bridge.imc.gateway import GatewaySettings, ImcGateway
 from apad_bridge.imc.protocol import packed, unpacked
 from apad_bridge.imc.systems import Systems
 from apad_bridge.imc.wire import Console, Received
-from apad_bridge.records.journal import read_journal
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.loader import load
 
@@ -96,7 +96,7 @@ def test_the_systems_are_announced_where_the_journal_says_that_they_are(
     frame = LocalFrame.about(load(flown / "scenario.yaml").area.origin)
     newest: dict[int, dict[str, Any]] = {}
     apad, amussels = apad_and_amussels(shown[0])
-    for line in read_journal(flown / "journal.jsonl").lines:
+    for line in lines_in(flown / "journal.jsonl"):
         if line["kind"] == "belief":
             newest[amussels + line["id"]] = line
         elif line["kind"] == "apad":

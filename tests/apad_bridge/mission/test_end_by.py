@@ -9,6 +9,7 @@ from datetime import datetime
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from journals import facts_of
 from scenario_files import POOL_FILE
 
 from agents.water.stream import CurrentConfig
@@ -44,8 +45,8 @@ def test_it_is_home_in_time_and_has_brought_back_whom_it_held(end_by_s: int) -> 
     assert flight.supervisor.mission.docks == (None, None, None, None)
     # It went on for as long as it could: what is left is what was reserved for four that took longer.
     assert flight.now_ms > 1000 * (end_by_s - 400)
-    closed = sum(data["closed"] for _, kind, data in records.events if kind == "dock")
-    opened = sum(not data["closed"] for _, kind, data in records.events if kind == "dock")
+    closed = sum(data["closed"] for _, kind, data in facts_of(records) if kind == "dock")
+    opened = sum(not data["closed"] for _, kind, data in facts_of(records) if kind == "dock")
     assert closed == opened > 0
 
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import pytest
 from flying import Flying
+from journals import facts_of
 
 from apad_bridge.events.mission import Phase
 from apad_bridge.mission.manual import ManualMission
@@ -74,7 +75,7 @@ def test_the_mission_calls_up_and_fetches_nobody_outside_the_fence(pool: Scenari
     refused = {it["order"] for it in flying.events("refused")}
     assert refused == {"go to point", "permit to surface"}
     assert flying.flight.supervisor.mission.state.services > 0
-    wire = [data for _, kind, data in flying.records.events if kind == "dock" and data["closed"]]
+    wire = [data for _, kind, data in facts_of(flying.records) if kind == "dock" and data["closed"]]
     assert wire
 
 
@@ -137,7 +138,7 @@ def test_a_person_is_told_when_end_by_passes_while_the_apad_is_stopped(fenced: S
     flying.until(lambda: flying.phase is Phase.GO_COLLECT)
     assert flying.answered(lambda: carry_out(Request(Act.STOP, "Anna"), flying.calls, flying.gate)).accepted
     flying.until(lambda: flying.now_ms >= 210_000)
-    ((at_ms, told),) = [(at_ms, data) for at_ms, kind, data in flying.records.events if kind == "stuck"]
+    ((at_ms, told),) = [(at_ms, data) for at_ms, kind, data in facts_of(flying.records) if kind == "stuck"]
     assert at_ms == 200_000
     assert "mission.end_by passes while it may not move: stop 1 (hold, by Anna)" in told["reason"]
 

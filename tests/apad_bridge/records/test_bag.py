@@ -7,6 +7,7 @@ import subprocess
 import sys
 import tracemalloc
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from itertools import pairwise
 from math import pi
 
@@ -17,6 +18,7 @@ from rosbags.rosbag1 import Reader
 from rosbags.rosbag1.reader import ReaderError
 
 from agents.time_scale import TimeScale
+from apad_bridge.events.sound import PacketPassed
 from apad_bridge.records.bag import CHUNK_MS, BagWriter, recorded_messages, repair_bag
 from apad_bridge.records.bag_messages import BELIEFS as BELIEFS_NAME
 from apad_bridge.records.bag_messages import TRUTH as TRUTH_NAME
@@ -28,8 +30,8 @@ from apad_bridge.records.samples import APadSample, BeliefSample, TruthSample
 TRUTH = TruthSample(7, 5, 0.25, 1.0, 1.5, -2.5, 3.0, True, 60_000)
 BELIEF = BeliefSample(7, 2, 0.5, 0.75, 1.25, -2.0, 4.5)
 APAD = APadSample(10.0, 11.0, pi, 15.5, 0.875, "dock", (7, -1, -1, 9))
-HEARD = [[0, "received", 51.5, 3_900_893, 200.0, 300.0], [4, "collided", 12.0, 3_900_793, 100.0, 150.0]]
-PACKET = {"from": 3, "what": "broadcast", "lasted_ms": 693, "data": "0102ff", "heard": HEARD}
+HEARD = [(0, "received", 51.5, 3_900_893, 200.0, 300.0), (4, "collided", 12.0, 3_900_793, 100.0, 150.0)]
+PACKET = PacketPassed(3, None, "broadcast", 3, 1000, 693, None, None, HEARD, "0102ff")
 
 
 def read(path):
@@ -143,7 +145,7 @@ def test_on_somebody_elses_master_a_bag_keeps_mission_time_and_the_masters(tmp_p
 
 def test_a_packet_is_told_for_each_listener(tmp_path):
     bag = BagWriter(tmp_path / "run.bag", TimeScale(1))
-    to_apads = {**PACKET, "what": "unicast", "heard": [HEARD[0], [-1, *HEARD[1][1:]]]}
+    to_apads = replace(PACKET, what="unicast", heard=[HEARD[0], (-1, *HEARD[1][1:])])
     for row in sound_rows(PACKET) + sound_rows(to_apads):
         bag.sound(3_901_000, row)
     bag.close()

@@ -8,10 +8,11 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from journals import journal_of
 
 from apad_bridge.events.event import Uncounted, fields_of
 from apad_bridge.events.union import EVENTS
-from apad_bridge.records.digest import COUNTED, RunDigest, combined_digest, events_of
+from apad_bridge.records.digest import COUNTED, RunDigest, combined_digest, counted_events
 
 TRUTH = {
     "id": 3,
@@ -21,6 +22,8 @@ TRUTH = {
     "secondary": [0, 600_000_000_000_000, 0, 0, 0],
     "north_um": 12_345_678,
     "east_um": -7_000_000,
+    "depth": [0, 0],
+    "buoyancy": "FLOAT",
     "docked": False,
 }
 PACKET = {
@@ -36,8 +39,9 @@ PACKET = {
     "data": "0a0b",
 }
 LINES: list[dict[str, Any]] = [
-    {"t": 0, "kind": "mission", "phase": "waiting", "snapshot": {"cost_m": 0.0}},
-    {"t": 1000, "kind": "plan", "what": "collect", "strategy": "greedy", "steps": [{"agent": 3, "dock": 0}]},
+    {"t": 0, "kind": "mission", "phase": "idle wait", "snapshot": {"cost_m": 0.0}},
+    {"t": 1000, "kind": "plan", "what": "collect", "strategy": "greedy", "steps": [{"agent": 3, "dock": 0}]}
+    | {"costs": {}, "beliefs": []},
     {
         "t": 1000,
         "kind": "primitive",
@@ -50,13 +54,14 @@ LINES: list[dict[str, Any]] = [
     {"t": 1017, "kind": "truth", **TRUTH},
     {"t": 2000, "kind": "packet", **PACKET},
     {"t": 3000, "kind": "range", "id": 3, "range_m": 10.5},
-    {"t": 3000, "kind": "fix", "id": 3, "north_m": 4.0, "east_m": 5.0, "ranges": 3, "hdop": 1.2},
+    {"t": 3000, "kind": "fix", "id": 3, "north_m": 4.0, "east_m": 5.0, "ranges": 3, "hdop": 1.2}
+    | {"covariance": [1.0, 0.0, 1.0], "residual_m": 0.2},
     {"t": 4000, "kind": "dock", "dock": 0, "agent": 3, "closed": True},
 ]
 
 
 def digest_of(lines: list[dict[str, Any]]) -> str:
-    return events_of(lines)[1]
+    return counted_events(journal_of(lines).entries)[1]
 
 
 def changed(number: int, **fields: Any) -> list[dict[str, Any]]:
@@ -75,7 +80,7 @@ def test_every_kind_of_event_counts_or_is_left_out_for_a_reason() -> None:
 @pytest.mark.parametrize(
     ("number", "fields"),
     [
-        (0, {"phase": "collecting"}),
+        (0, {"phase": "dock"}),
         (0, {"t": 1}),
         (1, {"steps": [{"agent": 3, "dock": 1}]}),
         (1, {"steps": [{"agent": 3, "dock": 0}, {"agent": 4, "dock": 1}]}),
@@ -118,7 +123,8 @@ def test_estimates_texts_and_new_fields_do_not_count(number: int, fields: dict[s
 
 def test_the_clock_of_the_machine_notes_and_unknown_kinds_do_not_count() -> None:
     further: list[dict[str, Any]] = [
-        {"t": 0, "kind": "run", "format": 99, "scenario": "another name"},
+        {"t": 0, "kind": "run", "format": 99, "scenario": "another name", "theta": 1, "seed": 1, "agents": []}
+        | {"duration_s": 9.0, "pool_threshold": 0.8, "full_threshold": 0.99},
         {"t": 2000, "kind": "remark", "text": "a whale", "by": "mate"},
         {"t": 2000, "kind": "master_back", "uri": "http://elsewhere", "gone_s": 3.2, "registered": 7},
         {"t": 2000, "kind": "of another version", "agent": 3},
@@ -156,8 +162,8 @@ def test_the_same_event_twice_is_not_the_same_as_once() -> None:
 
 def test_a_run_that_is_taken_line_by_line_has_the_digest_of_its_journal() -> None:
     digest = RunDigest()
-    for line in LINES:
-        digest.take(line["t"], line["kind"], {key: line[key] for key in line.keys() - {"t", "kind"}})
+    for at_ms, event in journal_of(LINES).entries:
+        digest.take(at_ms, event)
     assert str(digest) == digest_of(LINES) and len(str(digest)) == 16
 
 

@@ -4,11 +4,15 @@ from typing import Any
 
 import pytest
 
+from apad_bridge.events.union import event_of
 from apad_bridge.records.summary import Interruptions
 
 STOP, CONTINUE = ("operator", {"order": "stop", "by": "x"}), ("operator", {"order": "continue", "by": "x"})
 TAKEN, BACK = ("override", {"taken": True, "by": "person"}), ("override", {"taken": False, "by": "person"})
-LATE, OVER = ("guard", {"cause": "late", "reaction": "hold"}), ("guard_over", {"cause": "late"})
+LATE, OVER = (
+    ("guard", {"cause": "late", "reaction": "hold", "reason": "x", "calls_pilot": False}),
+    ("guard_over", {"cause": "late"}),
+)
 UNCONFIRMED = ("refused", {"order": "go to", "guard": "person", "reason": "x"})
 FENCED = ("refused", {"order": "go to", "guard": "fence", "reason": "x"})
 
@@ -31,6 +35,6 @@ def test_stops_begin_and_end_as_by_hand(
 ) -> None:
     interruptions = Interruptions()
     for at_s, (kind, data) in story:
-        interruptions.take(1000 * at_s, kind, data)
+        interruptions.take(1000 * at_s, event_of(kind, data))
     assert interruptions.spans_ms(100_000) == [(1000 * begin_s, 1000 * end_s) for begin_s, end_s in spans]
     assert interruptions.stopped_s(100_000) == sum(end_s - begin_s for begin_s, end_s in spans)

@@ -1,5 +1,6 @@
 """Tests the journal: lines are read as they were written, and a kill costs only the line that it tore."""
 
+import json
 import math
 from pathlib import Path
 
@@ -7,11 +8,12 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from apad_bridge.events.fleet import PresenceChanged
+from apad_bridge.events.fleet import BeliefChanged, Presence, PresenceChanged, TruthChanged
 from apad_bridge.events.mission import DockSwitched, LegBegan
 from apad_bridge.events.persons import ScriptTold
 from apad_bridge.events.run import RunEnded, TickPassed
-from apad_bridge.events.union import event_of
+from apad_bridge.events.sound import LinksRead, PacketPassed
+from apad_bridge.events.union import UnknownEvent, event_of
 from apad_bridge.records.journal import (
     FORMAT_VERSION,
     Journal,
@@ -21,11 +23,22 @@ from apad_bridge.records.journal import (
     read_journal,
 )
 from apad_bridge.records.page import markdown
+from firmware_model.actions import Buoyancy
+from firmware_model.states import State
 
 ROOT = Path(__file__).parents[3]
 SAID = {"what": "collect", "strategy": "größte", "steps": [{"agent": 3, "dock": 0}], "beliefs": []} | {
     "costs": {"distance_m": 1.5, "demand": 0.5, "distance_cost": 1.5, "energy_cost": 2}
 }
+
+RUN = {"kind": "run", "scenario": "a", "theta": 1, "seed": 1, "duration_s": 9.0, "agents": []} | {
+    "pool_threshold": 0.8,
+    "full_threshold": 0.99,
+}
+
+
+def lines(contents):
+    return [it.line for it in contents.entries]
 
 
 @pytest.fixture
@@ -40,7 +53,7 @@ def test_lines_of_one_flush_come_back_by_time_and_else_as_they_were_appended(pat
     journal.append(1000, LegBegan(1.5))
     journal.close()
     contents = read_journal(path)
-    assert contents.lines == [
+    assert lines(contents) == [
         {"t": 500, "kind": "plan", **SAID},
         {"t": 1000, "kind": "leg", "metres": 3.25},
         {"t": 1000, "kind": "leg", "metres": 1.5},
@@ -65,8 +78,7 @@ def test_time_never_falls_in_a_journal(tmp_path_factory, flushes):
         journal.flush()
         newest_ms = max(kept, default=0)
     journal.close()
-    lines = read_journal(path).lines
-    assert [line["t"] for line in lines] == sorted(kept)
+    assert [it.at_ms for it in read_journal(path).entries] == sorted(kept)
     again = Journal(path, newest_ms)
     with pytest.raises(ValueError, match="time went back"):
         again.append(newest_ms - 1, TickPassed())
@@ -91,7 +103,7 @@ def test_every_torn_length_costs_one_line_and_is_said(path):
     for length in range(first + 1, len(whole)):
         path.write_bytes(whole[:length])
         contents = read_journal(path)
-        assert [line["kind"] for line in contents.lines] == ["tick"]
+        assert [line["kind"] for line in lines(contents)] == ["tick"]
         assert contents.dropped == 1
 
 
@@ -102,7 +114,7 @@ def test_a_journal_goes_on_after_a_torn_line(path):
     journal.append(2000, RunEnded("a call"))
     journal.close()
     contents = read_journal(path)
-    assert [line["kind"] for line in contents.lines] == ["tick", "end"]
+    assert [line["kind"] for line in lines(contents)] == ["tick", "end"]
     assert contents.dropped == 0
 
 
@@ -120,7 +132,7 @@ def test_a_torn_line_longer_than_one_look_is_cut_whole(path):
 def test_a_line_that_is_none_is_counted(path, line):
     path.write_bytes(line + b'\n{"t":0,"kind":"tick"}\n')
     contents = read_journal(path)
-    assert (len(contents.lines), contents.dropped) == (1, 1)
+    assert (len(lines(contents)), contents.dropped) == (1, 1)
 
 
 def test_not_a_number_is_refused(path):
@@ -133,8 +145,7 @@ def test_not_a_number_is_refused(path):
 
 def test_a_journal_says_its_format_in_its_first_line(path):
     journal = Journal(path)
-    run = {"format": FORMAT_VERSION, "scenario": "a", "theta": 1, "seed": 1, "duration_s": 9.0, "agents": []}
-    journal.append(0, event_of("run", {**run, "pool_threshold": 0.8, "full_threshold": 0.99}))
+    journal.append(0, event_of("run", {"format": FORMAT_VERSION, **RUN}))
     journal.close()
     assert format_of(path) == FORMAT_VERSION
     path.write_text("garbage\n")
@@ -144,7 +155,7 @@ def test_a_journal_says_its_format_in_its_first_line(path):
 def test_a_line_that_is_nested_without_end_is_dropped_and_counted(path):
     path.write_text('{"t":0,"kind":"tick"}\n' + "[" * 100_000 + "\n")
     contents = read_journal(path)
-    assert ([line["kind"] for line in contents.lines], contents.dropped) == (["tick"], 1)
+    assert ([line["kind"] for line in lines(contents)], contents.dropped) == (["tick"], 1)
 
 
 @pytest.mark.parametrize(
@@ -170,7 +181,7 @@ def test_a_script_names_further_fields(path):
     journal = Journal(path)
     journal.append(0, ScriptTold(what="leak", own={"litres": [1, {"a": None}]}))
     journal.close()
-    assert read_journal(path).lines[0]["litres"] == [1, {"a": None}]
+    assert lines(read_journal(path))[0]["litres"] == [1, {"a": None}]
 
 
 @pytest.mark.parametrize(
@@ -196,7 +207,50 @@ def test_a_damaged_line_is_named_by_file_and_number(path, damaged, why):
 
 def test_kinds_and_fields_of_another_version_are_left_alone(path):
     path.write_bytes(b'{"t":5,"kind":"leak","litres":2}\n{"t":6,"kind":"leg","metres":1,"feet":3}\n')
-    assert [line["kind"] for line in read_journal(path).lines] == ["leak", "leg"]
+    (leak, leg) = read_journal(path).entries
+    assert leak.line == {"t": 5, "kind": "leak", "litres": 2} and leak.event.text() is None
+    assert leg == (6, LegBegan(1))
+
+
+def test_a_journal_of_before_the_first_release_is_refused_in_one_line_and_a_newer_one_is_not(path):
+    path.write_text(json.dumps({"t": 0, "format": 1, **RUN}) + "\n")
+    with pytest.raises(JournalDamaged, match=r"before 0\.1\.0 \(format 1\).*the version that flew the run"):
+        read_journal(path)
+    path.write_text(json.dumps({"t": 0, "format": FORMAT_VERSION + 1, **RUN}) + "\n")
+    assert read_journal(path).last_ms == 0
+
+
+@pytest.mark.parametrize(
+    "event",
+    [
+        TruthChanged(
+            1,
+            5,
+            State.FLOATING,
+            (1, 2, 0, 0, 0),
+            (1, 2, 1, 0, 0),
+            3,
+            4,
+            (5, 6),
+            Buoyancy.FLOAT,
+            False,
+            log=(2, 1),
+        ),
+        PacketPassed(
+            3, None, "status", 3, 1000, 693, None, None, [(0, "received", 1.5, 2, 3.5, 4.5)], "0102ff"
+        ),
+        LinksRead([(1, None, 0.5, 0, None)], None),
+        PresenceChanged(1, Presence.REAL, "me"),
+        BeliefChanged(1, 0, State.FLOATING, 0.5, 1.0, 2.0, 3.0),
+        ScriptTold(what="leak", own={"litres": [1, {"a": None}]}),
+        UnknownEvent("leak", {"litres": 2}),
+    ],
+)
+def test_an_event_is_read_as_it_was_written_with_its_tuples_and_enums(path, event):
+    journal = Journal(path)
+    journal.append(7, event)
+    journal.close()
+    assert read_journal(path).entries == [(7, event)]
 
 
 def test_the_page_of_kinds_is_current():
@@ -216,17 +270,17 @@ def test_a_tail_reads_a_growing_file_as_it_is_read_whole_wherever_it_was_cut(pat
     )
     path.write_bytes(b"")
     tail = JournalTail(path)
-    lines, dropped = [], 0
+    found, dropped = [], 0
     ends = [*sorted(min(cut, len(written)) for cut in cuts), len(written)]
     for begin, end in zip([0, *ends], ends, strict=False):
         with path.open("ab") as file:
             file.write(written[begin:end])
         new = tail.read_new()
-        lines += new.lines
+        found += lines(new)
         dropped += new.dropped
     tail.close()
-    assert [line["t"] for line in lines] == [0, 1, 2, 3, 4, 9] and dropped == 1
-    assert lines == read_journal(path).lines
+    assert [line["t"] for line in found] == [0, 1, 2, 3, 4, 9] and dropped == 1
+    assert found == lines(read_journal(path))
 
 
 def test_a_tail_names_the_line_that_is_damaged(path):

@@ -11,6 +11,7 @@ from pathlib import Path
 from statistics import mean
 
 import pytest
+from journals import lines_in
 from rosbags.rosbag1 import Reader
 from scenario_files import POOL_FILE
 
@@ -25,7 +26,7 @@ from apad_bridge.beliefs.belief import Belief, CapacityLeft
 from apad_bridge.events.fleet import ProcessDied
 from apad_bridge.events.mission import LegBegan, MissionEnd
 from apad_bridge.events.persons import ScriptTold
-from apad_bridge.events.run import EndReason
+from apad_bridge.events.run import EndReason, RunResumed
 from apad_bridge.mission.events import PlacedSample
 from apad_bridge.records.journal import read_journal
 from apad_bridge.records.recorder import DAY_MS, Recorder, RecordsFailed
@@ -128,7 +129,7 @@ def test_a_flight_leaves_everything_behind(tmp_path, scenario):
         assert counts["/musselbed/truth"] == 601
         assert counts["/musselbed/beliefs"] >= 600 and counts["/musselbed/apad"] >= 600
         assert (reader.start_time, reader.end_time) == (1, 600_000_000_001)
-    kinds = {line["kind"] for line in read_journal(directory.journal).lines}
+    kinds = {line["kind"] for line in lines_in(directory.journal)}
     assert {"truth", "apad", "belief", "mission", "plan", "primitive", "stimulus"} <= kinds
 
 
@@ -158,8 +159,8 @@ def test_a_resumed_run_counts_as_if_nothing_had_happened(tmp_path, scenario):
     assert (report.journal.last_ms, report.bag_lost_ms) == (337_000, 7_000)
     journal = read_journal(tmp_path / "resumed" / "journal.jsonl")
     assert journal.dropped == 0
-    line = journal.first("resumed")
-    assert line["bag_lost_ms"] == report.bag_lost_ms and line["journal_torn_bytes"] == 7
+    ((_, told),) = journal.events(RunResumed)
+    assert told.bag_lost_ms == report.bag_lost_ms and told.journal_torn_bytes == 7
     with Reader(tmp_path / "resumed" / "run.bag") as reader:
         assert reader.end_time // 1_000_000 == 330_000
     with Reader(tmp_path / "resumed" / "run-1.bag") as reader:
@@ -203,7 +204,8 @@ def recorder(tmp_path, scenario):
 
 def lines_of(recorder, kind):
     recorder._journal.flush()
-    return [line for line in read_journal(recorder._directory.journal).lines if line["kind"] == kind]
+    entries = read_journal(recorder._directory.journal).entries
+    return [it.line for it in entries if it.event.kind == kind]
 
 
 def test_truth_is_journaled_when_it_changed_or_moved(recorder):

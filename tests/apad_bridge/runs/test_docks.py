@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from journals import facts_of, lines_in
 from scenario_files import POOL_FILE, silent_in_its_dock
 
 from apad_bridge.analysis.replay.series import page_data
@@ -41,13 +42,13 @@ def test_the_mission_fills_all_docks_before_it_releases(docks: int) -> None:
     scenario = eight(docks)
     assert scenario.mission.batch == docks
     figures, recorder = fly_in_memory(scenario)
-    found = changes(recorder.events)
+    found = changes(facts_of(recorder))
     assert [dock for dock, _, _ in found[:docks]] == list(range(docks))
     assert all(closed for _, _, closed in found[:docks])
     assert sorted(found[docks : 2 * docks]) == sorted(
         (dock, agent, False) for dock, agent, _ in found[:docks]
     )
-    left_full = [data["agent"] for _, kind, data in recorder.events if kind == "released" and data["full"]]
+    left_full = [data["agent"] for _, kind, data in facts_of(recorder) if kind == "released" and data["full"]]
     assert figures["services"] == len(left_full) >= docks
 
 
@@ -87,12 +88,12 @@ def test_a_runs_records_tell_how_many_docks_there_were(
     run = tmp_path / "run"
     words = ["run", str(scenario), "--time", "asap", "--hosting", "one_process", "--out", str(run), "--json"]
     assert main(words) == Exit.DONE
-    journal = read_journal(run / "journal.jsonl")
-    left_full = [line["agent"] for line in journal.lines if line["kind"] == "released" and line["full"]]
+    journal = lines_in(run / "journal.jsonl")
+    left_full = [line["agent"] for line in journal if line["kind"] == "released" and line["full"]]
     assert json.loads(capsys.readouterr().out)["services"] == len(left_full) >= docks
-    assert {len(line["docks"]) for line in journal.lines if line["kind"] == "apad"} == {docks}
-    assert {line["snapshot"]["dock_count"] for line in journal.lines if line["kind"] == "mission"} == {docks}
-    data = page_data(load(run / "scenario.yaml"), journal, None)
+    assert {len(line["docks"]) for line in journal if line["kind"] == "apad"} == {docks}
+    assert {line["snapshot"]["dock_count"] for line in journal if line["kind"] == "mission"} == {docks}
+    data = page_data(load(run / "scenario.yaml"), read_journal(run / "journal.jsonl"), None)
     assert len(data["dock_bearings"]) == docks and {len(it) for it in data["docks"]} == {docks}
 
 
@@ -117,6 +118,8 @@ def test_a_run_from_before_there_was_a_number_is_shown_with_four(tmp_path: Path)
 def test_one_that_is_never_heard_in_its_dock_counts_where_the_docks_name_it() -> None:
     """In virtual time the docks answer as those of generation A do."""
     figures, recorder = fly_in_memory(silent_in_its_dock())
-    kinds = [kind for _, kind, _ in recorder.events]
-    assert [data for _, kind, data in recorder.events if kind == "released"] == [{"agent": 1, "full": True}]
+    kinds = [kind for _, kind, _ in facts_of(recorder)]
+    assert [data for _, kind, data in facts_of(recorder) if kind == "released"] == [
+        {"agent": 1, "full": True}
+    ]
     assert figures["services"] == 1 and "docks_disagree" not in kinds

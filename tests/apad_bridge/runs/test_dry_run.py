@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from apad_bridge.events.mission import PlanMade
 from apad_bridge.runs.dry_run import first_plan
 from apad_bridge.runs.in_memory import fly_in_memory
 from apad_bridge.scenario.loader import load
@@ -24,9 +25,9 @@ def test_it_is_the_plan_that_a_flight_makes(name: str, duration_s: float) -> Non
     scenario = shipped(name, duration_s)
     plan = first_plan(scenario)
     _, recorder = fly_in_memory(scenario)
-    made = next({"t": at_ms, **data} for at_ms, kind, data in recorder.events if kind == "plan")
+    made = next(recorder.journal.events(PlanMade))
     assert plan == made
-    assert len(made["steps"]) == 4
+    assert len(made[1].steps) == 4
 
 
 def test_none_is_made_before_there_are_candidates() -> None:

@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from journals import facts_of
 
 from apad_bridge.events.run import EndReason
 from apad_bridge.runs.in_memory import fly_in_memory
@@ -64,7 +65,7 @@ def test_the_paper_s_mission_as_a_script_does_what_the_mission_does(
     assert flight.state.cost_m == pytest.approx(figures["cost_m"], abs=1e-6)
     assert flight.state.planned_m == pytest.approx(figures["planned_m"], abs=1e-6)
     # Every dock closes and opens at the same second around the same aMussel.
-    assert deeds(flight.events) == deeds(recorder.events)
+    assert deeds(flight.events) == deeds(facts_of(recorder))
 
 
 def test_a_behaviour_serves_those_in_need_one_by_one(pool: Scenario) -> None:

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from journals import lines_in
 from rosbags.rosbag1 import Reader
 from scenario_files import POOL_FILE
 
@@ -15,7 +16,6 @@ from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.commands.outcome import exit_of, report
 from apad_bridge.events.mission import MissionEnd
 from apad_bridge.events.run import EndReason
-from apad_bridge.records.journal import read_journal
 from apad_bridge.records.recorder import Recorder, RecordsFailed
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.exits import Exit, peers_may_fail
@@ -81,7 +81,7 @@ def test_a_clock_that_is_lost_ends_the_mission_in_order_with_its_records(tmp_pat
     assert exit_of(EndReason(summary["end_reason"])) is Exit.PEER_FAILED
     assert json.loads(directory.summary.read_text()) == summary
     assert summary["latest_tick_s"] == 1.75
-    (end,) = [line for line in read_journal(directory.journal).lines if line["kind"] == "end"]
+    (end,) = [line for line in lines_in(directory.journal) if line["kind"] == "end"]
     assert (end["t"], end["end_reason"]) == (6000, "loss of the clock")
     with Reader(directory.bags[0]):
         pass

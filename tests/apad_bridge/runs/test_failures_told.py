@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from journals import facts_of, lines_in
 
 from agents.time_scale import MissionMs
 from apad_bridge.assembly.division import members
 from apad_bridge.events.mission import MissionEnd, StepGivenUp, Stuck
 from apad_bridge.events.run import EndReason
 from apad_bridge.events.union import event_of
-from apad_bridge.records.journal import read_journal
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.summary import Ending, FailureCounts
@@ -52,8 +52,8 @@ def test_a_stuck_aPad_is_told_and_costs_nothing(stuck: Scenario, tmp_path: Path)
         pytest.approx(0.0, abs=0.01),
         pytest.approx(0.0, abs=20.0),  # the go-to that mission time cut off
     )
-    journal = read_journal(directory.journal)
-    given_up = [line for line in journal.lines if line["kind"] == "given_up"]
+    journal = lines_in(directory.journal)
+    given_up = [line for line in journal if line["kind"] == "given_up"]
     assert summary["steps_given_up"] == len(given_up) >= 8
     # One cause, whatever the metres to go.
     ((cause, count),) = summary["causes"].items()
@@ -73,7 +73,7 @@ def test_aMussels_that_cannot_be_charged_are_left_alone_one_by_one(pool: Scenari
     board = replace(pool.board, charge_segments=((1.0, 1e-7),))
     flight, recorder = open_flight(replace(pool, duration_s=2400.0, mission=mission, board=board))
     flight.run()
-    events = [(kind, data) for _, kind, data in recorder.events]
+    events = [(kind, data) for _, kind, data in facts_of(recorder)]
     for agent_id in pool.fleet.ids:
         own = [kind for kind, data in events if data.get("agent") == agent_id]
         assert own.count("released") == 2 and own.count("left_alone") == 1, agent_id
@@ -133,7 +133,7 @@ def test_a_mission_under_a_guard_of_the_battery_waits_until_the_battery_was_hear
         flight.tick(now_ms)
     assert RunStatus.of(flight.supervisor, 29_000, 0.0, Forecast()).phase == "waits for the aPad's battery"
     assert not flight.supervisor.mission.state.failed_tries
-    told = [(at_ms, data["reason"]) for at_ms, kind, data in recorder.events if kind == Stuck.kind]
+    told = [(at_ms, data["reason"]) for at_ms, kind, data in facts_of(recorder) if kind == Stuck.kind]
     assert told == [(10_000, "its battery was not heard, and a guard refuses its go-tos until it is")]
     flight.supervisor.receive = receive  # type: ignore[method-assign]
     flight.tick(30_000)
@@ -150,7 +150,7 @@ def test_what_guards_refuse_is_told_and_counted(pool: Scenario, tmp_path: Path) 
         apad=replace(pool.apad, start_m=(14.0, 5.0)),
     )
     directory, summary, lines = flown(fenced, tmp_path)
-    refused = [line for line in read_journal(directory.journal).lines if line["kind"] == "refused"]
+    refused = [line for line in lines_in(directory.journal) if line["kind"] == "refused"]
     orders = {line["order"] for line in refused}
     assert orders == {"go to point", "permit to surface"}
     assert any("failed: refused: the goal (" in line and "outside the fence" in line for line in lines)

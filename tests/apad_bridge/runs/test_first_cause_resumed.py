@@ -7,6 +7,7 @@ from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
+from journals import facts_of, journal_of
 from scenario_files import POOL_FILE
 
 from apad_bridge.records.journal import JournalContents
@@ -24,7 +25,7 @@ PRE_EMPTED = {
 
 
 def journal(lines: list[dict[str, Any]]) -> JournalContents:
-    return JournalContents(json.loads(json.dumps(lines)), 0)
+    return journal_of(json.loads(json.dumps(lines)))
 
 
 def test_the_first_cause_is_the_same_after_a_kill_at_any_tick() -> None:
@@ -35,11 +36,11 @@ def test_the_first_cause_is_the_same_after_a_kill_at_any_tick() -> None:
 
     def tick(*_: Any) -> None:
         latched = flight.supervisor.port.first_failure
-        ticks.append((len(recorder.events), None if latched is None else latched.reason))
+        ticks.append((len(facts_of(recorder)), None if latched is None else latched.reason))
 
     recorder.tick = tick  # type: ignore[method-assign]
     flight.run()
-    lines = [{"t": at_ms, "kind": kind, **data} for at_ms, kind, data in recorder.events]
+    lines = [{"t": at_ms, "kind": kind, **data} for at_ms, kind, data in facts_of(recorder)]
     for until, reason in ticks:
         found = first_failure(journal([it for it in lines[:until] if it["kind"] == "primitive"]))
         assert (None if found is None else found.reason) == reason

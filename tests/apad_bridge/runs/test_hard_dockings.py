@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
+from journals import facts_of
 from scenario_files import SOUND_FILE
 
 from apad_bridge.runs.in_memory import fly_in_memory
@@ -32,7 +33,7 @@ def in_wind(speed_m_s: float, seed: int) -> Scenario:
 @pytest.mark.parametrize("seed", [1, 2])
 def test_in_a_drift_of_a_tenth_of_a_metre_a_second_they_are_found_and_charged(seed: int) -> None:
     figures, recorder = fly_in_memory(in_wind(0.1, seed))
-    events = [(kind, data) for _, kind, data in recorder.events]
+    events = [(kind, data) for _, kind, data in facts_of(recorder)]
     assert any(data["phase"] == "nothing_caught" for kind, data in events if kind == "primitive")
     assert figures["services"] >= 4
     assert not any(kind == "left_alone" for kind, _ in events)
@@ -47,10 +48,10 @@ def test_one_that_half_of_the_dockings_miss_and_that_often_stays_below_is_served
         board=replace(sound.board, surfacing_failure_probability=0.3),
     )
     figures, recorder = fly_in_memory(failing)
-    given_up = {data["agent"] for _, kind, data in recorder.events if kind == "given_up"}
-    released = {data["agent"] for _, kind, data in recorder.events if kind == "released" and data["full"]}
+    given_up = {data["agent"] for _, kind, data in facts_of(recorder) if kind == "given_up"}
+    released = {data["agent"] for _, kind, data in facts_of(recorder) if kind == "released" and data["full"]}
     missed = [
-        data for _, kind, data in recorder.events if kind == "primitive" and data.get("reason") == MISSED
+        data for _, kind, data in facts_of(recorder) if kind == "primitive" and data.get("reason") == MISSED
     ]
     assert given_up and given_up <= released
     assert len(missed) > len(given_up)  # some were caught by a further try at once

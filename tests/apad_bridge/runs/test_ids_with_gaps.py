@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from journals import facts_of
 from scenario_files import POOL_FILE, SOUND_FILE, WHOLE_FILE
 
 from apad_bridge.assembly.fleet_parts import fleet_config
@@ -35,7 +36,7 @@ def of_ids(file: Path, ids: tuple[int, ...], folder: Path) -> Scenario:
 def test_all_are_served(file: Path, tmp_path: Path) -> None:
     figures, recorder = fly_in_memory(of_ids(file, IDS, tmp_path))
     docked = {
-        data["agent"] for _, kind, data in recorder.events if kind == DockSwitched.kind and data["closed"]
+        data["agent"] for _, kind, data in facts_of(recorder) if kind == DockSwitched.kind and data["closed"]
     }
     assert docked == set(recorder.taken) == set(IDS)
     assert figures["amussels_lost"] == 0

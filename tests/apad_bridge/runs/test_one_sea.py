@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
+from journals import facts_of
 
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.safety import LegEnergy, safety_of
@@ -43,7 +44,7 @@ def test_the_pool_in_a_current_has_its_services_at_a_higher_price(pool: Scenario
     assert moved.supervisor.mission.state.services == calm.supervisor.mission.state.services == 16
     # It rests for most of the 40 minutes, at 1.6 N and 13.6 W: 3.9 % of its battery. Going costs more, too.
     assert 0.03 < battery(calm) - battery(moved) < 0.05
-    assert not [it for it in recorder.events if it[1] == "beyond_reach"]
+    assert not [it for it in facts_of(recorder) if it[1] == "beyond_reach"]
 
 
 def test_the_plans_of_a_mission_cost_by_the_sea_where_they_may_know_it(pool: Scenario) -> None:
@@ -52,7 +53,7 @@ def test_the_plans_of_a_mission_cost_by_the_sea_where_they_may_know_it(pool: Sce
 
     def ways(scenario: Scenario) -> list[tuple[float, float]]:
         _, recorder = flown(scenario)
-        plans = [data["costs"] for _, kind, data in recorder.events if kind == "plan"]
+        plans = [data["costs"] for _, kind, data in facts_of(recorder) if kind == "plan"]
         return [(it["distance_m"], it["distance_cost"]) for it in plans]
 
     known, over_ground = ways(short), ways(ignorant)
@@ -111,9 +112,11 @@ def test_a_current_beyond_the_hull_is_told_before_and_in_the_mission(pool: Scena
     assert not any("makes no way" in it for it, _ in warnings(in_current(slow, 0.4)))
 
     _, recorder = flown(fast)
-    first_ms = min(at_ms for at_ms, kind, _ in recorder.events if kind == "beyond_reach")
+    first_ms = min(at_ms for at_ms, kind, _ in facts_of(recorder) if kind == "beyond_reach")
     beyond = {
-        data["agent"] for at_ms, kind, data in recorder.events if (at_ms, kind) == (first_ms, "beyond_reach")
+        data["agent"]
+        for at_ms, kind, data in facts_of(recorder)
+        if (at_ms, kind) == (first_ms, "beyond_reach")
     }
     start_m = pool.apad.start_m
     expected = {
@@ -122,7 +125,7 @@ def test_a_current_beyond_the_hull_is_told_before_and_in_the_mission(pool: Scena
     assert first_ms <= 2000 and beyond == expected and 0 < len(expected) < 12
 
     counts = FailureCounts()
-    for event in recorder.events:
+    for event in facts_of(recorder):
         counts.take(*event)
     assert set(counts.figures()["beyond_reach"]) >= expected
 

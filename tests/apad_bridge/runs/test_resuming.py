@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from journals import journal_of
 from scenario_files import POOL_FILE
 
 from apad_bridge.assembly import parts
@@ -17,7 +18,7 @@ from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.events.event import Event
 from apad_bridge.events.fleet import Presence, PresenceChanged
 from apad_bridge.events.mission import DockSwitched, MissionChanged, MissionEnd, MissionState, Phase
-from apad_bridge.events.run import EndReason, RunEnded
+from apad_bridge.events.run import EndReason, KnowledgeRestored, RunEnded
 from apad_bridge.events.vehicle import APadMoved
 from apad_bridge.planning.solution import Step, StepKind
 from apad_bridge.records.journal import JournalContents, read_journal
@@ -52,7 +53,7 @@ OPTIONS = RunOptions(
 
 def journal(*lines: dict[str, Any]) -> JournalContents:
     # Through JSON, as a journal's lines are.
-    return JournalContents(json.loads(json.dumps(list(lines))), 0)
+    return journal_of(json.loads(json.dumps(list(lines))))
 
 
 def line(at_ms: int, event: Event) -> dict[str, Any]:
@@ -167,8 +168,8 @@ def test_what_is_restored_and_what_is_lost_is_told_and_journaled(tmp_path: Path)
     assert start_state.learned.beliefs.all() == learned.beliefs.all() != []
     assert start_state.start_ms == 3000
     start_state.recorder.close()
-    restored = read_journal(directory.journal).first("restored")
-    assert restored is not None and restored["told"] == lines
+    ((_, restored),) = read_journal(directory.journal).events(KnowledgeRestored)
+    assert restored.told == lines
 
 
 BATTERY = '"primary":[0,9,0,0,1],"secondary":[0,9,0,0,1]'

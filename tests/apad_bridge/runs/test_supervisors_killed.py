@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from journals import lines_in
 from scenario_files import POOL_FILE
 
 from agents.hosting.in_process import InProcessHost
@@ -16,7 +17,7 @@ from apad_bridge.analysis.invariants import check_run
 from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.assembly.safety import safety_of
-from apad_bridge.records.journal import JournalTail, read_journal
+from apad_bridge.records.journal import JournalTail
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.flying import PreparedFlight, RunSpec, prepare
 from apad_bridge.runs.progress import FlightProgress
@@ -61,7 +62,7 @@ class Supervisors:
         fleet = fleet_parts.fleet_of(config, self._host, self._granted_ms, state.start_ms)
         self._granted_ms = fleet.coordinator.granted_ms
         state = state.deliver_again(fleet.coordinator)
-        last_ms = state.journal.last_ms if state.journal.lines else -1
+        last_ms = state.journal.last_ms if state.journal.entries else -1
         context = FlightContext(
             vehicle=self._vehicle,
             pace=AsFastAsPossible(),
@@ -110,5 +111,5 @@ def test_supervisors_that_are_killed_lose_no_stimulus_of_theirs(stack: ExitStack
     flying.flight.run()
     flying.finish()
     assert check_run(directory) == []
-    kinds = [it["kind"] for it in read_journal(directory.journal).lines]
+    kinds = [it["kind"] for it in lines_in(directory.journal)]
     assert kinds.count("resumed") == KILLS and kinds.count("fault") == len(leaks)

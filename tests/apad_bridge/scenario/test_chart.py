@@ -11,8 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scenario_files import POOL_FILE, SCENARIO_FILES
 
+from agents.time_scale import MissionMs
 from apad_bridge.analysis.replay.series import page_data
-from apad_bridge.records.journal import JournalContents
+from apad_bridge.events.run import RunBegan
+from apad_bridge.records.journal import FORMAT_VERSION, Entry, JournalContents
 from apad_bridge.scenario.area.chart import chart_of
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.errors import ScenarioError
@@ -91,8 +93,8 @@ def test_what_is_no_chart_is_said_in_one_line(tmp_path, text, why):
 def test_the_page_has_the_chart_and_the_fence(tmp_path):
     written(tmp_path / "chart.geojson", feature("LineString", [degrees(0, 0), degrees(3, 4)], depth_m=2))
     scenario = load(scenario_with(tmp_path, "chart.geojson"))
-    run = {"t": 0, "kind": "run", "format": 2, "agents": []}
-    data = page_data(scenario, JournalContents([run], 0), None)
+    began = RunBegan(FORMAT_VERSION, "chart", 1, 1, 60.0, 0.8, 0.99, [])
+    data = page_data(scenario, JournalContents([Entry(MissionMs(0), began)], 0), None)
     assert data["chart"] == [{"depth": 2, "points": [[0.0, 0.0], [3.0, 4.0]]}]
     assert data["fence"] == [[-5, -5], [33, -5], [33, 26], [-5, 26]] and data["keep_out"] == []
 

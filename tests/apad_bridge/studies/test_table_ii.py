@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from journals import facts_of
 
 from apad_bridge.runs.in_memory import fly_in_memory
 from apad_bridge.scenario.loader import load
@@ -105,9 +106,9 @@ def test_the_shipped_pool_loses_no_mussel_and_drives_what_it_planned() -> None:
     scenario = load(SCENARIOS / "pool-12.yaml")
     figures, recorder = fly_in_memory(scenario)
     assert (figures["amussels_lost"], figures["emptied"]) == (0, 0)
-    left_full = [data["agent"] for _, kind, data in recorder.events if kind == "released" and data["full"]]
+    left_full = [data["agent"] for _, kind, data in facts_of(recorder) if kind == "released" and data["full"]]
     assert figures["services"] == len(left_full) and set(left_full) == set(scenario.fleet.ids)
-    legs = [data["metres"] for _, kind, data in recorder.events if kind == "leg"]
+    legs = [data["metres"] for _, kind, data in facts_of(recorder) if kind == "leg"]
     assert figures["planned_m"] == pytest.approx(sum(legs), abs=1e-4 * len(legs))
     # Each leg ends within the victory radius of its goal, and mission time cuts the last one off.
     least_m = sum(legs[:-1]) - scenario.mission.victory_radius_m * len(legs)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from journals import journal_of
 from scenario_files import POOL_FILE
 
 from agents.mussel.stimuli import SoundArrived, WifiArrived
@@ -13,7 +14,6 @@ from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.events.run import EndReason
 from apad_bridge.mission.breakdown import NeverStandsDown
 from apad_bridge.mission.events import Send
-from apad_bridge.records.journal import JournalContents
 from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.runs.resuming import restore_allocation
 from apad_bridge.scenario.loader import load
@@ -77,6 +77,6 @@ def test_no_lines_no_relay_and_no_samples_take_nothing() -> None:
 
 def test_a_single_aPad_serves_its_own_fleet_and_so_does_its_successor() -> None:
     learned = parts.initial_learned_state(flight_config(POOL))
-    restore_allocation(learned, JournalContents([], 0))
+    restore_allocation(learned, journal_of([]))
     assert learned.allocation.served == learned.allocation.own == frozenset(POOL.fleet.ids)
     assert not learned.allocation.served_for_others

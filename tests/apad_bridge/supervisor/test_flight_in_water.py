@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from journals import facts_of
 from scenario_files import POOL_FILE, WHOLE_FILE
 
 from agents.hosting.in_process import InProcessHost
@@ -47,7 +48,7 @@ def in_water(duration_s: float, water: dict[str, Any], **hearing: Any) -> Scenar
 
 
 def packets(recorder: MemoryRecorder) -> list[dict[str, Any]]:
-    return [data for _, kind, data in recorder.events if kind == "packet"]
+    return [data for _, kind, data in facts_of(recorder) if kind == "packet"]
 
 
 def test_every_packet_is_told_with_its_slot_its_way_and_its_end() -> None:
@@ -116,9 +117,9 @@ def test_a_dock_is_not_closed_around_one_that_never_heard_the_permission(tmp_pat
     model = {"drain_deviation": 0.05, "sensor_noise": 0.005, "bias_deviation": 0.02, "unscheduled": 0.01}
     data["beliefs"] = {"estimator": "twin", "twin": {**model, "fix_deviation_m": 0.5}}
     figures, recorder = fly_in_memory(from_data(data, "hardly heard"))
-    reasons = {data["reason"] for _, kind, data in recorder.events if kind == "given_up"}
+    reasons = {data["reason"] for _, kind, data in facts_of(recorder) if kind == "given_up"}
     assert reasons <= {"it does not answer the permission to surface"}
-    released = [data["full"] for _, kind, data in recorder.events if kind == "released"]
+    released = [data["full"] for _, kind, data in facts_of(recorder) if kind == "released"]
     assert figures["services"] == len(released) >= 4 and all(released)
 
 
@@ -186,7 +187,7 @@ def test_links_may_change_while_a_run_flies(tmp_path: Path) -> None:
     for packet in packets(recorder):
         by_hour.setdefault(packet["began_ms"] // 3_600_000, set()).add(packet["heard"][0][1])
     assert by_hour == {1: {"received"}, 2: {"cut"}, 3: {"cut"}, 4: {"cut"}}
-    changes = [(at_ms, data) for at_ms, kind, data in recorder.events if kind == "links"]
+    changes = [(at_ms, data) for at_ms, kind, data in facts_of(recorder) if kind == "links"]
     assert changes[0] == (200_000, {"rules": [(None, 0, 1.0, 0, None)], "problem": None})
     assert changes[1][0] == 300_000 and "line 1: the columns" in changes[1][1]["problem"]
     assert len(changes) == 2
@@ -202,16 +203,16 @@ def test_an_aPad_learns_ways_assigns_slots_and_finds_its_aMussels() -> None:
     taken_ms = 12 * 5000
     assert all(packet["began_ms"] % 300_000 >= taken_ms for packet in words)
     assert {packet["what"] for packet in words} == {"ping", "unicast"}
-    ranges = [data for _, kind, data in recorder.events if kind == "range" and data["range_m"] is not None]
+    ranges = [data for _, kind, data in facts_of(recorder) if kind == "range" and data["range_m"] is not None]
     places = {it.agent_id: (it.north_m, it.east_m, 3.0) for it in starts_of(scenario)}
     early = ranges[:12]
     for data in early:
         assert data["range_m"] == pytest.approx(dist(places[data["id"]], (*APAD_M, 0.5)), abs=0.6)
-    fixes = [data for _, kind, data in recorder.events if kind == "fix"]
+    fixes = [data for _, kind, data in facts_of(recorder) if kind == "fix"]
     assert fixes, "an aPad on its ways finds somebody"
     assert all(fix["hdop"] <= 5 and fix["ranges"] >= 3 for fix in fixes)
     for fix in fixes:
-        if fix["id"] not in {data["agent"] for _, kind, data in recorder.events if kind == "dock"}:
+        if fix["id"] not in {data["agent"] for _, kind, data in facts_of(recorder) if kind == "dock"}:
             error_m = dist(places[fix["id"]][:2], (fix["north_m"], fix["east_m"]))
             assert error_m < 6 * (fix["covariance"][0] + fix["covariance"][2]) ** 0.5
 

@@ -10,6 +10,7 @@ import pytest
 from flying import Flying
 from hypothesis import given
 from hypothesis import strategies as st
+from journals import facts_of
 
 from apad_bridge.assembly.energy_model import energy_model
 from apad_bridge.beliefs.belief import Belief
@@ -44,7 +45,7 @@ def foretold_of(pool: Scenario) -> tuple[Flying, list[tuple[float, Phase, Foreca
 def happened(flying: Flying, kind: str, key: str, value: object) -> list[float]:
     """Mission seconds of these events."""
     return [
-        at_ms / 1000 for at_ms, name, data in flying.records.events if name == kind and data[key] == value
+        at_ms / 1000 for at_ms, name, data in facts_of(flying.records) if name == kind and data[key] == value
     ]
 
 

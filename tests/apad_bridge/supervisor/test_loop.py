@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from journals import facts_of
 from scenario_files import POOL_FILE, SOUND_FILE, WHOLE_FILE
 
 from agents.coordinator import Coordinator
@@ -154,12 +155,12 @@ def test_recorded_stimuli_played_again_in_any_windows_give_the_same_truths(
     scenario, recorded = SCENARIOS[board], recorded_flight(board)
     initial_states = fleet_parts.initial_states(scenario, starts_of(scenario))
     host = InProcessHost(fleet_parts.fleet_config(flight_config(scenario)), initial_states)
-    assert any(kind == "died" for _, kind, _ in recorded.events)
+    assert any(kind == "died" for _, kind, _ in facts_of(recorded))
     end_ms = 120_000 * scenario.theta
     for agent_id in initial_states:
         moments = [
             (data["agent_ms"], data["wire"] if kind == "stimulus" else None)
-            for _, kind, data in json.loads(json.dumps(recorded.events))
+            for _, kind, data in json.loads(json.dumps(facts_of(recorded)))
             # Stimuli of the last tick are for a window that is never granted.
             if kind in ("stimulus", "died") and data["id"] == agent_id and data["agent_ms"] < end_ms
         ]
@@ -299,7 +300,7 @@ def test_a_mission_ends_with_its_whole_fleet_and_not_with_a_part_of_it(
     for agent_id in list(ids)[:killed]:
         host.kill(agent_id)
     assert str(flight.run()) == ended_by
-    gave_up = [data["gave_up"] for _, kind, data in recorder.events if kind == "died"]
+    gave_up = [data["gave_up"] for _, kind, data in facts_of(recorder) if kind == "died"]
     assert gave_up == ["it stays dead"] * killed
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, cast
 
 import pytest
+from journals import facts_of, journal_of
 from scenario_files import POOL_FILE
 
 from agents.coordinator import Coordinator
@@ -21,7 +22,6 @@ from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.events.event import Event
 from apad_bridge.events.fleet import Presence, PresenceChanged
-from apad_bridge.records.journal import JournalContents
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.summary import uptime_figures
@@ -190,7 +190,7 @@ def test_a_real_one_is_believed_while_its_twin_goes_on_unheard_and_takes_over_wh
     assert heard is not None and heard.heard_ms > belief.heard_ms
     # At theta 30 it loses a minute's charge every two ticks.
     assert 0.48 < heard.primary < 0.5
-    assert [data["is"] for _, kind, data in bench.recorder.events if kind == "presence"] == [
+    assert [data["is"] for _, kind, data in facts_of(bench.recorder) if kind == "presence"] == [
         "real",
         "simulated",
     ]
@@ -228,7 +228,7 @@ def test_a_retired_one_is_planned_for_no_more_and_may_be_spawned_elsewhere() -> 
     assert bench.ask(PresenceRequest(THE_ONE, PresenceTrigger.RETIRE, "a test")) == [None]
     bench.ticks(60)
     assert bench.flight.supervisor.beliefs.all() == []
-    assert not [it for it in bench.recorder.events if it[1] == "dock"]
+    assert not [it for it in facts_of(bench.recorder) if it[1] == "dock"]
     assert bench.ask(PresenceRequest(THE_ONE, PresenceTrigger.SPAWN, "a test", (7.0, 8.0), (0.25, 0.75))) == [
         None
     ]
@@ -243,7 +243,7 @@ def test_a_reset_by_fault_is_a_reset() -> None:
     bench.ticks(3)
     before = bench.truth()
     assert bench.ask(FaultRequest(THE_ONE, TimedFault.BROWN_OUT)) == [None]
-    wires = [data["wire"] for _, kind, data in bench.recorder.events if kind == "stimulus"]
+    wires = [data["wire"] for _, kind, data in facts_of(bench.recorder) if kind == "stimulus"]
     assert wires[-1:] == [[8, 1]]
     bench.ticks(3)
     assert bench.truth() == (State.ACTIVE, pytest.approx(before[1]))
@@ -335,8 +335,8 @@ def test_another_supervisor_knows_who_is_real_and_who_is_retired() -> None:
         PresenceRequest(1, PresenceTrigger.SPAWN, "a test", (7.0, 8.0), (0.5, 0.5)),
         PresenceRequest(2, PresenceTrigger.RETIRE, "a test"),
     )
-    lines = [{"t": at_ms, "kind": kind, **data} for at_ms, kind, data in bench.recorder.events]
-    journal = JournalContents(json.loads(json.dumps(lines)), 0)
+    lines = [{"t": at_ms, "kind": kind, **data} for at_ms, kind, data in facts_of(bench.recorder)]
+    journal = journal_of(json.loads(json.dumps(lines)))
 
     again = Presences([1, 2, 3, 4], 3.0, presence_changes(journal))
     assert [again.of(it) for it in (1, 2, 3, 4)] == [
@@ -355,7 +355,7 @@ def test_another_supervisor_knows_who_is_real_and_who_is_retired() -> None:
 def resumed(bench: Bench, journal_lines: list[Any]) -> Coordinator:
     """The fleet under a new coordinator, after a kill that left these lines in the journal."""
     lines = [{"t": at_ms, "kind": kind, **data} for at_ms, kind, data in journal_lines]
-    journal = JournalContents(json.loads(json.dumps(lines)), 0)
+    journal = journal_of(json.loads(json.dumps(lines)))
     state = StartState(
         cast(Recorder, bench.recorder), bench.presences, cast(LearnedState, None), journal=journal
     )
@@ -389,7 +389,7 @@ def test_stimuli_under_way_as_the_supervisor_died_arrive_once_and_at_their_own_t
         it.ticks(9)
         for one in asked:
             it.ask(one)
-    lines = list(bench.recorder.events)
+    lines = list(facts_of(bench.recorder))
     assert any(kind == "stimulus" for _, kind, _ in lines)
     end_ms = bench.flight.now_ms + 20_000
     if killed.startswith("after"):
@@ -412,7 +412,7 @@ def test_a_contact_that_waits_for_a_body_is_not_closed_around_it_again(tmp_path:
     bench = Bench()
     learned = parts.initial_learned_state(flight_config(bench.scenario))
     recorder = Recorder(directory, bench.scenario, learned.allocation.served)
-    state = StartState(recorder, bench.presences, learned, journal=JournalContents(lines, 0))
+    state = StartState(recorder, bench.presences, learned, journal=journal_of(lines))
     held = state.deliver_again(bench.coordinator).held
     recorder.close()
     assert held == (1,)

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from journals import facts_of
 from scenario_files import WHOLE_FILE
 
 from agents.fleet import drift_of
@@ -61,7 +62,7 @@ def statuses(flown: Scenario, drift_ppb: int = 0) -> list[dict[str, Any]]:
         FlightContext(vehicle=vehicle, pace=AsFastAsPossible(), fleet=fleet),
         recorder,
     ).run()
-    packets = [data for _, kind, data in recorder.events if kind == "packet"]
+    packets = [data for _, kind, data in facts_of(recorder) if kind == "packet"]
     return [it for it in packets if it["from"] != 0 and it["what"] == "unicast"]
 
 

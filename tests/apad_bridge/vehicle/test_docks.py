@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from hypothesis import given
 from hypothesis import strategies as st
+from journals import journal_of
 from scenario_files import POOL_FILE
 
 from apad_bridge.assembly import parts
@@ -11,7 +12,6 @@ from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.events.event import Event
 from apad_bridge.events.mission import MissionState
 from apad_bridge.mission.order_book import OrderBook
-from apad_bridge.records.journal import JournalContents
 from apad_bridge.runs.resuming import find_resume_point
 from apad_bridge.scenario.loader import load
 from apad_bridge.vehicle.commands import CloseDock, DockClosed, DockOpened, OpenDock
@@ -49,7 +49,7 @@ def test_after_any_reports_and_a_kill_all_know_the_same_docks_and_no_amussel_is_
     assert len(held) == len(set(held))
     notes = [it for it in bench.book.take_orders() if isinstance(it, Event)]
     lines = [{"t": at_ms, "kind": it.kind, **it.data} for at_ms, it in enumerate(notes)]
-    state = find_resume_point(JournalContents(lines, 0), epoch=2, gap_ms=0).state
+    state = find_resume_point(journal_of(lines), epoch=2, gap_ms=0).state
     resumed = parts.supervisor(CONFIG, state)
     assert bench.port.docked == bench.book.state.docked == resumed.mission.state.docked == resumed.port.docked
 

@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 import serial
+from journals import facts_of
 from scenario_files import WHOLE_FILE
 
 from agents.hosting.in_process import InProcessHost
@@ -107,12 +108,12 @@ def test_a_driver_talks_to_an_opened_modem_while_the_mission_flies(tmp_path: Pat
         driver.write(b"$U003%02d" % len(permission) + permission)
         assert driver.read_until(b"\r\n") == b"$U003%02d\r\n" % len(permission)
         wire = [it.hex() if isinstance(it, bytes) else it for it in to_wire(SoundArrived(permission))]
-        until(lambda: any(kind == "stimulus" and it["wire"] == wire for _, kind, it in recorder.events))
+        until(lambda: any(kind == "stimulus" and it["wire"] == wire for _, kind, it in facts_of(recorder)))
         # It has ended once its sound has passed the last modem, which may be a tick after it reached this one.
         until(
             lambda: any(
                 kind == "packet" and it["from"] == 7 and it["data"] == permission.hex()
-                for _, kind, it in recorder.events
+                for _, kind, it in facts_of(recorder)
             )
         )
     assert not (tmp_path / "modems" / "amussel7").exists()
@@ -134,7 +135,7 @@ def test_a_physical_modem_brings_packets_for_both_sides(physical: Make, tmp_path
     ):
         until(
             lambda: any(
-                kind == "modem" and "address 1" in it.get("what", "") for _, kind, it in recorder.events
+                kind == "modem" and "address 1" in it.get("what", "") for _, kind, it in facts_of(recorder)
             )
         )
         # A real aMussel reports through modem 2, and a command permits a simulated one to surface.
@@ -149,7 +150,8 @@ def test_a_physical_modem_brings_packets_for_both_sides(physical: Make, tmp_path
         wire = [it.hex() if isinstance(it, bytes) else it for it in to_wire(SoundArrived(permission))]
         until(
             lambda: any(
-                kind == "stimulus" and it["id"] == 5 and it["wire"] == wire for _, kind, it in recorder.events
+                kind == "stimulus" and it["id"] == 5 and it["wire"] == wire
+                for _, kind, it in facts_of(recorder)
             )
         )
     assert modems.modems[1].address == 1
@@ -187,7 +189,7 @@ def test_reports_and_commands_go_into_the_water_with_their_ids(physical: Make, t
         until(lambda: has_received(b"\xb2"))
         assert flight.supervisor.beliefs.get(1) is not None
         # The flight looks at its modem now and then: it may learn later than others that the last sound has left.
-        until(lambda: any(kind == "stimulus" and it["id"] == 1 for _, kind, it in recorder.events))
+        until(lambda: any(kind == "stimulus" and it["id"] == 1 for _, kind, it in facts_of(recorder)))
     packets = [MusselbedCodec().decode(it[3:]) for it in payloads]
     assert any(isinstance(it, AcousticStatus) and it.basic.agent_id == 1 for it in packets)
     assert CommandPacket(Kind.PERMISSION, 1) in packets

@@ -9,18 +9,17 @@ from math import fsum
 
 import pytest
 import yaml
+from journals import lines_in
 from scenario_files import POOL_FILE
 
 from apad_bridge.analysis.energy.energy import BOARD, MOTORS, energy_of, summed
 from apad_bridge.commands.main import main
-from apad_bridge.records.journal import read_journal
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
-from apad_bridge.records.truth_lines import truth_of
 
 
 def test_the_second_run_goes_the_way_of_the_first(pool_run, whole_run):
     for run in (pool_run, whole_run):
-        assert any(line["kind"] == "stimulus" for line in read_journal(run.journal).lines)
+        assert any(line["kind"] == "stimulus" for line in lines_in(run.journal))
         found = energy_of(run)
         assert [it.agent_id for it in found] == list(range(1, 13)) and all(it.is_exact for it in found)
         for energy in found:
@@ -31,16 +30,14 @@ def test_the_second_run_goes_the_way_of_the_first(pool_run, whole_run):
 def test_an_amussel_that_nothing_reaches_drew_what_its_battery_lost(pool_run, whole_run):
     """By its first and last truths, from which its charge at the end follows; no board rests on its backup here."""
     for run in (pool_run, whole_run):
-        lines = read_journal(run.journal).lines
+        lines = lines_in(run.journal)
         reached = {line["id"] for line in lines if line["kind"] == "stimulus"}
         summary = json.loads(run.summary.read_text())["amussels"]
         alone = [it for it in energy_of(run) if it.agent_id not in reached]
         assert alone
         for energy in alone:
-            first = truth_of(
-                next(it for it in lines if it["kind"] == "truth" and it["id"] == energy.agent_id)
-            )
-            lost = first.physical.primary.charge / 6e14 - summary[str(energy.agent_id)]["final_charge"]
+            first = next(it for it in lines if it["kind"] == "truth" and it["id"] == energy.agent_id)
+            lost = first["primary"][1] / 6e14 - summary[str(energy.agent_id)]["final_charge"]
             assert sum(energy.by_module.values()) == pytest.approx(lost, abs=1e-6)
 
 
@@ -62,7 +59,7 @@ def test_runs_of_the_motors_are_a_module_of_the_worst_case(tmp_path):
     scenario.write_text(yaml.safe_dump(data))
     command = ["run", str(scenario), "--time", "asap", "--hosting", "one_process", "--out", str(run.path)]
     assert main(command) == 0
-    lines, found = read_journal(run.journal).lines, energy_of(run)
+    lines, found = lines_in(run.journal), energy_of(run)
     assert all(it.is_exact for it in found)
     entered, before = Counter(), {}
     for line in lines:

@@ -11,6 +11,7 @@ import subprocess
 from collections import Counter
 
 import pytest
+from journals import lines_in
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from pyarrow import parquet
@@ -21,7 +22,6 @@ from apad_bridge.analysis.export.formats import Format, default_path, export
 from apad_bridge.analysis.export.tables import tables_of
 from apad_bridge.commands.main import main
 from apad_bridge.records.bag_messages import TRUTH
-from apad_bridge.records.journal import read_journal
 from apad_bridge.records.run_directory import RunDirectory
 
 OCTAVE = shutil.which("octave")
@@ -31,7 +31,7 @@ def test_every_kind_of_event_and_every_sample_has_its_table(pool_run):
     tables = {it.name: it for it in tables_of(pool_run)}
     for table in tables.values():
         assert {len(it) for it in table.columns.values()} == {table.rows}
-    lines = read_journal(pool_run.journal).lines
+    lines = lines_in(pool_run.journal)
     kinds = {line["kind"] for line in lines} - {"truth", "belief", "apad", "tick"}
     assert {f"event_{kind}" for kind in kinds} == {name for name in tables if name.startswith("event_")}
     for kind in kinds:
@@ -99,7 +99,7 @@ def test_an_mcap_in_ros_2_s_form_is_read_byte_by_byte_as_cdr(pool_run, tmp_path)
     status = [number("d") for _ in range(5)]
     primitive, docks = string(), [number("i") for _ in range(int(number("I")))]
     assert at == len(data)
-    newest = next(it for it in reversed(read_journal(pool_run.journal).lines) if it["kind"] == "apad")
+    newest = next(it for it in reversed(lines_in(pool_run.journal)) if it["kind"] == "apad")
     keys = ("north_m", "east_m", "heading_rad", "voltage_v", "battery")
     assert status == pytest.approx([newest[key] for key in keys], abs=0.02)
     assert (primitive, docks) == (newest["primitive"], newest["docks"])

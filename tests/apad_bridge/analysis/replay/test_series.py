@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from journals import journal_of
 from scenario_files import POOL_FILE
 
 from agents.mussel.outputs import Truth
@@ -20,7 +21,6 @@ from apad_bridge.analysis.replay.series import (
     page_data,
     sample_times,
 )
-from apad_bridge.records.journal import JournalContents
 from apad_bridge.records.truth_lines import truth_event, truth_of
 from apad_bridge.scenario.loader import load
 from firmware_model.actions import Buoyancy
@@ -59,18 +59,20 @@ def apad(t, north_m, docks=(-1, -1, -1, -1), battery=0.9):
 
 def run_line(*ids):
     agents = [{"id": n, "north_m": 1.0, "east_m": 2.0, "primary": 1.0, "secondary": 1.0} for n in ids]
-    return {"t": 0, "kind": "run", "format": 2, "agents": agents}
+    told = {"scenario": "pool-12", "theta": 10, "seed": 1, "duration_s": 2400.0}
+    thresholds = {"pool_threshold": 0.8, "full_threshold": 0.99}
+    return {"t": 0, "kind": "run", "format": 2, "agents": agents, **told, **thresholds}
 
 
 def data_of(*lines, summary=None, dropped=0):
-    return page_data(SCENARIO, JournalContents(list(lines), dropped), summary)
+    return page_data(SCENARIO, journal_of(sorted(lines, key=lambda line: line["t"]), dropped), summary)
 
 
-def test_a_truth_line_is_exact():
+def test_a_truth_in_the_journal_is_exact():
     it = truth(123_457, 3, 0.123456789, Flow.CHARGING, docked=True)
-    assert truth_of({"t": 0, "kind": "truth", **truth_event(it).data}) == it
+    assert truth_of(truth_event(it)) == it
     sampled = replace(it, physical=replace(it.physical, pin_due_ms=5, samples=7, acknowledged=3))
-    assert truth_of({"t": 0, "kind": "truth", **truth_event(sampled).data}) == sampled
+    assert truth_of(truth_event(sampled)) == sampled
 
 
 def test_colours_say_what_a_threshold_a_dock_and_two_batteries_say():
@@ -204,7 +206,12 @@ def test_a_plan_goes_to_the_places_that_are_the_aMussels_then_and_counts_its_own
     tour = [["collect", 4, 0], ["deploy", 5, 1], ["collect", 2, 1], ["deploy", 6, 2]]
     lines = [
         {"t": 0, **plan, "what": "collect", "steps": steps},
-        {"t": 0, "kind": "mission", "phase": "go", "snapshot": {"plan": tour, "cost_m": 0, "homes": homes}},
+        {
+            "t": 0,
+            "kind": "mission",
+            "phase": "idle wait",
+            "snapshot": {"plan": tour, "cost_m": 0, "homes": homes},
+        },
         apad(0, 1.0),
         {"t": 1000, **plan, "what": "redeploy", "steps": steps},
         apad(1000, 1.0),
@@ -324,10 +331,10 @@ def story():
 
 def test_a_run_that_is_followed_shows_the_same_as_one_that_is_read_at_its_end():
     lines = story()
-    followed = RunView(SCENARIO, JournalContents(lines[:1], 0), 4000)
+    followed = RunView(SCENARIO, journal_of(lines[:1]), 4000)
     followed.sample(-1)
     for line in lines[1:]:
-        followed.add(JournalContents([line], 0))
+        followed.add(journal_of([line]))
     for now_ms in range(0, 5000, 1000):
         followed.sample(now_ms)
     whole, live = data_of(*lines), followed.data(None)
@@ -341,11 +348,11 @@ def test_a_run_that_is_followed_shows_the_same_as_one_that_is_read_at_its_end():
 
 def test_a_sample_that_is_taken_again_has_the_lines_that_came_after_it():
     *lines, end = story()
-    view = RunView(SCENARIO, JournalContents(lines, 0), 4000)
+    view = RunView(SCENARIO, journal_of(lines), 4000)
     for now_ms in range(0, 5000, 1000):
         view.sample(now_ms)
     assert not view.has_late_lines and view.ended_by is None
-    view.add(JournalContents([end], 0))
+    view.add(journal_of([end]))
     assert view.has_late_lines
     view.sample(4000)
     assert not view.has_late_lines
@@ -354,10 +361,10 @@ def test_a_sample_that_is_taken_again_has_the_lines_that_came_after_it():
 
 def test_the_newest_sample_brings_what_a_page_lacks_and_no_more():
     lines = story()
-    view = RunView(SCENARIO, JournalContents(lines[:4], 0), 4000)
+    view = RunView(SCENARIO, journal_of(lines[:4]), 4000)
     view.sample(0)
     before = view.counts
-    view.add(JournalContents(lines[4:], 0))
+    view.add(journal_of(lines[4:]))
     view.sample(4000)
     newest = view.newest(before)
     assert newest["t"] == 4000 and newest["docks"] == [2, None, None, None]
@@ -372,7 +379,7 @@ def test_the_newest_sample_brings_what_a_page_lacks_and_no_more():
 
 
 def test_thinning_keeps_the_newest_sample_and_the_columns_alike_long():
-    view = RunView(SCENARIO, JournalContents(story(), 0), 4000)
+    view = RunView(SCENARIO, journal_of(story()), 4000)
     for now_ms in range(0, 5000, 1000):
         view.sample(now_ms)
     view.thin()
@@ -401,12 +408,12 @@ def test_packets_and_plans_are_those_of_the_journal():
         "data": "",
     }
     plan = {"t": 2000, "kind": "plan", "what": "collect", "strategy": "exact", "steps": [], "costs": {}}
-    plan |= {"beliefs": [], "runner_up": {"strategy": "greedy"}}
+    plan |= {"beliefs": [], "options": [{"agents": [1], "cost": 2.0, "parts": {"way": 2.0}}]}
     data = data_of(run_line(1, 2), *truth_lines(truth(0, 1, 0.5, secondary=0.25)), plan, packet)
     assert data["packets"] == [(2000, 200, 2, "ping", None, None, ((0, "received"),), 1, 7)]
     assert data["earlier_packets"] == 0
-    # Whatever a version writes of a plan's reasons goes along.
-    assert [it["runner_up"] for it in data["plans"]] == [{"strategy": "greedy"}]
+    # The reasons of a plan go along.
+    assert [it["options"] for it in data["plans"]] == [plan["options"]]
     assert data["agents"][0]["secondary"][-1] == 0.25 and data["agents"][1]["secondary"][-1] is None
     assert data["states"][data["agents"][0]["state"][-1]] == "active"
 
@@ -414,11 +421,11 @@ def test_packets_and_plans_are_those_of_the_journal():
 def test_a_suspect_is_named_with_its_time_and_its_reason():
     """To a page that is open already, too."""
     suspect = {"t": 3000, "kind": "suspect", "id": 2, "reason": "its charge rose in the water"}
-    view = RunView(SCENARIO, JournalContents([run_line(1, 2)], 0))
+    view = RunView(SCENARIO, journal_of([run_line(1, 2)]))
     view.sample(0)
     assert view.data(None)["suspects"] == []
     before = view.counts
-    view.add(JournalContents([suspect], 0))
+    view.add(journal_of([suspect]))
     view.sample(3000)
     assert view.newest(before)["suspects"] == [(3000, 2, "its charge rose in the water")]
     assert view.data(None)["suspects"] == view.newest(view.counts)["suspects"]
@@ -426,14 +433,14 @@ def test_a_suspect_is_named_with_its_time_and_its_reason():
 
 def test_what_a_twin_learned_of_a_capacity_holds_until_it_knows_better():
     """To a page that is open already, too; a run without twins has no such column."""
-    view = RunView(SCENARIO, JournalContents([run_line(1, 2)], 0))
+    view = RunView(SCENARIO, journal_of([run_line(1, 2)]))
     view.sample(0)
     assert [it["capacity"] for it in view.data(None)["agents"]] == [None, None]
     learned = [
         {"t": 1000, "kind": "capacity", "id": 2, "low": 0.6, "high": 1.0},
         {"t": 3000, "kind": "capacity", "id": 2, "low": 0.7312, "high": 0.8188},
     ]
-    view.add(JournalContents(learned, 0))
+    view.add(journal_of(learned))
     for now_ms in (1000, 2000, 3000):
         view.sample(now_ms)
     assert [it["capacity"] for it in view.data(None)["agents"]] == [
@@ -479,5 +486,5 @@ def test_a_thinned_track_keeps_its_ends_and_says_how_far_off_it_is():
 def test_boards_with_timeslots_state_them():
     assert data_of(run_line(1))["timeslots"] is None
     scenario = load(ROOT / "launch_scripts" / "scenarios" / "sound-12.yaml")
-    slots = page_data(scenario, JournalContents([run_line(1)], 0), None)["timeslots"]
+    slots = page_data(scenario, journal_of([run_line(1)]), None)["timeslots"]
     assert slots == {"frame_ms": 300_000, "slot_ms": 5000}

@@ -1,0 +1,33 @@
+"""A journal's lines as plain data, which tests write down, and read without the code that they test."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from agents.time_scale import MissionMs
+from apad_bridge.events.union import event_of
+from apad_bridge.records.journal import Entry, JournalContents
+from apad_bridge.runs.in_memory import MemoryRecorder
+
+Line = dict[str, Any]
+
+
+def journal_of(lines: Iterable[Line], dropped: int = 0) -> JournalContents:
+    """The events of these lines."""
+    return JournalContents(
+        [Entry(MissionMs(line["t"]), event_of(line["kind"], line)) for line in lines], dropped
+    )
+
+
+def lines_in(journal: Path) -> list[Line]:
+    """The whole lines of a journal so far; none without such a file."""
+    whole = journal.read_bytes().split(b"\n")[:-1] if journal.exists() else []
+    return [json.loads(line) for line in whole]
+
+
+def facts_of(recorder: MemoryRecorder) -> list[tuple[int, str, Line]]:
+    """The time, the kind and the fields of each event."""
+    return [(at_ms, event.kind, event.data) for at_ms, event in recorder.journal.entries]
