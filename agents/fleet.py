@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from struct import Struct
-from typing import Any
 
-from agents.modem.frames import ModemGeneration
 from agents.mussel.agent import AgentConfig
 from agents.mussel.body import BodyConfig, WaterConfig
 from agents.mussel.physical import Physical
@@ -20,20 +18,11 @@ from agents.water.stream import STILL_CURRENT, CurrentConfig
 from firmware_model.actions import Buoyancy
 from firmware_model.config import (
     BoardConfig,
-    Cycle,
-    FullFirmware,
-    LastResort,
-    Metering,
-    Power,
-    Timekeeping,
-    Timeslots,
 )
 from firmware_model.digest import blake2b
 from firmware_model.power.ageing import AS_NEW, rescaled
 from firmware_model.power.charge import Battery, ChargeModel, Flow, grains
-from firmware_model.power.rails import Loads
 from firmware_model.sampling.flash import PAGES
-from firmware_model.sinking import Sinking
 
 _KEY = Struct("<QQ").pack
 _MOST_DEVIATIONS = 3.0
@@ -112,82 +101,8 @@ class FleetConfig:
     def time_scale(self) -> TimeScale:
         return TimeScale(self.theta)
 
-    def to_wire(self) -> dict[str, Any]:
-        return asdict(self)
-
-    @classmethod
-    def from_wire(cls, wire: dict[str, Any]) -> FleetConfig:
-        """The inverse of `to_wire`; KeyError, TypeError or ValueError for anything else."""
-        body, reports = wire["body"], wire["reports"]
-        return cls(
-            **{
-                **wire,
-                "board": _board_of(wire["board"]),
-                "agent_ids": tuple(wire["agent_ids"]),
-                "body": BodyConfig(
-                    **{
-                        **body,
-                        "sinking": Sinking(**body["sinking"]),
-                        "leeway_um_s": tuple(body["leeway_um_s"]),
-                    }
-                ),
-                "reports": ReportConfig(**{**reports, "modem": ModemGeneration(reports["modem"])}),
-                "current": CurrentConfig.from_wire(wire["current"]),
-                "waters": {key: QuantityWater.from_wire(it) for key, it in wire["waters"].items()},
-                "spread": Spread(**wire["spread"]),
-                "firmware": tuple(
-                    FirmwareConfig(tuple(it["command"]), tuple(it["agent_ids"])) for it in wire["firmware"]
-                ),
-            }
-        )
-
     def maker(self) -> AgentConfigs:
         return AgentConfigs(self)
-
-
-def _board_of(wire: dict[str, Any]) -> BoardConfig:
-    whole = wire["whole"]
-    return BoardConfig(
-        **{
-            **wire,
-            "charge": _charge_of(wire["charge"]),
-            "whole": None if whole is None else _whole_of(whole),
-        }
-    )
-
-
-def _charge_of(wire: dict[str, Any]) -> ChargeModel:
-    one, two = (tuple((end, rate) for end, rate in wire[key]) for key in ("segments", "segments_by_two"))
-    return ChargeModel(**{**wire, "segments": one, "segments_by_two": two})
-
-
-def _whole_of(wire: dict[str, Any]) -> FullFirmware:
-    cycle, timekeeping = wire["cycle"], wire["timekeeping"]
-    return FullFirmware(
-        **{
-            **wire,
-            "power": _power_of(wire["power"]),
-            "cycle": None if cycle is None else _cycle_of(cycle),
-            "timekeeping": None if timekeeping is None else Timekeeping(**timekeeping),
-        }
-    )
-
-
-def _power_of(wire: dict[str, Any]) -> Power:
-    metering = wire["metering"]
-    return Power(
-        **{
-            **wire,
-            "loads": Loads(tuple(wire["loads"]["of"])),
-            "last_resort": LastResort(wire["last_resort"]),
-            "metering": None if metering is None else Metering(**metering),
-        }
-    )
-
-
-def _cycle_of(wire: dict[str, Any]) -> Cycle:
-    slots = wire["slots"]
-    return Cycle(**{**wire, "slots": None if slots is None else Timeslots(**slots)})
 
 
 class AgentConfigs:

@@ -5,9 +5,8 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 
-import msgpack
-
 from agents.fleet import FleetConfig
+from agents.link_codec import FORM_BYTES, LinkCodec
 from agents.mussel.physical import Physical
 
 FLEET_NAME = "fleet.msgpack"
@@ -37,29 +36,22 @@ class FleetFile:
 
     def write(self, run_dir: str) -> None:
         """Writes the file into an existing directory. FileExistsError if there is a fleet already."""
-        restart_policy = self.restart_policy
-        data: bytes = msgpack.packb(
-            [
-                self.fleet.to_wire(),
-                {agent_id: physical.pack() for agent_id, physical in self.initial_states.items()},
-                [
-                    restart_policy.orphan_s,
-                    restart_policy.restarts,
-                    restart_policy.settled_s,
-                    restart_policy.ending_s,
-                ],
-            ]
-        )
         with open(os.path.join(run_dir, FLEET_NAME), "xb") as file:
-            file.write(data)
+            codec = _codec()
+            file.write(codec.form + codec.encode(self))
 
     @classmethod
     def read(cls, run_dir: str) -> FleetFile:
-        """The inverse of `write`; OSError if there is no file."""
-        with open(os.path.join(run_dir, FLEET_NAME), "rb") as file:
-            fleet, initial_states, restart_policy = msgpack.unpackb(file.read(), strict_map_key=False)
-        return cls(
-            FleetConfig.from_wire(fleet),
-            {agent_id: Physical.unpack(data) for agent_id, data in initial_states.items()},
-            RestartPolicy(*restart_policy),
-        )
+        """The inverse of `write`. OSError if there is no file, ValueError for one of another version."""
+        path = os.path.join(run_dir, FLEET_NAME)
+        codec = _codec()
+        with open(path, "rb") as file:
+            if file.read(FORM_BYTES) != codec.form:
+                raise ValueError(f"{path} was written by another version, or is damaged")
+            found: FleetFile = codec.decode(file.read())
+        return found
+
+
+def _codec() -> LinkCodec:
+    # Made when it is needed, so that no agent carries it.
+    return LinkCodec([FleetFile])

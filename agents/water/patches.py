@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import sqrt
-from typing import Any
 
 from agents.water.fields import Constant, Field
 from firmware_model.sampling.sensors import SENSORS
@@ -84,12 +83,6 @@ class QuantityWater:
     def field(self) -> Field:
         calm: Field = Constant(self.layers[0][1]) if len(self.layers) == 1 else Layers(self.layers)
         return Patched(calm, self.patches) if self.patches else calm
-
-    @classmethod
-    def from_wire(cls, wire: dict[str, Any]) -> QuantityWater:
-        return cls(
-            tuple([tuple(it) for it in wire["layers"]]), tuple([WaterPatch(**it) for it in wire["patches"]])
-        )
 
 
 CALM = {sensor.key: QuantityWater(((0, sensor.calm),)) for sensor in SENSORS if sensor.calm is not None}

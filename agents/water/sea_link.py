@@ -6,7 +6,7 @@
     flight: Leave
 
 A link is a stream socket in a directory of the run, for its user alone. `multiprocessing.connection` frames the messages,
-because a tick has no bound on its size; `sea_codec` makes their bytes.
+because a tick has no bound on its size; `agents/link_codec.py` makes their bytes.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from multiprocessing.connection import Connection
 from typing import Any, get_args
 
 from agents.coordinator import AgentDied
+from agents.link_codec import LinkCodec
 from agents.mussel.outputs import Output, Truth
 from agents.mussel.stimuli import Stimulus
 from agents.nursery import protocol
 from agents.time_scale import AgentMs, MissionMs
 from agents.water.places import ModemPlace
-from agents.water.sea_codec import SeaCodec
 from agents.water.sea_events import SeaResult
 from agents.water.topology import LinkRule, Topology
 
@@ -136,7 +136,7 @@ class Leave:
 
 
 SeaMessage = SeaHello | SeaWelcome | SeaRefusal | Ready | Begin | Tick | Window | Windowed | Ticked | Leave
-CODEC = SeaCodec((*get_args(SeaMessage), LinkRule, Topology), {Topology: "rules"})
+CODEC = LinkCodec((*get_args(SeaMessage), LinkRule, Topology), {Topology: "rules"})
 """A `StationCall` has any arguments of a station's methods; of these a topology alone is more than numbers and bytes."""
 
 

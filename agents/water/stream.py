@@ -9,7 +9,6 @@ from __future__ import annotations
 from array import array
 from dataclasses import dataclass
 from math import pi, sin
-from typing import Any
 
 from agents.water.current import STILL_WATER, CurrentField, between
 from agents.water.table import number_of
@@ -176,11 +175,6 @@ class CurrentConfig:
         """Raises ValueError for a file that `parse_stream` refuses."""
         stream = STILL if self.csv is None else parse_stream(self.csv)
         return Stream.of(stream.seconds, stream.depths_um, stream.fields, self.tides, self.profile)
-
-    @classmethod
-    def from_wire(cls, wire: dict[str, Any]) -> CurrentConfig:
-        tides = tuple([TideConstituent(**it) for it in wire["tides"]])
-        return cls(wire["csv"], tides, tuple([tuple(it) for it in wire["profile"]]))
 
 
 STILL_CURRENT = CurrentConfig()

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 from statistics import correlation, mean, stdev
 
-import msgpack
 import pytest
 from fleets import PAPER, with_whole_boards
 from hypothesis import given
 from hypothesis import strategies as st
 
 from agents.fleet import FleetConfig, Spread, deviations_of, drift_of
+from agents.link_codec import LinkCodec
 from agents.water.patches import CALM, QuantityWater, WaterPatch
 from agents.water.stream import CurrentConfig, TideConstituent
 from firmware_model.config import FullFirmware, LastResort
@@ -51,23 +51,19 @@ FLEETS = {
 }
 
 
+CODEC = LinkCodec([FleetConfig])
+
+
 def over_the_wire(fleet: FleetConfig) -> FleetConfig:
-    return FleetConfig.from_wire(msgpack.unpackb(msgpack.packb(fleet.to_wire())))
+    crossed = CODEC.decode(CODEC.encode(fleet))
+    assert isinstance(crossed, FleetConfig)
+    return crossed
 
 
 @pytest.mark.parametrize("fleet", FLEETS.values(), ids=FLEETS)
 def test_a_fleet_crosses_the_link_whole(fleet: FleetConfig) -> None:
     assert over_the_wire(fleet) == fleet
     assert over_the_wire(fleet).maker().config(7) == fleet.maker().config(7)
-
-
-@pytest.mark.parametrize("change", [{"power": None}, {"naps": 3}, {"cycle": {"alarm_ms": 1}}])
-def test_what_is_no_whole_board_is_refused(change: dict[str, object]) -> None:
-    wire = FLEETS["field"].to_wire()
-    with pytest.raises((KeyError, TypeError, ValueError)):
-        FleetConfig.from_wire(
-            {**wire, "board": {**wire["board"], "whole": {**wire["board"]["whole"], **change}}}
-        )
 
 
 def test_agents_share_the_firmware_s_numbers_and_have_timeslots_of_their_own() -> None:

@@ -1,4 +1,4 @@
-"""The bytes of values that cross the link of a sea: msgpack, of the classes that its messages are made of and no others."""
+"""The bytes of values that cross a link or stand in a file: msgpack, of the classes that they are made of and no others."""
 
 from __future__ import annotations
 
@@ -11,20 +11,27 @@ from typing import Any, get_args, get_origin, get_type_hints
 
 import msgpack
 
+from firmware_model.digest import blake2b
 
-class SeaCodec:
+FORM_BYTES = 8
+
+
+class LinkCodec:
     """Encodes values of `roots`, and of the classes of their fields. A class is a number, the same at both ends of a link.
 
     A class is a dataclass, an enumeration, a Counter, or one that is made of what its only attribute holds (`holders`). One
     that has bytes of its own (`pack` and `unpack`) crosses as these.
     """
 
-    def __init__(self, roots: Iterable[type], holders: dict[type, str]) -> None:
-        self._holders = holders
+    def __init__(self, roots: Iterable[type], holders: dict[type, str] | None = None) -> None:
+        self._holders = holders or {}
         kinds = {it for root in roots for it in self._reached(root, set())}
         self._kinds = sorted(kinds, key=lambda it: f"{it.__module__}.{it.__qualname__}")
         self._codes = {kind: code for code, kind in enumerate(self._kinds)}
         self._names = {kind: self._names_of(kind) for kind in self._kinds}
+        classes = [(kind.__qualname__, names) for kind, names in self._names.items()]
+        self.form = blake2b(repr(classes).encode(), digest_size=FORM_BYTES).digest()
+        """The same where the classes and their fields are the same: a file of another version has another form."""
 
     def encode(self, value: Any) -> bytes:
         data: bytes = msgpack.packb(value, default=self._extended, strict_types=True)
