@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from apad_bridge.ros_names.names import plain
 from apad_bridge.scenario.another_apad import AnotherAPad
 from apad_bridge.scenario.errors import ScenarioError
-from apad_bridge.scenario.loader import from_data, resolve
+from apad_bridge.scenario.loader import with_values
 from apad_bridge.scenario.schema import APad, Scenario
 from apad_bridge.scenario.starts import Start
 
@@ -67,15 +68,16 @@ def _apads(scenario: Scenario) -> list[APad | AnotherAPad]:
 def _of_one(
     scenario: Scenario, apad: APad | AnotherAPad, ids: tuple[int, ...], turn: tuple[int, int] | None = None
 ) -> Scenario:
-    data = resolve(scenario)
-    data.update(name=f"{scenario.name}-{plain(apad.name)}", apads=[])
-    data["fleet"]["share"] = list(ids)
-    if turn is not None and data["water"] is not None:
-        data["water"]["talk"]["turn"] = list(turn)
-    data["apad"].update(name=apad.name, start_m=list(apad.start_m))
+    values: dict[str, Any] = {
+        "name": f"{scenario.name}-{plain(apad.name)}",
+        "apads": [],
+        "fleet.share": ids,
+        "apad.name": apad.name,
+        "apad.start_m": apad.start_m,
+    }
+    if scenario.water is not None:
+        values["water.talk.turn"] = turn
     if isinstance(apad, AnotherAPad):
-        if apad.battery_start_fraction is not None:
-            data["apad"]["battery"]["start_fraction"] = apad.battery_start_fraction
-        if apad.fault is not None:
-            data["apad"]["fault"] = apad.fault.value
-    return from_data(data, f"{scenario.name}: {apad.name}")
+        values |= {"apad.battery.start_fraction": apad.battery_start_fraction, "apad.fault": apad.fault}
+    given = {key: value for key, value in values.items() if value is not None}
+    return with_values(scenario, given, f"{scenario.name}: {apad.name}")

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from apad_bridge.planning.registry import digest_of_file, label
-from apad_bridge.scenario.loader import from_data, load, resolve, with_strategy_copies, write_resolved
+from apad_bridge.scenario.loader import load, with_strategy_copies, with_values, write_resolved
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start, save_starts
 from apad_bridge.scenario.starts_table import ENDS_NAME, STARTS_NAME
@@ -149,11 +149,9 @@ class RunDirectory:
         ScenarioError as `load`.
         """
         scenario = load(self.scenario)
-        data = resolve(scenario)
-        if not isinstance(data["fleet"]["start"], str):
+        if not isinstance(scenario.fleet.start, str):
             return scenario
-        data["fleet"]["start"] = str(self.starts.absolute())
-        return from_data(data, str(self.scenario))
+        return with_values(scenario, {"fleet.start": str(self.starts.absolute())}, str(self.scenario))
 
     def write_inputs(self, scenario: Scenario, starts: Iterable[Start]) -> None:
         """Writes the run's inputs: scenario.yaml, starts.csv, versions.json, and the files of strategies."""

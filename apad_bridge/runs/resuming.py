@@ -40,7 +40,7 @@ from apad_bridge.records.journal import JournalContents, read_journal
 from apad_bridge.records.recorder import Recorder, Resumed
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.flying import ResumePoint, journal_start
-from apad_bridge.scenario.loader import from_data, resolve
+from apad_bridge.scenario.loader import with_values
 from apad_bridge.scenario.run_options import BenchPart, RunOptions
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
@@ -101,12 +101,13 @@ def with_apad_as_seen(scenario: Scenario, journal: JournalContents) -> Scenario 
     moves = [it for _, it in journal.events(APadMoved)]
     if not moves:
         return None
-    seen, data = moves[-1], resolve(scenario)
-    data["area"]["home_m"] = list(parts.home_stays(scenario).place_m)
-    data["apad"]["start_m"] = [seen.north_m, seen.east_m]
-    if seen.battery is not None:
-        data["apad"]["battery"]["start_fraction"] = seen.battery
-    return from_data(data, scenario.name)
+    seen, start = moves[-1], scenario.apad.battery.start_fraction
+    values = {
+        "area.home_m": parts.home_stays(scenario).place_m,
+        "apad.start_m": (seen.north_m, seen.east_m),
+        "apad.battery.start_fraction": start if seen.battery is None else seen.battery,
+    }
+    return with_values(scenario, values, scenario.name)
 
 
 def steering_of(journal: JournalContents) -> Steering:

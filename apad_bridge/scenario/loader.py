@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
@@ -156,7 +156,10 @@ def write_resolved(path: Path, scenario: Scenario) -> None:
     File names below the directory of `path` become relative to it, so that a run's directory that holds its own
     starts can be moved. The file appears whole or not at all.
     """
-    data = resolve(scenario)
+    _write(path, resolve(scenario))
+
+
+def _write(path: Path, data: dict[str, Any]) -> None:
     directory = path.parent.absolute()
     for entry in _file_entries(data):
         name = Path(entry.path)
@@ -187,7 +190,7 @@ def write_with_files(path: Path, scenario: Scenario) -> None:
         else:
             shutil.copy(named, copy)  # with its mode: firmware is to be executed
         entry.path = str(copy.absolute())
-    write_resolved(path, from_data(data, str(path)))
+    _write(path, data)
 
 
 def with_overrides(
@@ -205,26 +208,48 @@ def with_overrides(
     `agents` is the fleet's count, of its lowest ids; `strategy` the collection strategy's name, `generation` the aPad's.
     Raises ScenarioError.
     """
-    data = resolve(scenario)
-    if theta is not None:
-        data["theta"] = theta
-    if agents is not None:
-        ids = data["fleet"]["agent_ids"]
-        if ids and agents > len(ids):
+    in_file = None if strategy is None else InFile.of(strategy)
+    values: dict[str, Any] = {
+        "theta": theta,
+        "fleet.count": agents,
+        "mission.collection": strategy
+        if in_file is None
+        else str(in_file._replace(path=os.path.abspath(in_file.path))),
+        "seed": seed,
+        "fleet.hosting": hosting,
+        "apad.generation": generation,
+    }
+    ids = scenario.fleet.agent_ids
+    if agents is not None and ids:
+        if agents > len(ids):
             raise ScenarioError(
                 [f"command line: --agents {agents}: the fleet has {len(ids)}, {in_ranges(ids)}"]
             )
-        data["fleet"].update(count=agents, agent_ids=ids[:agents])
-    if strategy is not None:
-        data["mission"]["collection"] = strategy
-        _make_absolute(data, Path.cwd())
-    if seed is not None:
-        data["seed"] = seed
-    if hosting is not None:
-        data["fleet"]["hosting"] = hosting
-    if generation is not None:
-        data["apad"]["generation"] = generation
-    return from_data(data, "command line")
+        values["fleet.agent_ids"] = ids[:agents]
+    given = {key: value for key, value in values.items() if value is not None}
+    return with_values(scenario, given, "command line") if given else scenario
+
+
+def with_values(scenario: Scenario, values: Mapping[str, Any], source: str) -> Scenario:
+    """The scenario with plain values in place of its own, by their keys such as `mission.batch`, checked again.
+
+    Raises ScenarioError, whose lines begin with `source`.
+    """
+    data = resolve(scenario)
+    for key, value in values.items():
+        put(data, key, value, scenario.name)
+    return from_data(data, source)
+
+
+def put(data: dict[str, Any], key: str, value: Any, scenario: str) -> None:
+    """Sets a key of the scenario's data, as `mission.batch`."""
+    *blocks, last = key.split(".")
+    place: Any = data
+    for block in blocks:
+        place = place.get(block) if isinstance(place, dict) else None
+    if not isinstance(place, dict):
+        raise ScenarioError([f"{key}: the scenario {scenario} has no such block"])
+    place[last] = value
 
 
 @dataclass(slots=True)

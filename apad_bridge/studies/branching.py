@@ -42,7 +42,7 @@ from apad_bridge.runs.several.lockstep import Exchange, LockstepRunner, MemberFl
 from apad_bridge.scenario.cross_checks import check_code
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.firmware_config import charge_models, takes_samples, works_on_secondary
-from apad_bridge.scenario.loader import from_data, resolve
+from apad_bridge.scenario.loader import with_values
 from apad_bridge.scenario.run_options import RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
@@ -198,10 +198,10 @@ def _checked(scenario: Scenario, turn: Turn, names: Sequence[str], trust: regist
         raise NoBranch(f"--set {unknown[0]}: what can change in flight is {', '.join(CHANGEABLE)}")
     if turn.lost_apad is not None and turn.lost_apad not in names:
         raise NoBranch(f"--lose-apad {turn.lost_apad}: the run's aPads are {', '.join(names)}")
-    data = resolve(scenario)
-    data["mission"].update(turn.rules)
     try:
-        changed = from_data(data, scenario.name)
+        changed = with_values(
+            scenario, {f"mission.{key}": it for key, it in turn.rules.items()}, scenario.name
+        )
         check_code(changed, scenario.name, trust)
         check_code(scenario, scenario.name, trust)
     except ScenarioError as error:

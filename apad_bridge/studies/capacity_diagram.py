@@ -19,7 +19,7 @@ from rich.table import Table
 
 from apad_bridge.assembly.capacity import Bounds
 from apad_bridge.planning.registry import Trust
-from apad_bridge.scenario.loader import SHIPPED, from_data, resolve
+from apad_bridge.scenario.loader import SHIPPED, with_values
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.text_file import write_atomically
 from apad_bridge.studies.findings import Findings, table_of
@@ -140,16 +140,18 @@ def diagram_of(
 
     StrategyFailed when its strategy ends a flight. The scenario must be one that `model_gap` finds covered.
     """
-    data = resolve(scenario)
-    data["duration_s"] = float(scenario.time_scale.mission_time(DAYS_S))
-    data["apad"]["battery"]["capacity_wh"] = _UNLIMITED_WH
-    data["fleet"]["drift"]["amplitude_m"] = 0.0
+    values = {
+        "duration_s": float(scenario.time_scale.mission_time(DAYS_S)),
+        "apad.battery.capacity_wh": _UNLIMITED_WH,
+        "fleet.drift.amplitude_m": 0.0,
+    }
     found = []
     for mean in MEAN_CHARGES:
-        data["fleet"]["start"] = _start(mean)
         flights = []
         for seed in seeds:
-            seeded = from_data({**data, "seed": seed}, scenario.name)
+            seeded = with_values(
+                scenario, {**values, "fleet.start": _start(mean), "seed": seed}, scenario.name
+            )
             flights.append(fly(seeded, Model.EVENT_DRIVEN, trust))
             on_flown()
         found.append(

@@ -24,7 +24,7 @@ from pydantic import TypeAdapter, ValidationError
 from apad_bridge.planning import registry
 from apad_bridge.scenario.cross_checks import check_code
 from apad_bridge.scenario.errors import ScenarioError
-from apad_bridge.scenario.loader import file_of, from_data, load, resolve, write_with_files
+from apad_bridge.scenario.loader import file_of, from_data, load, put, resolve, write_with_files
 from apad_bridge.scenario.quantities import FileName, frozen
 from apad_bridge.scenario.schema import RandomStart, Scenario
 from apad_bridge.scenario.text_file import read_text, write_atomically
@@ -126,7 +126,7 @@ class StudyPlan:
         data = deepcopy(self.scenarios[setting][strategy])
         label = f"{self.settings[setting].label}, seed {seed}"
         for key, value in self.drawn(seed).items():
-            _put(data, key, value, label)
+            put(data, key, value, label)
         return from_data({**data, "seed": seed}, label)
 
     def drawn(self, seed: int) -> dict[str, Any]:
@@ -360,7 +360,7 @@ def _changed(
     if isinstance(study.start, RandomStart):
         data["fleet"]["start"] = {"charge": list(study.start.charge)}
     for key, value in [*parameters, *((f"mission.{key}", value) for key, value in strategy.mission.items())]:
-        _put(data, key, value, scenario.name)
+        put(data, key, value, scenario.name)
     if "fleet.count" in dict(parameters):
         data["fleet"]["agent_ids"] = []
     return data
@@ -379,17 +379,6 @@ def _check_draws(study: Study, strategies: Sequence[Strategy], source: str) -> N
     twice = sorted({key for cell in study.cells.values() for key in cell} & study.parameters.keys())
     if twice:
         raise ScenarioError([f"{source}: cells: {', '.join(twice)}: parameters has this, too: name it once"])
-
-
-def _put(data: dict[str, Any], key: str, value: Any, scenario: str) -> None:
-    """Sets a key of the scenario's data, as `mission.batch`."""
-    *blocks, last = key.split(".")
-    place: Any = data
-    for block in blocks:
-        place = place.get(block) if isinstance(place, dict) else None
-    if not isinstance(place, dict):
-        raise ScenarioError([f"{key}: the scenario {scenario} has no such block"])
-    place[last] = value
 
 
 def _checked(data: dict[str, Any], study: Study, source: str, trust: registry.Trust | None) -> dict[str, Any]:

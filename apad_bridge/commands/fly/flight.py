@@ -25,7 +25,7 @@ from apad_bridge.runs.progress import FlightProgress
 from apad_bridge.runs.several.summary import Flown, combined_summary
 from apad_bridge.scenario.cross_checks import check_code
 from apad_bridge.scenario.errors import ScenarioError
-from apad_bridge.scenario.loader import from_data, load, resolve, with_overrides
+from apad_bridge.scenario.loader import load, with_overrides, with_values
 from apad_bridge.scenario.run_options import APadKind, BenchPart, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start, read_starts, save_starts, starts_of
@@ -301,6 +301,4 @@ def with_end_by_in_seconds(scenario: Scenario, now: datetime, speed: float = 1.0
     if seconds <= 0:
         raise ScenarioError([f"mission.end_by: it is {now:%H:%M}, and {end_by} has passed today"])
     # A fast mission's begin is not known better than to a second.
-    data = resolve(scenario)
-    data["mission"]["end_by"] = float(max(1, int(seconds * speed)))
-    return from_data(data, "mission.end_by")
+    return with_values(scenario, {"mission.end_by": float(max(1, int(seconds * speed)))}, "mission.end_by")
