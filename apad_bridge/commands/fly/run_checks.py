@@ -29,10 +29,13 @@ def check_run(options: RunOptions, scenario: Scenario, starts: Sequence[Start]) 
 
     UserError for a mistake, or on red; PeerFailed for somebody's master that does not answer.
     """
-    _check_modems(options, scenario)
+    if options.open_modems:
+        _check_opened(options, scenario)
+    if options.modem:
+        _check_physical(options, scenario)
     _check_boards(options, scenario)
     if scenario.apads:
-        _refuse_for_several(options, scenario)
+        _refuse_for_several(options)
     check_real_vehicle(options, scenario)
     if options.apad is APadKind.SIM:
         for happens, mend in warnings(scenario):
@@ -110,30 +113,30 @@ def tell_docks_in_use(options: RunOptions, scenario: Scenario) -> None:
                 )
 
 
-def _refuse_for_several(options: RunOptions, scenario: Scenario) -> None:
-    if options.script:
-        raise UserError("a script flies one aPad, and the scenario names several: leave `apads` out")
-    if options.part is not BenchPart.WHOLE:
-        raise UserError(
+def _refuse(*rules: tuple[object, str]) -> None:
+    """UserError with the text, which says the mend, of the first of these rules (true where it is broken, text)."""
+    if text := next((text for is_broken, text in rules if is_broken), None):
+        raise UserError(text)
+
+
+def _refuse_for_several(options: RunOptions) -> None:
+    _refuse(
+        (options.script, "a script flies one aPad, and the scenario names several: leave `apads` out"),
+        (
+            options.part is not BenchPart.WHOLE,
             f"{options.part.value}: the scenario names several aPads: `musselbed run` flies them; "
-            "or leave `apads` out, and give each its fleet.share"
-        )
-    if options.modem:
-        raise UserError("--modem: a physical modem has one aPad: leave it out, or `apads` in the scenario")
-    if options.open_modems:
-        raise UserError(
-            "--open-modem opens a modem beside one aPad: leave it out, or `apads` in the scenario"
-        )
-    if options.dry_run and options.apad is APadKind.ROS:
-        raise UserError("--dry-run of several aPads plans without ROS: leave out --apad ros")
-
-
-def _check_modems(options: RunOptions, scenario: Scenario) -> None:
-    """UserError, with the mend, for the first option that cannot be used."""
-    if options.open_modems:
-        _check_opened(options, scenario)
-    if options.modem:
-        _check_physical(options, scenario)
+            "or leave `apads` out, and give each its fleet.share",
+        ),
+        (options.modem, "--modem: a physical modem has one aPad: leave it out, or `apads` in the scenario"),
+        (
+            options.open_modems,
+            "--open-modem opens a modem beside one aPad: leave it out, or `apads` in the scenario",
+        ),
+        (
+            options.dry_run and options.apad is APadKind.ROS,
+            "--dry-run of several aPads plans without ROS: leave out --apad ros",
+        ),
+    )
 
 
 def _check_boards(options: RunOptions, scenario: Scenario) -> None:
@@ -141,53 +144,56 @@ def _check_boards(options: RunOptions, scenario: Scenario) -> None:
     if options.part is BenchPart.MISSION or options.dry_run:
         return
     for program in scenario.fleet.firmware:
-        line = serial_line(program.executable)
-        if line is None:
+        if (line := serial_line(program.executable)) is None:
             continue
-        if options.time is TimeSource.ASAP or options.speed != 1:
-            raise UserError(
-                f"fleet.firmware {program.executable}: a real board takes real time: use --time wall, without --speed"
-            )
-        if not Path(line[0]).exists():
-            raise UserError(
-                f"fleet.firmware {program.executable}: there is no such device; is the board plugged in?"
-            )
+        key = f"fleet.firmware {program.executable}"
+        _refuse(
+            (_is_fast(options), f"{key}: a real board takes real time: use --time wall, without --speed"),
+            (not Path(line[0]).exists(), f"{key}: there is no such device; is the board plugged in?"),
+        )
+
+
+def _is_fast(options: RunOptions) -> bool:
+    return options.time is TimeSource.ASAP or options.speed != 1
 
 
 def _check_opened(options: RunOptions, scenario: Scenario) -> None:
+    """UserError, with the mend, for the first modem that cannot be opened."""
     ids = scenario.fleet.ids
-    for agent_id in options.open_modems:
-        if agent_id not in ids:
-            raise UserError(
-                f"--open-modem {agent_id}: there is no such aMussel; the fleet's are {in_ranges(ids)}"
-                if ids
-                else f"--open-modem {agent_id}: the fleet is empty"
-            )
-    if options.part is BenchPart.MISSION:
-        raise UserError(
-            "--open-modem needs a fleet: a mission alone has no aMussels; use it with `musselbed fleet`"
-        )
-    if options.time is TimeSource.ASAP:
-        raise UserError("--open-modem needs real time, as your driver does: use --time wall")
-    if options.modem:
-        raise UserError("--open-modem and --modem exclude each other: simulated sound, or real sound")
-    if scenario.water is None:
-        raise UserError(
+    fleet = f"there is no such aMussel; the fleet's are {in_ranges(ids)}" if ids else "the fleet is empty"
+    _refuse(
+        *((it not in ids, f"--open-modem {it}: {fleet}") for it in options.open_modems),
+        (
+            options.part is BenchPart.MISSION,
+            "--open-modem needs a fleet: a mission alone has no aMussels; use it with `musselbed fleet`",
+        ),
+        (
+            options.time is TimeSource.ASAP,
+            "--open-modem needs real time, as your driver does: use --time wall",
+        ),
+        (options.modem, "--open-modem and --modem exclude each other: simulated sound, or real sound"),
+        (
+            scenario.water is None,
             "--open-modem needs water between modems: add the block `water: {}` to the scenario, "
-            "or what its own key says (docs/scenarios.md)"
-        )
+            "or what its own key says (docs/scenarios.md)",
+        ),
+    )
 
 
 def _check_physical(options: RunOptions, scenario: Scenario) -> None:
-    if not scenario.time_scale.is_real:
-        raise UserError(
-            f"--modem: real sound cannot be accelerated, and theta is {scenario.theta}: say --theta 1"
-        )
-    if options.time is TimeSource.ASAP or options.speed != 1:
-        raise UserError("--modem: real sound takes real time: use --time wall, without --speed")
-    if scenario.water is not None:
-        raise UserError(
-            "--modem: the real water carries the sound: take the block `water` out of the scenario, or leave --modem out"
-        )
-    if not Path(options.modem).exists():
-        raise UserError(f"--modem {options.modem}: there is no such device; is the modem plugged in?")
+    """UserError, with the mend, for a physical modem that cannot be used."""
+    _refuse(
+        (
+            not scenario.time_scale.is_real,
+            f"--modem: real sound cannot be accelerated, and theta is {scenario.theta}: say --theta 1",
+        ),
+        (_is_fast(options), "--modem: real sound takes real time: use --time wall, without --speed"),
+        (
+            scenario.water is not None,
+            "--modem: the real water carries the sound: take the block `water` out of the scenario, or leave --modem out",
+        ),
+        (
+            not Path(options.modem).exists(),
+            f"--modem {options.modem}: there is no such device; is the modem plugged in?",
+        ),
+    )

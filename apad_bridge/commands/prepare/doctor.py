@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
-from collections.abc import Container, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -19,6 +19,7 @@ from apad_bridge.ros_names.names import in_full
 from apad_bridge.runs.exits import Exit
 
 if TYPE_CHECKING:
+    from apad_bridge.assembly.division import Member
     from apad_bridge.planning.registry import Trust
     from apad_bridge.scenario.schema import Scenario
 
@@ -87,11 +88,12 @@ def check_ros(
     master_uri: str,
     scenario: Scenario | None,
     mapping: Mapping[str, str] | None = None,
-    flown: Container[str] = (),
+    flown: Sequence[Member] = (),
 ) -> Iterator[Finding]:
     """ROS here, the network both ways, and the aPads on the master; an empty URI for none.
 
-    `mapping` are a run's remappings, from name to name in full. A mission is about to begin with the aPads `flown`.
+    `mapping` are a run's remappings, from name to name in full. A mission is about to begin with the aPads `flown`: the
+    checks before one follow.
     """
     try:
         from apad_bridge.doctor.apad import check_apads, check_place
@@ -119,11 +121,26 @@ def check_ros(
     namespace = os.environ.get("ROS_NAMESPACE", "").strip("/")
     ids = None if scenario is None else scenario.fleet.ids
     yield from run_checks(graph.CHECKS, graph.MasterSeen(found, host, bind, ids, namespace))
-    yield from run_check("aPad", lambda: check_apads(DOOR, found, scenario, flown))
+    names = {in_full(namespace, it.scenario.apad.name): it for it in flown}
+    yield from run_check("aPad", lambda: check_apads(DOOR, found, scenario, names))
     if scenario is not None:
         for name in (scenario.apad.name, *(it.name for it in scenario.apads)):
             apad = LiveAPad(DOOR, found, in_full(namespace, name))
             yield from run_check("origin", partial(check_place, apad, scenario.area.origin), apad.name)
+    if flown:
+        yield from _check_before_mission(found, names, namespace)
+
+
+def _check_before_mission(
+    found: graph.Graph, flown: Mapping[str, Member], namespace: str
+) -> Iterator[Finding]:
+    from apad_bridge.doctor import preflight
+    from apad_bridge.ros.door import DOOR
+
+    yield from run_checks(preflight.CHECKS_OF_WAY, found)
+    for name, member in flown.items():
+        apad = preflight.WatchedAPad(DOOR, found, name, member.scenario, member.starts, namespace)
+        yield from run_checks(preflight.CHECKS, apad, name)
 
 
 def _unreachable_master(uri: str, error: network.Unreachable) -> Finding:

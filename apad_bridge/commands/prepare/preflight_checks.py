@@ -16,7 +16,6 @@ from apad_bridge.assembly.division import members
 from apad_bridge.commands.prepare.doctor import check_ros
 from apad_bridge.doctor import graph, machine
 from apad_bridge.doctor.finding import Check, CheckStatus, Finding, run_checks
-from apad_bridge.doctor.network import Unreachable
 from apad_bridge.doctor.preflight import key_among, not_proven, red_keys
 from apad_bridge.records.run_directory import RUNS
 from apad_bridge.ros.system.route import environment_for
@@ -81,29 +80,14 @@ def recording_commands(scenario: Scenario, namespace: str) -> list[str]:
 
 def findings_of(scenario: Scenario, starts: Sequence[Start], options: RunOptions) -> Iterator[Finding]:
     """The doctor's checks as a mission sees them, then those of each aPad. They need no order, and give none."""
-    from apad_bridge.doctor import preflight
-    from apad_bridge.ros.door import DOOR
-
-    master_uri, namespace = options.master_uri, options.namespace
-    flown = [(it.scenario, it.starts) for it in members(scenario, starts)]
-    apads = names_in_full(scenario, namespace)
-    with called_back_at(master_uri, namespace):
-        agents = 0 if options.part is BenchPart.MISSION else scenario.fleet.count
-        mapping = dict(_remapping(it, namespace) for it in options.remappings)
+    agents = 0 if options.part is BenchPart.MISSION else scenario.fleet.count
+    mapping = dict(_remapping(it, options.namespace) for it in options.remappings)
+    with called_back_at(options.master_uri, options.namespace):
         yield from run_checks(machine.CHECKS, agents)
-        for finding in check_ros(master_uri, scenario, mapping, apads):
+        for finding in check_ros(options.master_uri, scenario, mapping, members(scenario, starts)):
             if options.part is BenchPart.MISSION and finding.check == "aMussel ids":
                 continue  # they are there already, as they should be
             yield finding
-        try:
-            found = graph.Graph.read(master_uri).remapped(mapping)
-        except Unreachable:
-            return  # the doctor has said so
-        yield from run_checks(preflight.CHECKS_OF_WAY, found)
-        for one, its_starts in flown:
-            name = in_full(namespace, one.apad.name)
-            watched = preflight.WatchedAPad(DOOR, found, name, one, its_starts, namespace)
-            yield from run_checks(preflight.CHECKS, watched, name)
 
 
 def every_check() -> tuple[Check[Any], ...]:
