@@ -518,7 +518,7 @@ def _rules_of_apad(scenario: Scenario) -> Iterator[Rule]:
 def _rules_of_further_apads(scenario: Scenario) -> Iterator[Rule]:
     if not scenario.apads:
         return
-    names = [scenario.apad.name, *(it.name for it in scenario.apads)]
+    names = scenario.apad_names
     yield (
         len(set(names)) < len(names),
         "apads",

@@ -512,6 +512,11 @@ class Scenario:
     """None: every message arrives at once and whole, as in the paper's experiments."""
 
     @property
+    def apad_names(self) -> list[str]:
+        """The names of all aPads, `apad` first."""
+        return [self.apad.name, *(it.name for it in self.apads)]
+
+    @property
     def time_scale(self) -> TimeScale:
         return TimeScale(self.theta)
 

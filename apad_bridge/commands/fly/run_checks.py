@@ -104,7 +104,7 @@ def tell_docks_in_use(options: RunOptions, scenario: Scenario) -> None:
         found = Graph.read(somebodys_master())
     except (Unreachable, PeerFailed):
         return  # the run itself says so
-    for name in (scenario.apad.name, *(it.name for it in scenario.apads)):
+    for name in scenario.apad_names:
         apad = LiveAPad(DOOR, found, in_full(options.namespace, name))
         for finding in run_check("docks", partial(check_docks, apad, scenario), apad.name):
             if finding.status is not CheckStatus.OK:

@@ -190,7 +190,7 @@ def _all(
     former = {it.check: it for it in proofs(scenario, options.master_uri, apads)}
     accepted = accepted_by(arguments.accept, passive, apads)
     may_move = not never_overridden().intersection(red_keys(passive, apads, accepted))
-    for apad, name in zip(apads, (scenario.apad.name, *(it.name for it in scenario.apads)), strict=True):
+    for apad, name in zip(apads, scenario.apad_names, strict=True):
         for what, asked in zip(PROOFS, (arguments.prove_stop, arguments.prove_docks), strict=True):
             check = f"{apad} {what}"
             if not asked:

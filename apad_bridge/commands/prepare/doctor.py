@@ -124,7 +124,7 @@ def check_ros(
     names = {in_full(namespace, it.scenario.apad.name): it for it in flown}
     yield from run_check("aPad", lambda: check_apads(DOOR, found, scenario, names))
     if scenario is not None:
-        for name in (scenario.apad.name, *(it.name for it in scenario.apads)):
+        for name in scenario.apad_names:
             apad = LiveAPad(DOOR, found, in_full(namespace, name))
             yield from run_check("origin", partial(check_place, apad, scenario.area.origin), apad.name)
     if flown:

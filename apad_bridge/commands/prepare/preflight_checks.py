@@ -60,7 +60,7 @@ class Report:
 
 
 def names_in_full(scenario: Scenario, namespace: str) -> list[str]:
-    return [in_full(namespace, it) for it in (scenario.apad.name, *(other.name for other in scenario.apads))]
+    return [in_full(namespace, it) for it in scenario.apad_names]
 
 
 def recording_commands(scenario: Scenario, namespace: str) -> list[str]:
@@ -69,7 +69,7 @@ def recording_commands(scenario: Scenario, namespace: str) -> list[str]:
     It leaves the aMussels' topics, ten messages a second each, on this side of the Wi-Fi.
     """
     commands = []
-    for name in (scenario.apad.name, *(other.name for other in scenario.apads)):
+    for name in scenario.apad_names:
         apad, bench = in_full(namespace, name), in_full(namespace, "musselbed")
         if is_one_of_several(scenario):
             bench = f"{bench}/{plain(name)}"

@@ -27,7 +27,7 @@ def main() -> int:
     parser.add_argument("run", type=Path)
     path: Path = parser.parse_args().run
     scenario = load(RunDirectory(path).scenario)
-    names = [scenario.apad.name, *(it.name for it in scenario.apads)]
+    names = scenario.apad_names
     sea = shared_sea(scenario, len(names))
     if sea is None:
         parser.error(f"{path}: no water that several aPads share")
