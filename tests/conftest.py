@@ -19,6 +19,7 @@ settings.register_profile(
     "search", deadline=None, suppress_health_check=[HealthCheck.too_slow], print_blob=True
 )
 settings.register_profile("repeats", settings.get_profile("search"), derandomize=True)
+settings.register_profile("quick", settings.get_profile("repeats"), max_examples=15)
 settings.load_profile("repeats")
 
 # A shell's background job ignores SIGINT, and one under nohup SIGHUP: what is ignored is handed on to every child.

@@ -43,6 +43,8 @@ from benchmarks.plan_study.nearest_job import (
 )
 from benchmarks.plan_study.request_flight import RequestFlight
 
+pytestmark = pytest.mark.slow
+
 RUN = Path(__file__).parents[1] / "benchmarks" / "run"
 GOOD = '''"""Counts its runs <and> says so."""
 from pathlib import Path

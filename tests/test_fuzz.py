@@ -14,6 +14,8 @@ from agents.modem import command_handler
 from agents.modem.modem import Modem, ModemTimer
 from firmware_model.packets import StatusPacket
 
+pytestmark = pytest.mark.slow
+
 BENCHMARK = Path(__file__).parents[1] / "benchmarks" / "fuzz.py"
 DOORS = (
     "modem",

@@ -165,6 +165,7 @@ def imports_of_our_code() -> Iterator[str]:
                     yield node.module
 
 
+@pytest.mark.slow
 def test_the_list_of_debians_modules_is_that_which_ros_and_our_code_import() -> None:
     """ROS is the Python packages of Debian's that the installer names: users' own nodes import them in the environment.
 

@@ -202,7 +202,7 @@ def _rules_of_area(scenario: Scenario) -> Iterator[Rule]:
 
 
 def _read(read: Callable[[], Read]) -> tuple[Read | None, str]:
-    """What a file holds, and an empty text; None, and the reason for which it cannot be read."""
+    """The content of a file, and an empty text; None, and the reason for which it cannot be read."""
     try:
         return read(), ""
     except OSError as error:
