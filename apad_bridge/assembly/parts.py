@@ -23,6 +23,7 @@ from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.flight_mission import FlightMission
 from apad_bridge.mission.home_stays import HomeStays
 from apad_bridge.mission.manual import CommandSource, ManualMission
+from apad_bridge.mission.planner import PlanRules
 from apad_bridge.mission.plans import Planning, untold
 from apad_bridge.mission.role import MissionRole
 from apad_bridge.mission.sources import Allocation, BeliefSource
@@ -242,25 +243,21 @@ def _energy_exchange(
 ) -> EnergyExchange:
     scenario = config.scenario
     return EnergyExchange(
-        scenario.mission,
+        plan_rules(scenario, config.trust),
         beliefs,
-        registry.collection(scenario.mission.collection, scenario.mission.costs, config.trust),
-        registry.redeployment(scenario.mission.redeployment, config.trust),
         state,
-        energy_model(scenario),
         home_stays(scenario),
         _end_by(scenario),
-        _known_end(scenario),
         LegForecast(scenario.apad, surface_of(scenario)),
         needs_battery=scenario.guards is not None and scenario.guards.battery_reserve is not None,
         planning=planning,
     )
 
 
-def change_planning(mission: EnergyExchange, scenario: Scenario, trust: registry.Trust | None) -> None:
-    """Lets the mission go on by the scenario's strategies, thresholds and rules of dispatch."""
+def plan_rules(scenario: Scenario, trust: registry.Trust | None) -> PlanRules:
+    """The scenario's strategies, thresholds and rule of dispatch."""
     rules = scenario.mission
-    mission.change_planning(
+    return PlanRules(
         rules,
         registry.collection(rules.collection, rules.costs, trust),
         registry.redeployment(rules.redeployment, trust),

@@ -138,9 +138,6 @@ class MissionState:
         """The same state without a plan and with nothing under way."""
         return replace(self, phase=Phase.STANDS_DOWN, plan=())
 
-    def ended(self, end: MissionEnd, now_ms: int) -> MissionState:
-        return replace(self, phase=Phase.ENDED, since_ms=now_ms, ended_by=str(end), end_reason=end.reason)
-
 
 class PlanStep(TypedDict):
     agent: int

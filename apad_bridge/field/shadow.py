@@ -36,12 +36,12 @@ from apad_bridge.field.field_log.facts import (
 from apad_bridge.mission.charging_watch import ChargingWatch
 from apad_bridge.mission.dispatch import BelievedDispatch, fullest_first
 from apad_bridge.mission.home_places import with_exchanged_homes, with_new_homes
-from apad_bridge.mission.plans import plan_or_reason
+from apad_bridge.mission.plans import checked_plan
 from apad_bridge.mission.pool import ChargingPool, placeholder_belief, situation_of
 from apad_bridge.planning import registry
 from apad_bridge.planning.candidates import Situation
 from apad_bridge.planning.exchange import tour
-from apad_bridge.planning.solution import Solution, Step, StepKind
+from apad_bridge.planning.solution import Step, StepKind
 from apad_bridge.scenario.firmware_config import codec_of
 from apad_bridge.scenario.schema import Dispatch, Places, Scenario
 from apad_bridge.scenario.surface import LegForecast, surface_of
@@ -412,23 +412,22 @@ class Shadow:
         candidates = self._pool.candidates(now_ms, served=self._state.served)
         pool = [it for it in candidates if it.agent_id not in held]
         free = self._state.dock_count - len(held)
-        released, waiting, count = BelievedDispatch(
+        due = BelievedDispatch(
             self._mission, self._charging, docked, free, lambda: pool, self._pool.batch_of
         ).due()
-        if released:
-            known = [docked[it] or placeholder_belief(it, place_m) for it in released]
+        count = due.count
+        if due.released:
+            known = [docked[it] or placeholder_belief(it, place_m) for it in due.released]
             if count:
-                return self._collection_steps(place_m, waiting, count, fullest_first(known))
-            others = [it for it in self._beliefs.all() if it.agent_id not in released]
+                return self._collection_steps(place_m, due.pool, count, fullest_first(known))
+            others = [it for it in self._beliefs.all() if it.agent_id not in due.released]
             situation = self._situation(place_m, known, held, others)
-            return self._steps(
-                plan_or_reason(
-                    self._mission.redeployment,
-                    lambda: self._redeployment.plan(situation),
-                    situation,
-                    StepKind.DEPLOY,
-                )
-            )
+            return checked_plan(
+                self._mission.redeployment,
+                lambda: self._redeployment.plan(situation),
+                situation,
+                StepKind.DEPLOY,
+            ).steps
         if held and self._collects and self._mission.dispatch is Dispatch.BATCH:
             # Their batch is under way, and we have another opinion of its rest.
             count = min(self._mission.batch - len(held), len(pool), free)
@@ -453,20 +452,13 @@ class Shadow:
         known = {it.agent_id for it in (*pool, *leaving)}
         others = [it for it in self._beliefs.all() if it.agent_id not in known]
         situation = self._situation(place_m, pool, {}, others, leaving)
-        steps = self._steps(
-            plan_or_reason(
-                self._mission.collection,
-                lambda: self._collection.plan(situation, count),
-                situation,
-                StepKind.COLLECT,
-            )
+        solution = checked_plan(
+            self._mission.collection,
+            lambda: self._collection.plan(situation, count),
+            situation,
+            StepKind.COLLECT,
         )
-        return tour(Solution(steps), situation).steps
-
-    def _steps(self, solution: Solution | str) -> tuple[Step, ...]:
-        if isinstance(solution, str):
-            raise StrategyFailed(solution)
-        return solution.steps
+        return tour(solution, situation).steps
 
     def _resolve_by_place(self) -> None:
         """A go-to that came to no docking: whom they went to is told by the place alone."""
@@ -516,7 +508,3 @@ class Shadow:
         self._plan = self._plan[1:] if theirs == ours else ()
         if theirs.kind != ELSEWHERE:
             self._collects = theirs.kind == StepKind.COLLECT
-
-
-class StrategyFailed(Exception):
-    """The strategy raised, or made a plan that cannot be flown; the text is one line."""

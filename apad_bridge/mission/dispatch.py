@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from math import inf
 
@@ -22,6 +23,19 @@ from apad_bridge.scenario.schema import Dispatch, Mission, Places
 Docked = Mapping[int, Belief | None]
 """The beliefs of the docked aMussels, by id; None for one that was never heard."""
 Pool = Sequence[Belief]
+
+
+@dataclass(frozen=True, slots=True)
+class Due:
+    released: Sequence[int]
+    """The docked ones to release."""
+    pool: Pool = ()
+    """Those to collect from."""
+    count: int = 0
+    """How many of these to collect."""
+
+
+NOTHING_DUE = Due(())
 
 
 class BelievedDispatch(DispatchRule):
@@ -48,8 +62,8 @@ class BelievedDispatch(DispatchRule):
         self._beliefs, self._free_docks = docked, free_docks
         self._look_up, self._batch_of = pool, batch_of
 
-    def due(self, kept: Collection[int] = ()) -> tuple[Sequence[int], Pool, int]:
-        """Decides what is due: (the docked ones to release, those to collect from, how many of these to collect).
+    def due(self, kept: Collection[int] = ()) -> Due:
+        """Decides what is due.
 
         A release comes first, and a collection beside it is an exchange of places on the same tour. `kept` are docked ones
         that cannot be released now. The mission flies what this says, and a shadow compares with it.
@@ -58,12 +72,12 @@ class BelievedDispatch(DispatchRule):
         released = [it for it in leaving if it not in kept] if at_s <= self.now_s else []
         if released:
             if self._config.places is not Places.EXCHANGED:
-                return released, (), 0
+                return Due(released)
             led = self._worth_an_exchange(released)
-            return released, led, self._count_of(led, len(released))
+            return Due(released, led, self._count_of(led, len(released)))
         if self.collected_s() > self.now_s:
-            return (), (), 0
-        return (), self._pool, min(self._count_of(self._pool), self._free_docks)
+            return NOTHING_DUE
+        return Due((), self._pool, min(self._count_of(self._pool), self._free_docks))
 
     def full_s(self, docked: int) -> float:
         is_done = self._watch.has_given_up(docked) or is_full(self._beliefs[docked], self._config)

@@ -335,8 +335,7 @@ class DockingRoutine:
 
     def _search_on(self, order: CloseDock, now_ms: int) -> Progress:
         """Goes to the next point of the search, and begins a search if there is none."""
-        here, belief = self._book.pose, self._beliefs.get(order.agent_id)
-        assert here is not None  # a docking was ordered there
+        here, belief = self._book.here, self._beliefs.get(order.agent_id)
         if self._search is None:
             self._search = _Search(order, now_ms + round(SEARCH_S * 1000), self.config)
         if now_ms >= self._search.until_ms or belief is None or not floats(belief):

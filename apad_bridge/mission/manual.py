@@ -123,7 +123,7 @@ class ManualMission(OrderBook):
             return
         self._begun, self.now_ms = True, now_ms
         self._places.learn(self.beliefs.all())
-        self.order(Hold(self.next_id(), *self.pose))
+        self.order_hold()
         self.snapshot()
 
     def advance(self, now_ms: int) -> list[Order]:
@@ -152,9 +152,7 @@ class ManualMission(OrderBook):
         """Like `end`, from within a command source: the orders go out with those of this tick."""
         if self.state.phase is Phase.ENDED:
             return
-        self.hold_at_end()
-        self.state = self.state.ended(end, self.now_ms)
-        self.snapshot()
+        self.close(end, self.now_ms)
         for command_source in self._command_sources:
             command_source.close(str(end))
 
@@ -224,7 +222,7 @@ class ManualMission(OrderBook):
         self._refuse_dock(dock_index, agent_id, here)
         self._pre_empt_docking()
         if self.goto is Status.RUNNING:
-            self.order(Hold(self.next_id(), *here))
+            self.order_hold()
         self._let_go.discard(agent_id)
         self._begin_docking(agent_id, dock_index)
         self._docking_routine.dock(dock_index, agent_id, self.now_ms, manoeuvre)
@@ -261,7 +259,7 @@ class ManualMission(OrderBook):
 
     def pause(self) -> None:
         """Holds position. A go-to goes on later; a search ends; a commanded mechanism is not stopped half-way."""
-        here = self._require_place()
+        self._require_place()
         if self._docking_routine.is_on_search:
             self._pre_empt_docking()
         self.paused, self._paused_ms = True, self.now_ms
@@ -269,7 +267,7 @@ class ManualMission(OrderBook):
             assert self._target is not None
             # The outcome of the pre-empted primitive must match no target.
             self._target = replace(self._target, command_id=0)
-            self.order(Hold(self.next_id(), *here))
+            self.order_hold()
         self.snapshot()
 
     def resume(self) -> bool:
@@ -389,8 +387,8 @@ class ManualMission(OrderBook):
 
     def _pre_empt_docking(self) -> None:
         """Ends the wait or the search for an aMussel. Once the mechanism is ordered, the port decides instead."""
-        if self._docking_routine.is_on_search and self.pose is not None:
-            self.order(Hold(self.next_id(), *self.pose))
+        if self._docking_routine.is_on_search:
+            self.order_hold()
         if self._docking_routine.pre_empt():
             self._end_docking(Status.PREEMPTED, PRE_EMPTED)
 

@@ -7,8 +7,18 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from apad_bridge.events.event import Event
-from apad_bridge.events.mission import DockSwitched, Leg, LegBegan, MissionChanged, MissionState
+from apad_bridge.events.mission import (
+    DockSwitched,
+    Leg,
+    LegBegan,
+    MissionChanged,
+    MissionEnd,
+    MissionState,
+    Phase,
+)
 from apad_bridge.mission.orders import Order
+from apad_bridge.planning.solution import Step
+from apad_bridge.scenario.schema import Mission
 from apad_bridge.vehicle.commands import GoTo, Hold, Primitive
 from apad_bridge.vehicle.primitives import DockChanged, Outcome, PrimitiveFailed, PrimitiveSucceeded
 
@@ -76,6 +86,20 @@ class OrderBook:
         held = dict(self.state.docked)
         return tuple(held.get(dock_index) for dock_index in range(self.state.dock_count))
 
+    @property
+    def here(self) -> tuple[float, float]:
+        assert self.pose is not None  # nothing is done before it is known
+        return self.pose
+
+    @property
+    def step(self) -> Step:
+        """The step under way."""
+        return self.state.plan[0]
+
+    def is_held(self, agent_id: int) -> bool:
+        """A dock holds the aMussel."""
+        return any(it == agent_id for _, it in self.state.docked)
+
     def tell(self, event: Event) -> None:
         """An event for the journal."""
         self._orders.append(event)
@@ -103,11 +127,23 @@ class OrderBook:
         orders, self._orders = self._orders, []
         return orders
 
-    def hold_at_end(self) -> None:
-        """Gives the mission's last order: the aPad holds its position, where that is known."""
-        self._end_leg(as_planned=True)
+    def order_go_to(self, place_m: tuple[float, float], rules: Mission) -> None:
+        self.order(GoTo(self.next_id(), *place_m, rules.speed_m_s, rules.victory_radius_m))
+
+    def order_hold(self) -> None:
+        """The aPad holds its position, where that is known."""
         if self.pose is not None:
             self.order(Hold(self.next_id(), *self.pose))
+
+    def enter(self, phase: Phase, now_ms: int, **changes: object) -> None:
+        self.set(phase=phase, since_ms=now_ms, **changes)
+        self.snapshot()
+
+    def close(self, end: MissionEnd, now_ms: int) -> None:
+        """Gives the mission's last order, to hold, and ends its state."""
+        self._end_leg(as_planned=True)
+        self.order_hold()
+        self.enter(Phase.ENDED, now_ms, ended_by=str(end), end_reason=end.reason)
 
     def _begin_leg(self, go_to: GoTo) -> None:
         assert self.pose is not None

@@ -24,28 +24,30 @@ def untold(name: str) -> AbstractContextManager[None]:
     return nullcontext()
 
 
-def plan_or_reason(
-    name: str, plan: Callable[[], Solution], situation: Situation, kind: StepKind
-) -> Solution | str:
-    """The strategy's plan if it can be flown, else the reason. A user's error must not raise while a vehicle is out."""
+class StrategyFailed(Exception):
+    """A strategy raised an error, or made a plan that cannot be flown; the text is one line. It ends the mission."""
+
+    @classmethod
+    def by(cls, name: str, error: BaseException) -> StrategyFailed:
+        return cls(f"{EndReason.STRATEGY_FAILED} {label(name)!r}: {type(error).__name__}: {error}")
+
+
+def checked_plan(name: str, plan: Callable[[], Solution], situation: Situation, kind: StepKind) -> Solution:
+    """The strategy's plan, which can be flown; StrategyFailed for any other."""
     try:
         solution = plan()
         check_solution(solution, situation, kind)
     except A_USERS_ERROR as error:
-        return _failure(name, error)
+        raise StrategyFailed.by(name, error) from error
     return solution
 
 
-def refuses_or_reason(name: str, strategy: CollectionStrategy, situation: Situation) -> bool | str:
-    """True if the strategy refuses this pool for the present (`CollectionStrategy`); a user's error is a reason to end."""
+def is_refused(name: str, strategy: CollectionStrategy, situation: Situation) -> bool:
+    """True if the strategy refuses this pool for the present (`CollectionStrategy`). StrategyFailed for its error."""
     try:
         return bool(strategy.refuses(situation))
     except A_USERS_ERROR as error:
-        return _failure(name, error)
-
-
-def _failure(name: str, error: BaseException) -> str:
-    return f"{EndReason.STRATEGY_FAILED} {label(name)!r}: {type(error).__name__}: {error}"
+        raise StrategyFailed.by(name, error) from error
 
 
 def plan_event(

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from apad_bridge.mission.manual import ManualMission
-from apad_bridge.mission.plans import plan_event, plan_or_reason
+from apad_bridge.mission.plans import StrategyFailed, checked_plan, plan_event
 from apad_bridge.mission.pool import ChargingPool, placeholder_belief, situation_of
 from apad_bridge.mission.values import Refused, dock_of
 from apad_bridge.planning import registry
@@ -69,9 +69,10 @@ def _planned(
     situation: Situation,
     kind: StepKind,
 ) -> Plan:
-    solution = plan_or_reason(name, plan, situation, kind)
-    if isinstance(solution, str):
-        raise Refused(solution)
+    try:
+        solution = checked_plan(name, plan, situation, kind)
+    except StrategyFailed as failed:
+        raise Refused(str(failed)) from failed
     if solution.steps:
         mission.tell(plan_event(purpose, name, solution, situation, mission.config.costs))
     return Plan(

@@ -213,7 +213,7 @@ def _turn(opened: _Opened, changed: Scenario, turn: Turn, trust: registry.Trust 
     for name, it in opened.flights.items():
         supervisor = it.flight.supervisor
         assert isinstance(supervisor.mission, EnergyExchange)
-        parts.change_planning(supervisor.mission, changed, trust)
+        supervisor.mission.change_planning(parts.plan_rules(changed, trust))
         if name == turn.lost_apad:
             supervisor.receive(StandDownRequested(it.flight.now_ms, LOST_APAD))
 

@@ -7,6 +7,7 @@ from enum import StrEnum
 
 from agents.mussel.outputs import Truth
 from apad_bridge.events.run import EndReason
+from apad_bridge.mission.plans import StrategyFailed
 from apad_bridge.planning.registry import Trust
 from apad_bridge.runs.in_memory import MemoryRecorder, open_flight
 from apad_bridge.scenario.schema import Scenario
@@ -22,10 +23,6 @@ class Model(StrEnum):
 
     EVENT_DRIVEN = "event-driven"
     MISSION = "mission"
-
-
-class StrategyFailed(Exception):
-    """A strategy raised, or its plan cannot be carried out; the text is the mission's reason to end."""
 
 
 def fly(scenario: Scenario, model: Model, trust: Trust | None = None) -> Figures:

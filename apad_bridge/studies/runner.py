@@ -21,9 +21,10 @@ from typing import IO, Any
 import msgpack
 
 from agents.hosting import started
+from apad_bridge.mission.plans import StrategyFailed
 from apad_bridge.records.line_file import LineFile, read_lines
 from apad_bridge.records.run_directory import PRIVATE
-from apad_bridge.studies.models import StrategyFailed, fly
+from apad_bridge.studies.models import fly
 from apad_bridge.studies.specification import StudyPlan, write_study
 
 JOURNAL = "trials.jsonl"

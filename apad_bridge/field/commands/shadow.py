@@ -66,7 +66,8 @@ def add_parser(commands: Any) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    from apad_bridge.field.shadow import Shadow, StrategyFailed
+    from apad_bridge.field.shadow import Shadow
+    from apad_bridge.mission.plans import StrategyFailed
     from apad_bridge.records.bag_samples import BagUnreadable
     from apad_bridge.scenario.cross_checks import check_code
     from apad_bridge.scenario.errors import ScenarioError

@@ -71,5 +71,5 @@ def test_a_row_that_is_no_step_is_refused(row: list[str | int]) -> None:
 @pytest.mark.parametrize("reason", EndReason)
 def test_an_end_outlives_the_journal(reason: EndReason) -> None:
     end = MissionEnd(reason, f"{reason}: so it was")
-    assert journaled(STATE.ended(end, 5)).end == end
+    assert journaled(replace(STATE, ended_by=str(end), end_reason=reason)).end == end
     assert STATE.end is None

@@ -16,9 +16,11 @@ from apad_bridge.events.mission import ExchangePhase, MissionEnd, MissionState, 
 from apad_bridge.events.run import EndReason
 from apad_bridge.mission.docking_routine import NOT_FOUND, SEARCH_S
 from apad_bridge.mission.end_by import KnownEnd
-from apad_bridge.mission.energy_exchange import DOCKINGS_PER_STEP, LEGS_PER_STEP, EnergyExchange
+from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.home_stays import NO_HOME, HomeStays
 from apad_bridge.mission.orders import Order, PermitSurfacing, TellClear
+from apad_bridge.mission.phases import DOCKINGS_PER_STEP, LEGS_PER_STEP
+from apad_bridge.mission.planner import PlanRules
 from apad_bridge.planning import registry
 from apad_bridge.planning.solution import Solution, Step, StepKind
 from apad_bridge.planning.strategy import CollectionStrategy
@@ -45,6 +47,12 @@ class Told(dict[int, Belief]):
         self[agent_id] = Belief(agent_id, now_ms, state, charge, 1.0, where[0], where[1])
 
 
+def rules(
+    collection: CollectionStrategy, config: MissionConfig = MISSION, known_end: KnownEnd | None = None
+) -> PlanRules:
+    return PlanRules(config, collection, registry.redeployment("greedy-redeploy"), known_end=known_end)
+
+
 class Bench:
     """A mission that the test drives."""
 
@@ -65,13 +73,10 @@ class Bench:
         """All events so far."""
         self.orders = []
         self.mission = EnergyExchange(
-            config,
+            rules(registry.collection(collection), config, known_end),
             self.told,
-            registry.collection(collection),
-            registry.redeployment("greedy-redeploy"),
             state,
-            home=home,
-            known_end=known_end,
+            home,
         )
         self.mission.moved(*place)
         for agent_id in range(1, agents + 1):
@@ -770,9 +775,9 @@ class FailsToRefuse(CollectionStrategy):
         (FailsToRefuse(1), "RuntimeError: cannot tell"),
     ],
 )
-def test_a_strategy_that_fails_ends_the_mission_holding(strategy: object, why: str) -> None:
+def test_a_strategy_that_fails_ends_the_mission_holding(strategy: CollectionStrategy, why: str) -> None:
     bench = Bench()
-    bench.mission._collection = strategy  # type: ignore[assignment]
+    bench.mission.change_planning(rules(strategy))
     bench.tick()
     if bench.mission.state.phase is Phase.IDLE:
         bench.tick()  # asks again whether it still refuses
@@ -800,9 +805,7 @@ def ready_state() -> MissionState:
 def test_nothing_is_ordered_before_the_aPad_s_place_is_known() -> None:
     told = Told()
     told.say(1, 0, State.ACTIVE, 0.1)
-    mission = EnergyExchange(
-        MISSION, told, registry.collection("greedy"), registry.redeployment("greedy-redeploy")
-    )
+    mission = EnergyExchange(rules(registry.collection("greedy")), told)
     assert mission.advance(0) == []
 
 
@@ -1044,12 +1047,7 @@ def test_rules_that_change_in_flight_may_forget_the_end() -> None:
         bench.told.say(agent_id, 0, State.ACTIVE, 0.45)
     bench.tick(600)
     assert bench.mission.state.plan == ()
-    bench.mission.change_planning(
-        replace(MISSION, batch=1),
-        registry.collection("cautious"),
-        registry.redeployment("greedy-redeploy"),
-        None,
-    )
+    bench.mission.change_planning(rules(registry.collection("cautious"), replace(MISSION, batch=1)))
     bench.tick()
     assert len(bench.mission.state.plan) == 1
 
@@ -1098,12 +1096,8 @@ def test_charged_ones_take_the_places_of_those_that_are_collected() -> None:
 
 def plan_one_by_one(bench: Bench, *charges: float, **changes: Any) -> dict[str, Any]:
     """The plan, the nearest first, where 1 and 2 charge, 3 and 4 are in the water, and have these charges."""
-    bench.mission.change_planning(
-        replace(bench.config, dispatch=Dispatch.ASYNCHRONOUS, **changes),
-        registry.collection("greedy"),
-        registry.redeployment("greedy-redeploy"),
-        None,
-    )
+    config = replace(bench.config, dispatch=Dispatch.ASYNCHRONOUS, **changes)
+    bench.mission.change_planning(rules(registry.collection("greedy"), config))
     states = (State.CHARGING, State.CHARGING, State.ACTIVE, State.ACTIVE)
     for agent_id, (state, charge) in enumerate(zip(states, charges, strict=True), start=1):
         bench.told.say(agent_id, bench.now_ms, state, charge)
@@ -1142,7 +1136,7 @@ def test_one_for_whom_nobody_waits_is_released_at_the_nearest_empty_place() -> N
 
 def test_nobody_takes_a_place_to_which_the_sea_bars_the_way() -> None:
     bench = exchanging()
-    bench.mission._beyond_reach = {2: "a current"}
+    bench.mission._reach.beyond = {2: "a current"}
     note = plan_one_by_one(bench, 1.0, 0.3, 0.99, 0.99)
     assert note["what"] == "redeploy" and "exchanged" not in note
     assert homes_of(bench)[1] == 10.0

@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from apad_bridge.events.event import Event
-from apad_bridge.events.mission import LegBegan, MissionState
+from apad_bridge.events.mission import LegBegan, MissionEnd, MissionState
+from apad_bridge.events.run import EndReason
 from apad_bridge.mission.order_book import CHORD_M, OrderBook
 from apad_bridge.vehicle.commands import GoTo, Hold
 from apad_bridge.vehicle.primitives import PrimitiveFailed, PrimitiveSucceeded
@@ -94,7 +95,7 @@ def test_a_leg_that_the_missions_end_cuts_off_is_planned_whole() -> None:
     book = book_at()
     go(book)
     book.moved(*along(0.4))
-    book.hold_at_end()
+    book.close(MissionEnd(EndReason.OPERATOR), 0)
     assert (book.state.cost_m, book.state.planned_m) == (pytest.approx(20.0), 50.0)
 
 

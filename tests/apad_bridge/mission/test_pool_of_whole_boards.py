@@ -12,6 +12,7 @@ from apad_bridge.events.mission import MissionState
 from apad_bridge.mission.charging_watch import ChargingWatch
 from apad_bridge.mission.dispatch import BelievedDispatch
 from apad_bridge.mission.energy_exchange import EnergyExchange
+from apad_bridge.mission.planner import PlanRules
 from apad_bridge.mission.pool import ChargingPool, situation_of
 from apad_bridge.mission.sink_reminders import SinkReminders
 from apad_bridge.planning import registry
@@ -107,7 +108,8 @@ def test_it_is_not_told_to_sink_and_others_are() -> None:
 @pytest.mark.parametrize(("state", "is_home"), [(State.SLEEPING, True), (State.REPORTING, False)])
 def test_a_dock_is_nobody_s_home(state: State, is_home: bool) -> None:
     mission = EnergyExchange(
-        MISSION, told(state), registry.collection("cautious"), registry.redeployment("greedy-redeploy")
+        PlanRules(MISSION, registry.collection("cautious"), registry.redeployment("greedy-redeploy")),
+        told(state),
     )
     mission.advance(0)
     assert mission.state.homes == (((1, 1.0, 0.0),) if is_home else ())
@@ -116,7 +118,9 @@ def test_a_dock_is_nobody_s_home(state: State, is_home: bool) -> None:
 def is_released(config: Mission, watch: ChargingWatch, docked: Told) -> set[int]:
     """The aMussels that both rules of dispatch release; fails if they differ."""
     released = {
-        frozenset(BelievedDispatch(replace(config, dispatch=rule), watch, docked, 0, list, len).due()[0])
+        frozenset(
+            BelievedDispatch(replace(config, dispatch=rule), watch, docked, 0, list, len).due().released
+        )
         for rule in Dispatch
     }
     (only,) = released

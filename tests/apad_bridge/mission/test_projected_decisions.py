@@ -15,6 +15,7 @@ from apad_bridge.assembly.energy_model import energy_model
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.events.mission import MissionState, Phase
 from apad_bridge.mission.energy_exchange import EnergyExchange
+from apad_bridge.mission.planner import PlanRules
 from apad_bridge.planning import registry
 from apad_bridge.planning.candidates import Candidate, Situation
 from apad_bridge.planning.projection import Projection
@@ -85,10 +86,8 @@ def decided_by_mission(case: Case) -> Tour:
     )
     homes = tuple((agent_id, *place) for agent_id, place in case.places.items())
     mission = EnergyExchange(
-        case.mission,
+        PlanRules(case.mission, registry.collection("greedy"), registry.redeployment("greedy-redeploy")),
         told,
-        registry.collection("greedy"),
-        registry.redeployment("greedy-redeploy"),
         MissionState(phase=Phase.CHARGE, docked=tuple(enumerate(case.docked)), homes=homes),
     )
     mission.moved(0.0, 0.0)

@@ -18,6 +18,7 @@ from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.flight_mission import FLIES_ALREADY, FlightMission
 from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.orders import Order, TellClear
+from apad_bridge.mission.planner import PlanRules
 from apad_bridge.mission.values import Refused, Status
 from apad_bridge.planning import registry
 from apad_bridge.planning.solution import Step, StepKind
@@ -97,10 +98,10 @@ def test_a_mechanism_that_opens_when_a_person_takes_over_is_a_service_all_the_sa
     )
     takeover = FlightMission(
         lambda state: EnergyExchange(
-            pool.mission,
+            PlanRules(
+                pool.mission, registry.collection("cautious"), registry.redeployment("greedy-redeploy")
+            ),
             told,
-            registry.collection("cautious"),
-            registry.redeployment("greedy-redeploy"),
             state,
         ),
         lambda state: ManualMission(pool.mission, 1.0, told, (), state),
