@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Iterable
 
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.mission.values import KINDS, Event, Refused, Status
+from apad_bridge.mission.values import Refused, ScriptEvent, ScriptEventKind, Status
 from firmware_model.states import State
 
 MAX_EVENTS = 10_000
@@ -16,7 +16,7 @@ MAX_EVENTS = 10_000
 class EventLog:
     def __init__(self, low: float) -> None:
         self._low = low
-        self._events: deque[Event] = deque(maxlen=MAX_EVENTS)
+        self._events: deque[ScriptEvent] = deque(maxlen=MAX_EVENTS)
         self.failure: str | None = None
         """The reason of the last failed primitive."""
         self._seen: dict[int, tuple[State, bool]] = {}
@@ -24,7 +24,7 @@ class EventLog:
     def record(
         self,
         now_ms: int,
-        kind: str,
+        kind: ScriptEventKind,
         agent: int | None = None,
         dock: int | None = None,
         status: Status | None = None,
@@ -32,7 +32,7 @@ class EventLog:
     ) -> None:
         if status is Status.FAILED:
             self.failure = reason
-        self._events.append(Event(now_ms / 1000, kind, agent, dock, status, reason))
+        self._events.append(ScriptEvent(now_ms / 1000, kind, agent, dock, status, reason))
 
     def compare(self, beliefs: Iterable[Belief], now_ms: int) -> None:
         """Compares the beliefs with the beliefs of the last call and records the changes."""
@@ -43,17 +43,17 @@ class EventLog:
                 continue
             self._seen[belief.agent_id] = now
             if before is None:
-                self.record(now_ms, "heard", belief.agent_id)
+                self.record(now_ms, ScriptEventKind.HEARD, belief.agent_id)
             elif before[0] is not now[0]:
-                self.record(now_ms, "state", belief.agent_id, reason=now[0].name)
+                self.record(now_ms, ScriptEventKind.STATE, belief.agent_id, reason=now[0].name)
             if now[1] and (before is None or not before[1]):
-                self.record(now_ms, "low", belief.agent_id)
+                self.record(now_ms, ScriptEventKind.LOW, belief.agent_id)
 
-    def take(self, kind: str | None = None, agent: int | None = None) -> list[Event]:
+    def take(self, kind: str | None = None, agent: int | None = None) -> list[ScriptEvent]:
         """Removes and returns the events of a kind and an aMussel (None: of all); the others stay."""
         _refuse_unknown(kind)
-        wanted: list[Event] = []
-        remaining: list[Event] = []
+        wanted: list[ScriptEvent] = []
+        remaining: list[ScriptEvent] = []
         for event in self._events:
             (wanted if kind in (None, event.kind) and agent in (None, event.agent) else remaining).append(
                 event
@@ -61,7 +61,7 @@ class EventLog:
         self._events = deque(remaining, maxlen=MAX_EVENTS)
         return wanted
 
-    def take_first(self, kind: str | None = None, agent: int | None = None) -> Event | None:
+    def take_first(self, kind: str | None = None, agent: int | None = None) -> ScriptEvent | None:
         """Removes and returns the oldest such event."""
         _refuse_unknown(kind)
         for event in self._events:
@@ -72,5 +72,5 @@ class EventLog:
 
 
 def _refuse_unknown(kind: str | None) -> None:
-    if kind is not None and kind not in KINDS:
-        raise Refused(f"there are no events {kind!r}: the kinds are {', '.join(KINDS)}")
+    if kind is not None and kind not in list(ScriptEventKind):
+        raise Refused(f"there are no events {kind!r}: the kinds are {', '.join(ScriptEventKind)}")

@@ -22,7 +22,7 @@ from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.orders import Order, TellClear
 from apad_bridge.mission.sink_reminders import SinkReminders
 from apad_bridge.mission.sources import PredictingBeliefSource
-from apad_bridge.mission.values import Refused, Status, dock_of
+from apad_bridge.mission.values import Refused, ScriptEventKind, Status, dock_of
 from apad_bridge.scenario.schema import Mission
 from apad_bridge.vehicle.commands import DEFAULT_MANOEUVRE, CloseDock, GoTo, Hold, Manoeuvre, OpenDock
 from apad_bridge.vehicle.primitives import (
@@ -102,7 +102,12 @@ class ManualMission(OrderBook):
         self.note_outcome(outcome)
         match outcome:
             case DockChanged(_, dock_index, agent_id, closed, _):
-                self.events.record(now_ms, "docked" if closed else "undocked", agent_id, dock_of(dock_index))
+                self.events.record(
+                    now_ms,
+                    ScriptEventKind.DOCKED if closed else ScriptEventKind.UNDOCKED,
+                    agent_id,
+                    dock_of(dock_index),
+                )
                 if closed:
                     self._let_go.discard(agent_id)
                 else:
@@ -297,7 +302,7 @@ class ManualMission(OrderBook):
         if self.goto is Status.RUNNING:
             self._target = None
             self.goto = Status.PREEMPTED
-            self.events.record(self.now_ms, "goto", status=self.goto, reason=PRE_EMPTED)
+            self.events.record(self.now_ms, ScriptEventKind.GOTO, status=self.goto, reason=PRE_EMPTED)
         self.snapshot()
 
     def go_on_with(self, mechanism: CloseDock | OpenDock | None) -> None:
@@ -344,7 +349,7 @@ class ManualMission(OrderBook):
         if self._target is not None and outcome.primitive_id == self._target.command_id:
             self._target = None
             self.goto = status
-            self.events.record(self.now_ms, "goto", status=status, reason=reason)
+            self.events.record(self.now_ms, ScriptEventKind.GOTO, status=status, reason=reason)
             self.snapshot()
         elif self._docking_routine.receive(outcome, self.now_ms) in (Progress.ENDED, Progress.NOT_FOUND):
             self._end_docking(status, reason)
@@ -396,7 +401,9 @@ class ManualMission(OrderBook):
         assert self._docking is not None
         agent_id, dock_index = self._docking
         self.docking = status
-        self.events.record(self.now_ms, "docking", agent_id, dock_of(dock_index), status, reason)
+        self.events.record(
+            self.now_ms, ScriptEventKind.DOCKING, agent_id, dock_of(dock_index), status, reason
+        )
 
 
 def _refuse_far(north_m: float, east_m: float) -> None:

@@ -7,12 +7,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from enum import IntEnum
+from enum import IntEnum, StrEnum
 
 from apad_bridge.vehicle.commands import Manoeuvre
-
-KINDS = ("goto", "docking", "docked", "undocked", "heard", "state", "low")
-"""Kinds of events: see `Event`."""
 
 
 class Refused(ValueError):
@@ -53,17 +50,29 @@ class Agent:
     """The dock's number, from 1 on, or None in the water."""
 
 
-@dataclass(frozen=True, slots=True)
-class Event:
-    """An event at mission time `at_s`.
+class ScriptEventKind(StrEnum):
+    """The kinds of what a script may wait for."""
 
-    `kind` is "goto" or "docking" (a primitive's status changed: see `status`, and `reason` when it failed),
-    "docked", "undocked" (a mechanism closed or opened, ordered or not), "heard" (for the first time), "state"
-    (the aMussel's believed state changed to `reason`), "low" (its charge fell to the pool's threshold).
-    """
+    GOTO = "goto"
+    DOCKING = "docking"
+    """As with `goto`, a primitive's status changed: see `status`, and `reason` when it failed."""
+    DOCKED = "docked"
+    UNDOCKED = "undocked"
+    """As with `docked`, a mechanism moved, ordered or not."""
+    HEARD = "heard"
+    """An aMussel was heard for the first time."""
+    STATE = "state"
+    """Its believed state changed to `reason`."""
+    LOW = "low"
+    """Its charge fell to the pool's threshold."""
+
+
+@dataclass(frozen=True, slots=True)
+class ScriptEvent:
+    """What a script may wait for, at mission time `at_s`. The journal has its own events (`apad_bridge/events/`)."""
 
     at_s: float
-    kind: str
+    kind: ScriptEventKind
     agent: int | None = None
     dock: int | None = None
     status: Status | None = None

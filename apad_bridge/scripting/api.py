@@ -20,7 +20,7 @@ from apad_bridge.events.mission import MissionEnd
 from apad_bridge.events.persons import ScriptTold
 from apad_bridge.events.run import EndReason
 from apad_bridge.mission.manual import ManualMission
-from apad_bridge.mission.values import Event, Refused, Status, dock_index_of, dock_of, manoeuvre_of
+from apad_bridge.mission.values import Refused, ScriptEvent, Status, dock_index_of, dock_of, manoeuvre_of
 from apad_bridge.planning.costs import CostBreakdown
 from apad_bridge.scripting import planned
 from apad_bridge.scripting.arguments import Flag, Point, checks_arguments
@@ -49,7 +49,7 @@ class Behaviour:
         """
         raise NotImplementedError
 
-    def event(self, api: Api, event: Event) -> None:
+    def event(self, api: Api, event: ScriptEvent) -> None:
         """Handles an event; called for each event since the last tick, in order."""
 
 
@@ -183,15 +183,15 @@ class Api(Queries):
 
     # Events.
 
-    def events(self, kind: str | None = None, agent: int | None = None) -> list[Event]:
-        """The events since the last call (see `Event`), oldest first; only those of a kind or an aMussel, if given."""
+    def events(self, kind: str | None = None, agent: int | None = None) -> list[ScriptEvent]:
+        """The events since the last call (see `ScriptEvent`), oldest first; of one kind or one aMussel alone, if given."""
         return self._do(lambda mission: mission.events.take(kind, agent))
 
     def wait_event(
         self, kind: str | None = None, agent: int | None = None, timeout: float = 60.0
-    ) -> Event | None:
+    ) -> ScriptEvent | None:
         """The oldest such event; waits if there is none yet. None after the timeout."""
-        found: list[Event] = []
+        found: list[ScriptEvent] = []
 
         def look() -> bool:
             event = self._do(lambda mission: mission.events.take_first(kind, agent))
