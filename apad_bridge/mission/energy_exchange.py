@@ -7,6 +7,7 @@ given-up steps.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import partial
 from math import inf
 
@@ -180,6 +181,16 @@ class EnergyExchange(OrderBook):
             return self._behaviours[self.state.phase].decide(now_ms) is not None
         except StrategyFailed:
             return True
+
+    @property
+    def watched(self) -> Iterable[int]:
+        """The docked aMussels that are given up when their charge stops to rise, which `is_due` does not foresee."""
+        return self._planner.to_release if self.state.phase is Phase.CHARGE else ()
+
+    @property
+    def leaves_home_at(self) -> float | None:
+        """The aPad's battery at which it leaves its home; None while it is not there."""
+        return self._home.leaves_at
 
     def change_planning(self, rules: PlanRules) -> None:
         """Plans, collects and releases by other rules from now on. The plan under way is flown to its end."""

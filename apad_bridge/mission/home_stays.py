@@ -27,8 +27,13 @@ class HomeStays:
         return is_low or self._is_unavailable(now_ms)
 
     def may_leave(self, now_ms: int, battery: float | None) -> bool:
-        is_charged = self._home is None or battery is None or battery >= self._home.leave_at
+        is_charged = battery is None or battery >= self.leaves_at
         return is_charged and not self._is_unavailable(now_ms)
+
+    @property
+    def leaves_at(self) -> float:
+        """The battery from which on it may leave; 0 if that does not matter."""
+        return 0.0 if self._home is None else self._home.leave_at
 
     def next_call_ms(self, now_ms: int) -> int | None:
         """When it becomes unavailable next; None for never."""

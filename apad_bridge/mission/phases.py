@@ -189,6 +189,11 @@ class GoingHome:
         """Docked aMussels leave before the aPad goes home."""
         return self.for_good or self._stays.releases_first
 
+    @property
+    def leaves_at(self) -> float | None:
+        """The aPad's battery at which it leaves its home; None while it is not there."""
+        return self._stays.leaves_at if self._book.state.phase is Phase.AT_HOME else None
+
     def must_return(self, now_ms: int, fetched: Belief | None) -> bool:
         """True once no time is left but for the way home, with the aMussel that the aPad is fetching."""
         if self._end_by is None:

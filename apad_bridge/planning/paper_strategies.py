@@ -58,6 +58,9 @@ class NoCollection(CollectionStrategy):
     def plan(self, situation: Situation, batch: int) -> Solution:
         return Solution(())
 
+    def refuses(self, situation: Situation) -> bool:
+        return True
+
 
 class GreedyRedeploy(RedeploymentStrategy):
     """Goes from the aPad's place to the nearest home, from there to the nearest home of the rest, and so on.

@@ -32,12 +32,10 @@ from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.events.event import Event
-from apad_bridge.events.mission import Phase
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.events import PlacedSample
 from apad_bridge.mission.sources import Allocation
 from apad_bridge.planning import registry
-from apad_bridge.planning.paper_strategies import NoCollection
 from apad_bridge.scenario.firmware_config import charge_models
 from apad_bridge.scenario.schema import (
     DriftMode,
@@ -64,7 +62,6 @@ _REACH_M = 3.0
 """A dock that catches from so far, as in the paper's scenarios, catches whoever drifted at random."""
 _DRIFT_BLOCK = 512
 """Steps that are computed at once."""
-_LEGS = (Phase.GO_COLLECT, Phase.GO_DEPLOY, Phase.GO_HOME)
 
 
 def model_gap(scenario: Scenario) -> str | None:
@@ -119,10 +116,7 @@ def fly_event_driven(scenario: Scenario, trust: registry.Trust | None = None) ->
     supervisor = flight.supervisor
     mission = supervisor.mission
     assert isinstance(mission, EnergyExchange), "no script flies a study"
-    strategy = registry.collection(scenario.mission.collection, trust=trust)
-    ticks = Ticks(
-        scenario, flight, mission, beliefs, vehicle, collects=not isinstance(strategy, NoCollection)
-    )
+    ticks = Ticks(scenario, flight, mission, beliefs, vehicle)
     while True:
         flight.tick(flight.now_ms)
         if supervisor.has_ended:
@@ -291,20 +285,16 @@ class Ticks:
         mission: EnergyExchange,
         beliefs: TruthfulReports,
         vehicle: CruisingAPad,
-        *,
-        collects: bool,
     ) -> None:
         self._end_ms = scenario.duration_ms
         self._supervisor = flight.supervisor
         self._mission = mission
         self._beliefs = beliefs
         self._vehicle = vehicle
-        self._collects = collects
         self._home = parts.home_stays(scenario)
         home = scenario.apad.home
-        goes_home_at, self._leaves_home_at = (0.0, 0.0) if home is None else (home.go_at, home.leave_at)
         self._ends_at = scenario.mission.end_at_apad_fraction
-        self._least_battery = max(self._ends_at, goes_home_at)
+        self._least_battery = self._ends_at if home is None else max(self._ends_at, home.go_at)
         """The part of the aPad's battery at which the mission acts."""
         self._knows_end = scenario.mission.horizon is Horizon.END
         self._full_charge = _least_charge_above(scenario.mission.full_threshold)
@@ -316,18 +306,17 @@ class Ticks:
         limit_ms = min(self._end_ms, *(it for it in events_ms if it is not None))
         limit_ms = max(soonest_ms, -(-limit_ms // TICK_MS) * TICK_MS)
         limit_ms = self._first_due_ms(now_ms, soonest_ms, limit_ms)
-        state = self._mission.state
-        least = self._ends_at if state.phase is Phase.AT_HOME else self._least_battery
+        least = self._least_battery if self._mission.leaves_home_at is None else self._ends_at
         # A mission with a known end counts its way second by second.
-        passes = self._mission.moved if self._knows_end and state.leg is not None else None
+        passes = self._mission.moved if self._knows_end and self._mission.state.leg is not None else None
         return self._vehicle.advance_until(limit_ms, least, passes)
 
     def _vehicle_due_ms(self, now_ms: int) -> int | None:
         """The time by which there must be a tick for the aPad's sake, if it reports nothing before."""
-        due_ms, phase = self._supervisor.port.next_due_ms, self._mission.state.phase
-        if phase is Phase.AT_HOME:
-            return now_ms + self._vehicle.least_charging_ms(self._leaves_home_at)
-        if due_ms is None or phase not in _LEGS:
+        due_ms, leaves_at = self._supervisor.port.next_due_ms, self._mission.leaves_home_at
+        if leaves_at is not None:
+            return now_ms + self._vehicle.least_charging_ms(leaves_at)
+        if due_ms is None or self._mission.state.leg is None:
             return due_ms
         return due_ms - TICK_MS  # a pose before the port's stall watch runs out restarts it
 
@@ -335,8 +324,6 @@ class Ticks:
         """The first tick from `soonest_ms` on at which the mission is due; `limit_ms` if there is none before."""
         if self._may_stop_to_charge():
             return soonest_ms
-        if not self._collects and self._mission.state.phase is Phase.IDLE:
-            return limit_ms
         low, high = soonest_ms // TICK_MS, limit_ms // TICK_MS
         # What an agent does at the limit is not known before, so that tick comes in any case.
         if low == high or not self._is_due(MissionMs((high - 1) * TICK_MS)):
@@ -353,9 +340,7 @@ class Ticks:
 
     def _may_stop_to_charge(self) -> bool:
         """A docked aMussel does not get full by what its charger does now: the watch for stalls must see each tick."""
-        if self._mission.state.phase is not Phase.CHARGE:
-            return False
-        for agent_id in dict(self._mission.state.docked).values():
+        for agent_id in self._mission.watched:
             belief = self._beliefs.get(agent_id)
             if belief is None or belief.state not in DOCKED:
                 return True
