@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from agents.mussel.outputs import Truth
@@ -12,26 +12,40 @@ from apad_bridge.events.event import Event
 from apad_bridge.events.fleet import (
     BeliefChanged,
     CapacityLearned,
+    FaultBegan,
+    FaultEnded,
+    HandedOn,
     PresenceChanged,
     ProcessDied,
+    TookOn,
     TruthChanged,
 )
 from apad_bridge.events.guards import Drifting, StopChanged, StopEnded, StopKind, StopState
 from apad_bridge.events.mission import (
+    PRE_EMPTED,
     AMusselReleased,
+    DockSwitched,
     MissionChanged,
+    MissionState,
     PlanMade,
     PrimitiveChanged,
     PrimitivePhase,
 )
+from apad_bridge.events.persons import Overridden, Steering
 from apad_bridge.events.run import RunEnded
 from apad_bridge.events.vehicle import APadMoved
-from apad_bridge.records.journal import Entry
+from apad_bridge.records.journal import Entry, JournalContents
 from apad_bridge.records.summary import FailureCounts, Interruptions
 from apad_bridge.records.truth_lines import truth_of
 from apad_bridge.records.uptime import UptimeMeter
 from apad_bridge.scenario.firmware_config import charge_models, works_on_secondary
 from apad_bridge.scenario.schema import Scenario
+from apad_bridge.supervisor.core import PRIMITIVE_NAMES
+from apad_bridge.supervisor.roster import PresenceChange
+from apad_bridge.vehicle.commands import Hold
+from apad_bridge.vehicle.docks import after_report
+from apad_bridge.vehicle.guards.stops import NO_STOPS
+from apad_bridge.vehicle.primitives import PrimitiveFailed
 
 _STEP_OF = {"collect": "collect", "redeploy": "deploy"}
 """The kind of a plan's steps in the mission's state, by what the plan is for."""
@@ -81,9 +95,28 @@ class RunState:
         """The aMussels whose process stayed dead."""
         self.apad: APadMoved | None = None
         self.docks: tuple[int | None, ...] = (None,) * scenario.apad.docks
-        self.mission: MissionChanged | None = None
+        self.last_ms = MissionMs(0)
+        """The newest mission time of an event."""
+        self.phase = ""
+        """The mission's; empty before it began."""
+        self.mission = MissionState()
+        """As it was journaled last, with the docks that closed or opened since."""
+        self.battery_at_start: float | None = None
+        """The charge of the aPad's battery when it was first heard."""
+        self.first_failure: PrimitiveFailed | None = None
+        """The failure that the docking port has latched. The journal does not keep the primitive's id: it is 0."""
+        self.steering = Steering.PERSON
+        """The party that took the aPad from the mission last."""
+        self.faults: list[tuple[MissionMs, FaultBegan]] = []
+        """The faults that have begun and not ended, in the order in which they began."""
+        self.presences: dict[int, PresenceChange] = {}
+        """The newest change of each aMussel to real, retired or simulated."""
+        self.handovers: list[TookOn | HandedOn] = []
+        """The aMussels that came from other aPads, or went to them, in order."""
         self.primitive = ""
         self.plan: PlanView | None = None
+        self.restored_stops = NO_STOPS
+        """The stops as another supervisor takes them over."""
         self.stops: dict[int, StopView] = {}
         """The stops that nobody's `continue` has ended, by number."""
         self.refused_stop: StopView | None = None
@@ -92,13 +125,13 @@ class RunState:
         """The newest drift, while the thrusters are off."""
         self.ended_by: str | None = None
 
-    @property
-    def phase(self) -> str:
-        return "" if self.mission is None else self.mission.phase
-
-    @property
-    def cost_m(self) -> float:
-        return 0.0 if self.mission is None else self.mission.snapshot.cost_m
+    @classmethod
+    def of(cls, scenario: Scenario, journal: JournalContents) -> RunState:
+        """The state after all events of a journal."""
+        state = cls(scenario)
+        for at_ms, event in journal.entries:
+            state.apply(at_ms, event)
+        return state
 
     @property
     def stop(self) -> StopView | None:
@@ -107,6 +140,7 @@ class RunState:
 
     def apply(self, at_ms: MissionMs, event: Event) -> None:
         """Takes the next event. ValueError, of truths of one aMussel whose time goes back."""
+        self.last_ms = max(self.last_ms, at_ms)
         self.failures.take(at_ms, event)
         self.interruptions.take(at_ms, event)
         match event:
@@ -120,26 +154,41 @@ class RunState:
                 self.gone.add(event.id)
                 self.meter.ended(event.id, event.agent_ms)
             case PresenceChanged():
+                self.presences[event.id] = PresenceChange(at_ms, event.id, event.is_, event.by)
                 self.meter.set_presence(event.id, event.is_, self._scale.agent_ms(at_ms))
             case APadMoved():
                 self.apad = event
+                if self.battery_at_start is None:
+                    self.battery_at_start = event.battery
                 self.docks = tuple(None if it < 0 else it for it in event.docks)
             case MissionChanged():
                 self._take_mission(event)
             case PlanMade():
                 self._take_plan(event)
             case PrimitiveChanged():
-                self._take_primitive(event)
+                self._take_primitive(at_ms, event)
+            case DockSwitched():
+                docked = after_report(self.mission.docked, event.dock, event.agent, closed=event.closed)
+                self.mission = replace(self.mission, docked=docked)
             case AMusselReleased(full=True):
                 self.services[event.agent] += 1
             case StopChanged():
                 self._take_stop(at_ms, event)
             case StopEnded():
+                self.restored_stops = self.restored_stops.after(at_ms, event)
                 self.refused_stop = None
                 self.stops = {number: it for number, it in self.stops.items() if number > event.number}
                 self._forget_drift()
             case Drifting() if self.stops:
                 self.drift = Entry(at_ms, event)
+            case Overridden(taken=True, by=Steering() as party):
+                self.steering = party
+            case FaultBegan(refused=None, until_ms=int() as until_ms) if until_ms > at_ms:
+                self.faults.append((at_ms, event))
+            case FaultEnded():
+                self.faults = [it for it in self.faults if not _is_over(it[1], event, at_ms)]
+            case TookOn() | HandedOn():
+                self.handovers.append(event)
             case RunEnded():
                 self.ended_by = event.reason
 
@@ -149,19 +198,19 @@ class RunState:
         self.truths[truth.agent_id] = truth
 
     def _take_mission(self, changed: MissionChanged) -> None:
-        self.mission = changed
+        self.phase, self.mission = changed.phase, changed.snapshot
         if self.plan is not None:
             kind = _STEP_OF.get(self.plan.what)
             self.plan.left = sum(step.kind == kind for step in changed.snapshot.plan)
 
     def _take_plan(self, plan: PlanMade) -> None:
         steps = tuple((step["agent"], step["dock"]) for step in plan.steps)
-        rows = () if self.mission is None else self.mission.snapshot.homes
-        homes = {agent_id: (north_m, east_m) for agent_id, north_m, east_m in rows}
+        homes = {agent_id: (north_m, east_m) for agent_id, north_m, east_m in self.mission.homes}
         places_m = () if plan.what == "collect" else tuple(homes.get(agent_id) for agent_id, _ in steps)
         self.plan = PlanView(plan.what, plan.strategy, steps, len(steps), places_m)
 
     def _take_stop(self, at_ms: MissionMs, event: StopChanged) -> None:
+        self.restored_stops = self.restored_stops.after(at_ms, event)
         before = self.stops.get(event.number)
         stop = StopView(
             event.number,
@@ -182,12 +231,21 @@ class RunState:
         if self.stop is None or self.stop.mode is StopKind.HOLD:
             self.drift = None
 
-    def _take_primitive(self, event: PrimitiveChanged) -> None:
+    def _take_primitive(self, at_ms: MissionMs, event: PrimitiveChanged) -> None:
+        if event.phase is PrimitivePhase.SUCCEEDED and event.name != PRIMITIVE_NAMES[Hold]:
+            self.first_failure = None
+        elif event.phase is PrimitivePhase.FAILED and event.reason != PRE_EMPTED:
+            self.first_failure = self.first_failure or PrimitiveFailed(at_ms, 0, event.reason or "")
         text = _primitive_text(event)
         if event.phase is PrimitivePhase.STARTED:
             self.primitive = text
         elif text == self.primitive:  # not if another has replaced it, as a go-to replaces holding
             self.primitive = ""
+
+
+def _is_over(fault: FaultBegan, ended: FaultEnded, at_ms: int) -> bool:
+    is_same = (fault.fault, fault.id) == (ended.fault, ended.id)
+    return is_same and fault.until_ms is not None and fault.until_ms <= at_ms
 
 
 def _primitive_text(event: PrimitiveChanged) -> str:

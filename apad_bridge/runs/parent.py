@@ -221,14 +221,18 @@ def _apad_as_seen(directory: RunDirectory) -> tuple[Path, dict[int, int]]:
     """
     # Imported here, because they compute with numpy, and a run's parent needs them after a restart of the machine alone.
     from apad_bridge.records.journal import read_journal
+    from apad_bridge.records.run_state import RunState
     from apad_bridge.runs.resuming import find_resume_point, with_apad_as_seen
     from apad_bridge.scenario.loader import load, write_resolved
 
-    journal, scenario = read_journal(directory.journal), directory.scenario
-    if (seen := with_apad_as_seen(load(scenario), journal)) is not None:
-        scenario = directory.path / "ros" / "apad_as_seen.yaml"
-        write_resolved(scenario, seen)
-    return scenario, dict(find_resume_point(journal, 0, 0).state.docked)
+    scenario = load(directory.scenario)
+    state = RunState.of(scenario, read_journal(directory.journal))
+    docked = dict(find_resume_point(state, 0, 0).state.docked)
+    if (seen := with_apad_as_seen(scenario, state.apad)) is None:
+        return directory.scenario, docked
+    file = directory.path / "ros" / "apad_as_seen.yaml"
+    write_resolved(file, seen)
+    return file, docked
 
 
 def _open_sea(stack: ExitStack, members: Sequence[Member], whole: RunDirectory) -> str:

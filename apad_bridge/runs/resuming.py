@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -15,44 +15,28 @@ from apad_bridge.assembly import parts
 from apad_bridge.assembly.capacity import battery_worth_min
 from apad_bridge.assembly.flight_config import FlightConfig
 from apad_bridge.events.fleet import (
-    FaultBegan,
-    FaultEnded,
     HandedOn,
     Presence,
-    PresenceChanged,
     Stimulated,
     TookOn,
 )
-from apad_bridge.events.guards import StopChanged, StopEnded
-from apad_bridge.events.mission import (
-    PRE_EMPTED,
-    DockSwitched,
-    MissionChanged,
-    MissionState,
-    PrimitiveChanged,
-    PrimitivePhase,
-)
-from apad_bridge.events.persons import Overridden, Steering
-from apad_bridge.events.run import KnowledgeRestored, RunEnded
+from apad_bridge.events.run import KnowledgeRestored
 from apad_bridge.events.vehicle import APadMoved
 from apad_bridge.records.checkpoint import NoCheckpoint, restore
 from apad_bridge.records.journal import JournalContents, read_journal
 from apad_bridge.records.recorder import Recorder, Resumed
 from apad_bridge.records.run_directory import RunDirectory
+from apad_bridge.records.run_state import RunState
 from apad_bridge.runs.flying import ResumePoint, journal_start
 from apad_bridge.scenario.loader import with_values
 from apad_bridge.scenario.run_options import BenchPart, RunOptions
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.scenario.timed_faults import injection
-from apad_bridge.supervisor.core import PRIMITIVE_NAMES, TICK_MS, LearnedState
+from apad_bridge.supervisor.core import TICK_MS, LearnedState
 from apad_bridge.supervisor.fault_injection import Ongoing
-from apad_bridge.supervisor.roster import PresenceChange, Presences
-from apad_bridge.vehicle.commands import Hold
-from apad_bridge.vehicle.docks import after_report
+from apad_bridge.supervisor.roster import Presences
 from apad_bridge.vehicle.errors import PeerFailed
-from apad_bridge.vehicle.guards.stops import RestoredStops
-from apad_bridge.vehicle.primitives import PrimitiveFailed
 
 _LARGE_BYTES = 100_000_000
 """Size of bags; the repair of a gigabyte takes about ten seconds."""
@@ -69,39 +53,27 @@ def gap_ms(options: RunOptions, journal: Path, now_s: float) -> int:
     return max(0, round((now_s - journal.stat().st_mtime) * 1000))
 
 
-def find_resume_point(journal: JournalContents, epoch: int, gap_ms: int) -> ResumePoint:
-    """The newest mission snapshot, and the time with the gap granted; PeerFailed when the run has ended."""
-    state, fraction = MissionState(), None
-    for _, event in journal.events(MissionChanged, DockSwitched, APadMoved, RunEnded):
-        match event:
-            case MissionChanged():
-                state = event.snapshot
-            case DockSwitched():
-                docked = after_report(state.docked, event.dock, event.agent, closed=event.closed)
-                state = replace(state, docked=docked)
-            case APadMoved() if fraction is None:
-                fraction = event.battery
-            case RunEnded():
-                raise PeerFailed("this run has ended: nothing to resume")
-    # The journal's last line may lie between two ticks.
-    now_ms = MissionMs((journal.last_ms + gap_ms) // TICK_MS * TICK_MS)
+def find_resume_point(state: RunState, epoch: int, gap_ms: int) -> ResumePoint:
+    """The mission's newest state, and the time with the gap granted; PeerFailed when the run has ended."""
+    if state.ended_by is not None:
+        raise PeerFailed("this run has ended: nothing to resume")
     return ResumePoint(
-        now_ms,
-        state,
+        # The journal's last line may lie between two ticks.
+        MissionMs((state.last_ms + gap_ms) // TICK_MS * TICK_MS),
+        state.mission,
         epoch,
-        fraction,
-        first_failure(journal),
-        RestoredStops.of(journal.events(StopChanged, StopEnded)),
-        steering_of(journal),
+        state.battery_at_start,
+        state.first_failure,
+        state.restored_stops,
+        state.steering,
     )
 
 
-def with_apad_as_seen(scenario: Scenario, journal: JournalContents) -> Scenario | None:
-    """The scenario with its aPad where the journal saw it last, with its battery; None when it was never seen."""
-    moves = [it for _, it in journal.events(APadMoved)]
-    if not moves:
+def with_apad_as_seen(scenario: Scenario, seen: APadMoved | None) -> Scenario | None:
+    """The scenario with its aPad where it was seen last, with its battery; None when it was never seen."""
+    if seen is None:
         return None
-    seen, start = moves[-1], scenario.apad.battery.start_fraction
+    start = scenario.apad.battery.start_fraction
     values = {
         "area.home_m": parts.home_stays(scenario).place_m,
         "apad.start_m": (seen.north_m, seen.east_m),
@@ -110,44 +82,13 @@ def with_apad_as_seen(scenario: Scenario, journal: JournalContents) -> Scenario 
     return with_values(scenario, values, scenario.name)
 
 
-def steering_of(journal: JournalContents) -> Steering:
-    """The party that took the aPad from the mission last."""
-    taken = [it.by for _, it in journal.events(Overridden) if it.taken and it.by is not None]
-    return taken[-1] if taken else Steering.PERSON
-
-
-def first_failure(journal: JournalContents) -> PrimitiveFailed | None:
-    """The failure that a docking port had latched, from the journal, which does not keep the primitive's id: it is 0."""
-    latched: PrimitiveFailed | None = None
-    for at_ms, it in journal.events(PrimitiveChanged):
-        if it.phase is PrimitivePhase.SUCCEEDED and it.name != PRIMITIVE_NAMES[Hold]:
-            latched = None
-        elif it.phase is PrimitivePhase.FAILED and it.reason != PRE_EMPTED and latched is None:
-            latched = PrimitiveFailed(at_ms, 0, it.reason or "")
-    return latched
-
-
-def presence_changes(journal: JournalContents) -> Iterator[PresenceChange]:
-    """The changes of aMussels to real, retired or simulated, in the order in which they happened."""
-    for at_ms, it in journal.events(PresenceChanged):
-        yield PresenceChange(at_ms, it.id, it.is_, it.by)
-
-
-def ongoing_faults(journal: JournalContents) -> list[Ongoing]:
+def ongoing_faults(state: RunState) -> list[Ongoing]:
     """The faults that had begun and not ended, in the order in which they began."""
-    begun: list[Ongoing] = []
-    for at_ms, event in journal.events(FaultBegan, FaultEnded):
-        match event:
-            case FaultBegan(refused=None, until_ms=until_ms) if until_ms is not None and until_ms > at_ms:
-                asked = injection(event.fault, event.id, event.value, (until_ms - at_ms) / 1000)
-                begun.append(Ongoing(asked, until_ms))
-            case FaultEnded(id=agent_id, fault=fault):
-                begun = [
-                    it
-                    for it in begun
-                    if (it.injection.fault, it.injection.agent_id) != (fault, agent_id) or it.until_ms > at_ms
-                ]
-    return begun
+    return [
+        Ongoing(injection(it.fault, it.id, it.value, (it.until_ms - at_ms) / 1000), it.until_ms)
+        for at_ms, it in state.faults
+        if it.until_ms is not None
+    ]
 
 
 def undelivered(journal: JournalContents, granted_ms: Mapping[int, int]) -> list[Undelivered]:
@@ -255,13 +196,13 @@ def resume_run(
         # The clock that several aPads follow may be faster than the wall's.
         siblings_ms = _newest_of_siblings_ms(directory, scenario.apad.name, options.apads)
         without_supervisor_ms = max(without_supervisor_ms, siblings_ms - resumed.journal.last_ms)
-    start = find_resume_point(resumed.journal, options.epoch, without_supervisor_ms)
-    presences = Presences(ids, scenario.area.depth_m, presence_changes(resumed.journal))
+    start = find_resume_point(recorder.state, options.epoch, without_supervisor_ms)
+    presences = Presences(ids, scenario.area.depth_m, recorder.state.presences.values())
     learned = _nothing_learned(config, options)
     beliefs_line, dropped = restore_learned(directory.checkpoint, learned, start.now_ms)
     if dropped is not None:
         recorder.dropped_before = dropped
-    restore_allocation(learned, resumed.journal)
+    restore_allocation(learned, recorder.state.handovers)
     stop_lines = filter(None, [start.stops.text()])
     lines = [*stop_lines, *loss_lines(resumed, dropped), *presence_lines(presences), beliefs_line]
     for line in lines:
@@ -276,14 +217,11 @@ def _newest_of_siblings_ms(directory: RunDirectory, name: str, apads: Iterable[s
     return max((read_journal(it).last_ms for it in siblings if it.exists()), default=0)
 
 
-def restore_allocation(learned: LearnedState, journal: JournalContents) -> None:
-    """Restores the aMussels that the former supervisor of the run served, from its journal."""
-    for _, event in journal.events(TookOn, HandedOn):
-        match event:
-            case TookOn(id=agent_id):
-                learned.allocation.take(agent_id)
-            case HandedOn(id=agent_id):
-                learned.allocation.give(agent_id)
+def restore_allocation(learned: LearnedState, handovers: Iterable[TookOn | HandedOn]) -> None:
+    """Restores the aMussels that the former supervisor of the run served."""
+    for it in handovers:
+        change = learned.allocation.take if isinstance(it, TookOn) else learned.allocation.give
+        change(it.id)
     for agent_id in learned.allocation.served_for_others:
         learned.beliefs.admit(agent_id, None)
 

@@ -199,7 +199,7 @@ def _flight_context(run: _Run, fleet: FlightFleet | NoFleet) -> Iterator[FlightC
                 run.config,
                 fleet,
                 start_state.journal.last_ms if options.is_resumed else -1,
-                resuming.ongoing_faults(start_state.journal),
+                resuming.ongoing_faults(start_state.recorder.state),
                 real_hull=options.has_real_vehicle,
             ),
             tell=say,

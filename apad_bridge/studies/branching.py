@@ -26,13 +26,14 @@ from apad_bridge.assembly.capacity import battery_worth_min
 from apad_bridge.assembly.division import members
 from apad_bridge.assembly.flight_config import FlightConfig, flight_config
 from apad_bridge.assembly.safety import safety_of
-from apad_bridge.events.fleet import PresenceChanged, ProcessDied, Stimulated
-from apad_bridge.events.mission import MissionState, Phase
+from apad_bridge.events.fleet import ProcessDied, Stimulated
+from apad_bridge.events.mission import Phase
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.events import SoundHeard, StandDownRequested, WifiHeard
 from apad_bridge.planning import registry
 from apad_bridge.records.journal import JournalContents, read_journal
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
+from apad_bridge.records.run_state import RunState
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.records.uptime import UptimeMeter
 from apad_bridge.runs.children import supervisor_of
@@ -267,9 +268,10 @@ def _from_records(
     ((name, journal),) = journals.items()
     at_ms = MissionMs(at_ms // TICK_MS * TICK_MS)
     journal = journal.until(at_ms)
-    if any(journal.events(PresenceChanged)):
+    state = RunState.of(scenario, journal)
+    if state.presences:
         raise NoBranch("real aMussels, or retired ones, cannot go on in virtual time")
-    point = find_resume_point(journal, epoch=2, gap_ms=0)
+    point = find_resume_point(state, epoch=2, gap_ms=0)
     if point.state.phase in (Phase.COMMANDED, Phase.ENDED, Phase.STANDS_DOWN):
         raise NoBranch(
             f"at {at_ms / 1000:g} s no strategy planned: the mission was {point.state.phase.value}"
@@ -279,7 +281,7 @@ def _from_records(
     )
     recorder, config = _Recorder(scenario, meter), flight_config(scenario, trust)
     relived = _relive(scenario, config, journal, at_ms, recorder)
-    vehicle = InProcessVehicle(_apad_at(scenario, journal, point.state, at_ms))
+    vehicle = InProcessVehicle(_apad_at(scenario, state, at_ms))
     context = FlightContext(
         vehicle=vehicle,
         pace=AsFastAsPossible(),
@@ -343,15 +345,13 @@ def _relive(
     return _Relived(fleet, learned, docked)
 
 
-def _apad_at(
-    scenario: Scenario, journal: JournalContents, state: MissionState, at_ms: MissionMs
-) -> SimulatedAPad:
+def _apad_at(scenario: Scenario, state: RunState, at_ms: MissionMs) -> SimulatedAPad:
     """A simulated aPad at rest where the journal last saw the real one, with its battery and its docked aMussels."""
-    seen = with_apad_as_seen(scenario, journal)
+    seen = with_apad_as_seen(scenario, state.apad)
     if seen is None:
         raise NoBranch(f"the aPad was not seen before {at_ms / 1000:g} s")
     config, home_m, sea = seen.apad, seen.area.home_m, surface_of(scenario)
-    apad = SimulatedAPad(config, parts.misses(scenario), home_m, dict(state.docked), sea)
+    apad = SimulatedAPad(config, parts.misses(scenario), home_m, dict(state.mission.docked), sea)
     for now_ms in [*range(0, at_ms, _BATTERY_HELD_MS), at_ms]:
         # It waits there from time 0 on, and what it draws meanwhile is given back.
         apad.advance(now_ms)

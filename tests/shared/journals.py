@@ -7,10 +7,14 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from scenario_files import POOL_FILE
+
 from agents.time_scale import MissionMs
 from apad_bridge.events.union import event_of
 from apad_bridge.records.journal import Entry, JournalContents
+from apad_bridge.records.run_state import RunState
 from apad_bridge.runs.in_memory import MemoryRecorder
+from apad_bridge.scenario.loader import load
 
 Line = dict[str, Any]
 
@@ -20,6 +24,11 @@ def journal_of(lines: Iterable[Line], dropped: int = 0) -> JournalContents:
     return JournalContents(
         [Entry(MissionMs(line["t"]), event_of(line["kind"], line)) for line in lines], dropped
     )
+
+
+def state_of(lines: Iterable[Line]) -> RunState:
+    """The state of a run in the pool after these lines, which go through JSON as a journal's do."""
+    return RunState.of(load(POOL_FILE), journal_of(json.loads(json.dumps(list(lines)))))
 
 
 def lines_in(journal: Path) -> list[Line]:

@@ -256,7 +256,7 @@ class _Sampler:
             self._sample_agent(agent, now_ms, lost=uptime is not None and uptime.lost)
             agent.uptime.append(0.0 if uptime is None else round(100 * uptime.paper / self._ticks, 2))
         self._active.append(now.meter.active_now(now_ms))
-        self._cost.append(round(now.cost_m, 2))
+        self._cost.append(round(now.mission.cost_m, 2))
         apad = now.apad
         self._apad.append(
             None if apad is None else [apad.north_m, apad.east_m, apad.heading_rad, apad.battery]

@@ -8,7 +8,6 @@ that is obeyed is done. The hull may also *not obey* (`obedience.py`).
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any
@@ -104,18 +103,12 @@ class RestoredStops:
     newest: StopRecord | None = None
     in_force: StopRecord | None = None
 
-    @classmethod
-    def of(cls, events: Iterable[tuple[int, StopChanged | StopEnded]]) -> RestoredStops:
-        """The stops by the journal's lines, with their mission times."""
-        newest = in_force = None
-        for at_ms, event in events:
-            if isinstance(event, StopEnded):
-                in_force = None
-                continue
-            newest = _changed(in_force, event, at_ms)
-            if event.state is not StopState.REFUSED:
-                in_force = newest
-        return cls(newest, in_force)
+    def after(self, at_ms: int, event: StopChanged | StopEnded) -> RestoredStops:
+        """The stops after the next event of one, at its mission time."""
+        if isinstance(event, StopEnded):
+            return replace(self, in_force=None)
+        newest = _changed(self.in_force, event, at_ms)
+        return RestoredStops(newest, self.in_force if event.state is StopState.REFUSED else newest)
 
     def text(self) -> str:
         """A line for the person who resumes the run; empty without a stop in force."""

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from journals import journal_of
-from scenario_files import POOL_FILE
+from journals import state_of
 
-from apad_bridge.records.run_state import RunState, StopView
-from apad_bridge.scenario.loader import load
+from apad_bridge.records.run_state import StopView
 
 
 def line(t: int, kind: str, **data: Any) -> dict[str, Any]:
@@ -20,10 +18,7 @@ def stop(t: int, number: int, mode: str, state: str, by: str = "Anna", **more: A
 
 
 def after(*lines: dict[str, Any]) -> Any:
-    state = RunState(load(POOL_FILE))
-    for at_ms, event in journal_of(lines).entries:
-        state.apply(at_ms, event)
-    return state
+    return state_of(lines)
 
 
 HELD = (stop(10, 1, "hold", "ordered"), stop(10, 1, "hold", "sent"), stop(20, 1, "hold", "taken"))

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
-from journals import facts_of, journal_of
+from journals import facts_of, state_of
 from scenario_files import POOL_FILE
 
-from apad_bridge.records.journal import JournalContents
 from apad_bridge.runs.in_memory import open_flight
-from apad_bridge.runs.resuming import first_failure
 from apad_bridge.scenario.loader import load
 
 PRE_EMPTED = {
@@ -22,10 +19,6 @@ PRE_EMPTED = {
     "phase": "failed",
     "reason": "pre-empted",
 }
-
-
-def journal(lines: list[dict[str, Any]]) -> JournalContents:
-    return journal_of(json.loads(json.dumps(lines)))
 
 
 def test_the_first_cause_is_the_same_after_a_kill_at_any_tick() -> None:
@@ -42,7 +35,7 @@ def test_the_first_cause_is_the_same_after_a_kill_at_any_tick() -> None:
     flight.run()
     lines = [{"t": at_ms, "kind": kind, **data} for at_ms, kind, data in facts_of(recorder)]
     for until, reason in ticks:
-        found = first_failure(journal([it for it in lines[:until] if it["kind"] == "primitive"]))
+        found = state_of(it for it in lines[:until] if it["kind"] == "primitive").first_failure
         assert (None if found is None else found.reason) == reason
     told = [reason for _, reason in ticks]
     changes = sum(one != other for one, other in pairwise(told))
@@ -52,7 +45,7 @@ def test_the_first_cause_is_the_same_after_a_kill_at_any_tick() -> None:
 def test_who_makes_way_for_another_has_not_failed() -> None:
     failed = PRE_EMPTED | {"t": 2000, "reason": "it does not come nearer"}
     held = {"t": 3000, "kind": "primitive", "name": "hold position", "phase": "succeeded"}
-    assert first_failure(journal([PRE_EMPTED])) is None
-    found = first_failure(journal([PRE_EMPTED, failed, failed | {"reason": "another"}, held]))
+    assert state_of([PRE_EMPTED]).first_failure is None
+    found = state_of([PRE_EMPTED, failed, failed | {"reason": "another"}, held]).first_failure
     assert found is not None and (found.at_ms, found.reason) == (2000, "it does not come nearer")
-    assert first_failure(journal([failed, PRE_EMPTED | {"phase": "succeeded"}])) is None
+    assert state_of([failed, PRE_EMPTED | {"phase": "succeeded"}]).first_failure is None

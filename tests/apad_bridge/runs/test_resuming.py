@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from journals import journal_of
+from journals import state_of
 from scenario_files import POOL_FILE
 
 from apad_bridge.assembly import parts
@@ -21,9 +21,10 @@ from apad_bridge.events.mission import DockSwitched, MissionChanged, MissionEnd,
 from apad_bridge.events.run import EndReason, KnowledgeRestored, RunEnded
 from apad_bridge.events.vehicle import APadMoved
 from apad_bridge.planning.solution import Step, StepKind
-from apad_bridge.records.journal import JournalContents, read_journal
+from apad_bridge.records.journal import read_journal
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
+from apad_bridge.records.run_state import RunState
 from apad_bridge.records.summary import Ending
 from apad_bridge.runs.exits import Exit
 from apad_bridge.runs.parent_protocol import Failed, from_line
@@ -51,9 +52,8 @@ OPTIONS = RunOptions(
 )
 
 
-def journal(*lines: dict[str, Any]) -> JournalContents:
-    # Through JSON, as a journal's lines are.
-    return journal_of(json.loads(json.dumps(list(lines))))
+def state_after(*lines: dict[str, Any]) -> RunState:
+    return state_of(lines)
 
 
 def line(at_ms: int, event: Event) -> dict[str, Any]:
@@ -73,7 +73,7 @@ SNAPSHOT = snapshot(41_000, STATE)
 
 def test_it_goes_on_from_the_newest_snapshot_and_the_docks_changed_since() -> None:
     found = find_resume_point(
-        journal(
+        state_after(
             line(1000, apad_with(0.9)),
             snapshot(1000, MissionState()),
             SNAPSHOT,
@@ -91,7 +91,7 @@ def test_it_goes_on_from_the_newest_snapshot_and_the_docks_changed_since() -> No
 
 def test_a_run_that_has_ended_is_not_gone_on_with() -> None:
     with pytest.raises(PeerFailed, match="has ended"):
-        find_resume_point(journal(SNAPSHOT, line(50_000, RunEnded("mission time"))), 2, 0)
+        find_resume_point(state_after(SNAPSHOT, line(50_000, RunEnded("mission time"))), 2, 0)
 
 
 def test_with_a_real_vehicle_the_time_without_a_supervisor_is_granted(tmp_path: Path) -> None:
@@ -99,7 +99,7 @@ def test_with_a_real_vehicle_the_time_without_a_supervisor_is_granted(tmp_path: 
     path.write_text("")
     os.utime(path, (1000.0, 1000.0))
     assert gap_ms(OPTIONS, path, 1090.4) == 90_400
-    assert find_resume_point(journal(SNAPSHOT), 2, 90_400).now_ms == 131_000
+    assert find_resume_point(state_after(SNAPSHOT), 2, 90_400).now_ms == 131_000
     assert gap_ms(OPTIONS.on_own_master("http://h:2"), path, 1090.4) == 0
 
 

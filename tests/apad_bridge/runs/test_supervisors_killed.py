@@ -69,7 +69,7 @@ class Supervisors:
             fleet=fleet,
             safety=safety_of(self._scenario),
             contacts=Contacts(state.held),
-            faults=parts.fault_injection(config, fleet, last_ms, ongoing_faults(state.journal)),
+            faults=parts.fault_injection(config, fleet, last_ms, ongoing_faults(state.recorder.state)),
         )
         state.recorder.begin_checkpoint(state.learned, state.start_ms)
         spec = RunSpec(state.resume_point, state.learned)

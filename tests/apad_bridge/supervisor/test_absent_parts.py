@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from journals import journal_of
 from scenario_files import POOL_FILE
 
 from agents.mussel.stimuli import SoundArrived, WifiArrived
@@ -77,6 +76,6 @@ def test_no_lines_no_relay_and_no_samples_take_nothing() -> None:
 
 def test_a_single_aPad_serves_its_own_fleet_and_so_does_its_successor() -> None:
     learned = parts.initial_learned_state(flight_config(POOL))
-    restore_allocation(learned, journal_of([]))
+    restore_allocation(learned, ())
     assert learned.allocation.served == learned.allocation.own == frozenset(POOL.fleet.ids)
     assert not learned.allocation.served_for_others

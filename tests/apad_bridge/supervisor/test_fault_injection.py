@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 from flying import Flying
-from journals import facts_of, journal_of
+from journals import facts_of, state_of
 
 from agents.hosting.faulty_host import FaultyHost
 from agents.mussel.stimuli import PinDisturbed, from_json
@@ -93,7 +93,7 @@ def test_a_jam_that_is_over_ends_no_other_in_a_resumed_run() -> None:
         {"t": 9000, "kind": "fault_over", "fault": "dock_jammed"},
     ]
     jammed = injection(TimedFault.DOCK_JAMMED, None, 3.0, 60)
-    assert ongoing_faults(journal_of(lines)) == [Ongoing(jammed, 62_000)]
+    assert ongoing_faults(state_of(lines)) == [Ongoing(jammed, 62_000)]
 
 
 def test_the_two_defects_of_a_pin_keep_each_other(pool: Scenario) -> None:
@@ -131,7 +131,7 @@ def test_a_supervisor_goes_on_with_the_faults_that_another_began(pool: Scenario)
         {"t": 4000, "kind": "fault", "id": 6, "fault": "link_cut", "until_ms": 64_000, "refused": "why"},
         {"t": 9000, "kind": "fault_over", "id": 4, "fault": "link_cut"},
     ]
-    ongoing = ongoing_faults(journal_of(lines))
+    ongoing = ongoing_faults(state_of(lines))
     assert ongoing == [
         Ongoing(injection(TimedFault.LINK_DELAY, 3, 2.0, 60), 61_000),
         Ongoing(injection(TimedFault.APAD_LIES, None, 5.0, 30), 33_000),

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, cast
 
 import pytest
-from journals import facts_of, journal_of
+from journals import facts_of, journal_of, state_of
 from scenario_files import POOL_FILE
 
 from agents.coordinator import Coordinator
@@ -26,7 +26,7 @@ from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.runs.in_memory import MemoryRecorder
-from apad_bridge.runs.resuming import StartState, presence_changes
+from apad_bridge.runs.resuming import StartState
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
@@ -336,9 +336,7 @@ def test_another_supervisor_knows_who_is_real_and_who_is_retired() -> None:
         PresenceRequest(2, PresenceTrigger.RETIRE, "a test"),
     )
     lines = [{"t": at_ms, "kind": kind, **data} for at_ms, kind, data in facts_of(bench.recorder)]
-    journal = journal_of(json.loads(json.dumps(lines)))
-
-    again = Presences([1, 2, 3, 4], 3.0, presence_changes(journal))
+    again = Presences([1, 2, 3, 4], 3.0, state_of(lines).presences.values())
     assert [again.of(it) for it in (1, 2, 3, 4)] == [
         Presence.SIMULATED,
         Presence.RETIRED,

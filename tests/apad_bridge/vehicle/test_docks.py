@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hypothesis import given
 from hypothesis import strategies as st
-from journals import journal_of
+from journals import state_of
 from scenario_files import POOL_FILE
 
 from apad_bridge.assembly import parts
@@ -49,7 +49,7 @@ def test_after_any_reports_and_a_kill_all_know_the_same_docks_and_no_amussel_is_
     assert len(held) == len(set(held))
     notes = [it for it in bench.book.take_orders() if isinstance(it, Event)]
     lines = [{"t": at_ms, "kind": it.kind, **it.data} for at_ms, it in enumerate(notes)]
-    state = find_resume_point(journal_of(lines), epoch=2, gap_ms=0).state
+    state = find_resume_point(state_of(lines), epoch=2, gap_ms=0).state
     resumed = parts.supervisor(CONFIG, state)
     assert bench.port.docked == bench.book.state.docked == resumed.mission.state.docked == resumed.port.docked
 

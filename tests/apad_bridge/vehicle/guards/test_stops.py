@@ -21,7 +21,7 @@ from apad_bridge.vehicle.commands import (
 )
 from apad_bridge.vehicle.guards.guarded_vehicle import HOLD_AGAIN_MS
 from apad_bridge.vehicle.guards.stop_keeper import AFTER_CUT_MS, REPEAT_MS
-from apad_bridge.vehicle.guards.stops import RestoredStops, StopsEnded
+from apad_bridge.vehicle.guards.stops import NO_STOPS, RestoredStops, StopsEnded
 from apad_bridge.vehicle.link import LinkFact
 from tests.apad_bridge.vehicle.guards.test_gate import Guarded
 
@@ -56,8 +56,11 @@ class Journaled(Guarded):
 
     @property
     def restored(self) -> RestoredStops:
-        kinds = (StopChanged, StopEnded)
-        return RestoredStops.of((at_ms, it) for at_ms, it in self.lines if isinstance(it, kinds))
+        stops = NO_STOPS
+        for at_ms, it in self.lines:
+            if isinstance(it, StopChanged | StopEnded):
+                stops = stops.after(at_ms, it)
+        return stops
 
 
 def resumed(restored: RestoredStops) -> Guarded:
