@@ -1,6 +1,6 @@
 # A behaviour: fetches the first aMussel that falls below the threshold, charges it to 90 % and brings it home; serves two.
 # scenario: ../scenarios/pool-12.yaml
-from apad_bridge.scripting.behaviours import Behaviour
+from apad_bridge.scripting.api import Behaviour
 
 
 class FirstInNeed(Behaviour):
