@@ -44,6 +44,10 @@ class GraphListener:
     def dropped(self) -> Counter[str]:
         return self._inbox.dropped
 
+    def now_ns(self) -> int:
+        """The graph's time; 0 before the first time of a simulated clock."""
+        return int(rospy.Time.now().to_nsec())
+
     def take(self, wait_s: float) -> list[RecordedMessage]:
         """The messages since the last call, in the order heard; waits so long for the first."""
         return self._inbox.take(wait_s)
@@ -55,8 +59,8 @@ class GraphListener:
         rospy.signal_shutdown("it has heard enough")
 
     def _put(self, message: Any, topic: str) -> None:
-        at_ns = rospy.Time.now().to_nsec()
-        if at_ns == 0:  # a simulated clock that has not been heard yet
+        at_ns = self.now_ns()
+        if at_ns == 0:
             header = message._connection_header
             if header.get("latching") == "1":
                 self._before_clock[topic, header["callerid"]] = message

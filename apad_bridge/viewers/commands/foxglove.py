@@ -81,8 +81,8 @@ def _asked(arguments: argparse.Namespace) -> Service | None:
         raise UserError(
             "--foxglove shows a flight over ROS, and --time asap flies without it: leave one of them out"
         )
-    from apad_bridge.ros.viewer_gate import TOKEN_VARIABLE
     from apad_bridge.runs.beside import Service
+    from apad_bridge.viewers.viewer_gate import TOKEN_VARIABLE
 
     def again(line: str) -> tuple[tuple[str, ...], dict[str, str]]:
         url = urlsplit(line[line.index("ws://") :].rstrip())
@@ -95,7 +95,7 @@ def run(arguments: argparse.Namespace) -> int:
     _require_foxglove()
     _refuse_port("--port", arguments.port)
     from apad_bridge.records.run_directory import RunDirectoryError
-    from apad_bridge.ros.foxglove_server import CannotListen, serve
+    from apad_bridge.viewers.foxglove_server import CannotListen, serve
 
     def tell(port: int, token: str) -> None:
         url = f"ws://{arguments.host}:{port}/?token={token}"

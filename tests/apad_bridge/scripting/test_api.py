@@ -13,8 +13,7 @@ from apad_bridge.events.run import EndReason
 from apad_bridge.mission.values import Refused, Status, dock_index_of, dock_of
 from apad_bridge.runs.script_in_memory import ScriptFlight, fly_script
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.scripting.api import Api
-from apad_bridge.scripting.api import Behaviour
+from apad_bridge.scripting.api import Api, Behaviour
 
 
 def results_of(scenario: Scenario, script: Callable[[Api, list[Any]], object]) -> list[Any]:

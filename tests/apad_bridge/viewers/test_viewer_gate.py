@@ -8,7 +8,7 @@ from contextlib import closing, suppress
 
 import pytest
 
-from apad_bridge.ros.viewer_gate import ViewerGate, admits, hidden_address
+from apad_bridge.viewers.viewer_gate import ViewerGate, admits, hidden_address
 
 TOKEN = "a-token"
 PATIENCE_S = 60.0

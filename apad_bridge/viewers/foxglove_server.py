@@ -17,8 +17,6 @@ from contextlib import closing
 from pathlib import Path
 
 import foxglove
-import rosgraph
-import rospy
 from foxglove.websocket import Capability, ChannelView, Client, ServerListener
 
 from agents.hosting.interrupts import received_by
@@ -29,7 +27,7 @@ from apad_bridge.ros.system.route import enter_graph_of, somebodys_master
 from apad_bridge.ros.types.any_message import UnknownType, class_of
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros.types.user_texts import text_folders
-from apad_bridge.ros.viewer_gate import TOKEN_VARIABLE, ViewerGate, hidden_address
+from apad_bridge.viewers.viewer_gate import TOKEN_VARIABLE, ViewerGate, hidden_address
 
 _NICE = 5
 """Above the supervisor's: a viewer may wait for its processor, and a tick of the flight may not."""
@@ -66,10 +64,10 @@ def serve(
         tell(gate.port, token)
         if run_dir is not None and not enter_graph_of(run_dir, asked.wait):
             return False
-        somebodys_master()
+        master_uri = somebodys_master()
         use_generated_messages()
         with closing(GraphListener((), "musselbed_foxglove")) as listener:
-            _Relay(listener, views, warn).run(asked)
+            _Relay(master_uri, listener, views, warn).run(asked)
         return not asked.is_set()
 
 
@@ -145,7 +143,10 @@ class _Views(ServerListener):
 class _Relay:
     """From the graph's topics to the viewers, in the process's main thread."""
 
-    def __init__(self, listener: GraphListener, views: _Views, warn: Callable[[str], None]) -> None:
+    def __init__(
+        self, master_uri: str, listener: GraphListener, views: _Views, warn: Callable[[str], None]
+    ) -> None:
+        self._master_uri = master_uri
         self._listener = listener
         self._views = views
         self._warn = warn
@@ -169,13 +170,13 @@ class _Relay:
             for message in self._listener.take(_WAIT_S):
                 self._newest[message.connection.topic] = message
                 self._views.pass_on(message)
-            if (now_ns := rospy.Time.now().to_nsec()) > 0:
+            if (now_ns := self._listener.now_ns()) > 0:
                 self._views.tell_time(now_ns)
 
     def _look(self) -> bool:
         """Offers the topics of the graph as it is now; False for a master that is gone."""
         try:
-            published = dict(call(rosgraph.get_master_uri(), "getPublishedTopics", ""))
+            published = dict(call(self._master_uri, "getPublishedTopics", ""))
         except Unreachable:
             return time.monotonic() - self._answered_s < _GONE_S
         self._answered_s = time.monotonic()

@@ -8,7 +8,7 @@ from contextlib import closing
 import websocket
 
 from apad_bridge.records.bag import RecordedConnection, RecordedMessage
-from apad_bridge.ros.foxglove_server import _Views
+from apad_bridge.viewers.foxglove_server import _Views
 
 MD5, OTHER = "0" * 32, "1" * 32
 
