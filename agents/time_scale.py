@@ -1,7 +1,8 @@
 """The two clocks of a flight, and the one place that computes one from the other.
 
 Mission time is the aPad's, and agent time is theta times that. Both are whole milliseconds from the flight's start, and the
-type checker keeps them apart. A span of either is a plain number.
+type checker keeps them apart. A span of either is a plain number. So is a time where one clock alone can be: on a board, in
+the water, and in a vehicle.
 """
 
 from __future__ import annotations

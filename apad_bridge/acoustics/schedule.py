@@ -20,7 +20,7 @@ from typing import Any
 
 from agents.modem.frames import SHORT_MS, duration_ms
 from agents.packet_medium import Medium
-from agents.time_scale import MissionMs, TimeScale
+from agents.time_scale import AgentMs, MissionMs, TimeScale
 from agents.water.apad_modem import ANSWER_TIMEOUT_MS
 from apad_bridge.events.sound import Asked, NoAnswer
 from apad_bridge.mission.events import Ping, Send, SupervisorAction
@@ -226,7 +226,7 @@ class AcousticScheduler:
         """A request for a short status; nothing else is scheduled until the answer has arrived."""
         data = self._codec.encode(CommandPacket(Kind.PING, agent_id))
         lasting_ms = self._duration_ms(data) + self._config.answer_ms + 2 * self._config.longest_delay_ms
-        at_ms = self._reserve(now_ms, self._config.pause_ms + lasting_ms) + self._config.pause_ms
+        at_ms = AgentMs(self._reserve(now_ms, self._config.pause_ms + lasting_ms) + self._config.pause_ms)
         self._status_requests.await_answer(agent_id, at_ms + lasting_ms)
         return Send(Medium.SOUND, agent_id, data, at_ms)
 
@@ -236,12 +236,12 @@ class AcousticScheduler:
     def _duration_ms(self, data: bytes) -> int:
         return duration_ms(self._config.water.modems, len(data))
 
-    def _reserve(self, now_ms: MissionMs, lasting_ms: int, after_ms: int = 0) -> int:
+    def _reserve(self, now_ms: MissionMs, lasting_ms: int, after_ms: int = 0) -> AgentMs:
         """Reserves the next free time of this length, at least `after_ms` after the last packet. Returns its beginning."""
         from_ms = max(self._config.scale.agent_ms(now_ms), self._free_from_ms + after_ms)
         # It must have arrived everywhere by then, and the owner of the first timeslot may be early by its guard.
         needed_ms = lasting_ms + self._config.longest_delay_ms + self._guard_ms
-        at_ms = self._window.first_ms(from_ms, needed_ms)
+        at_ms = AgentMs(self._window.first_ms(from_ms, needed_ms))
         self._free_from_ms = at_ms + lasting_ms
         return at_ms
 

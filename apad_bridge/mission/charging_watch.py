@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
+from agents.time_scale import MissionMs
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.planning import exchange
 from apad_bridge.scenario.schema import FullWhen, Mission
@@ -49,7 +50,7 @@ class ChargingWatch:
         self._best: dict[int, tuple[float, int]] = {}
         self._given_up: set[int] = set()
 
-    def begin(self, docked: Iterable[int], now_ms: int) -> None:
+    def begin(self, docked: Iterable[int], now_ms: MissionMs) -> None:
         """Watches these docked aMussels from now on; nothing changes for those that it watches already."""
         for agent_id in docked:
             self._best.setdefault(agent_id, (-1.0, now_ms))
@@ -59,7 +60,9 @@ class ChargingWatch:
         self._best.pop(agent_id, None)
         self._given_up.discard(agent_id)
 
-    def give_up_stalled(self, docked: Mapping[int, Belief | None], now_ms: int) -> list[tuple[int, str]]:
+    def give_up_stalled(
+        self, docked: Mapping[int, Belief | None], now_ms: MissionMs
+    ) -> list[tuple[int, str]]:
         """Takes the beliefs of all docked aMussels; returns (agent, reason) for each aMussel that it gives up now."""
         for agent_id in self._best.keys() - docked.keys():
             self.restart(agent_id)

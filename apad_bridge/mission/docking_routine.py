@@ -17,6 +17,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from enum import Enum, auto
 
+from agents.time_scale import MissionMs
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.events.mission import AMusselReleased
 from apad_bridge.events.vehicle import DocksDisagree
@@ -79,7 +80,7 @@ class SurfacingWait:
     permissions: int = 0
     """Number of permissions sent since `since_ms`, and the one before the aPad set out."""
 
-    def next_step(self, belief: Belief | None, config: Mission, now_ms: int) -> DockingStep:
+    def next_step(self, belief: Belief | None, config: Mission, now_ms: MissionMs) -> DockingStep:
         """The step at `now_ms`; raises GivenUp. The caller counts a permission when it sends it."""
         if belief is not None and floats(belief):
             return DockingStep.CLOSE
@@ -124,7 +125,7 @@ class _Search:
         self.go_to_id: int | None = None
         """The id of the go-to under way; None while a docking is tried."""
 
-    def next_point(self, belief: Belief, here: tuple[float, float], now_ms: int) -> tuple[float, float]:
+    def next_point(self, belief: Belief, here: tuple[float, float], now_ms: MissionMs) -> tuple[float, float]:
         """The next point (north, east) in metres. A report from elsewhere than expected begins the spiral anew.
 
         The aPad at `here` has tried the believed place already if it is there.
@@ -150,7 +151,7 @@ class _Search:
         self._reports = [it for it in self._reports if belief.at_ms - it.at_ms <= _DRIFT_MS] + [belief]
         self._drift = _Drift.of(self._reports, _DRIFTED_PITCHES * self.pitch_m)
 
-    def _expected(self, belief: Belief, here: tuple[float, float], now_ms: int) -> tuple[float, float]:
+    def _expected(self, belief: Belief, here: tuple[float, float], now_ms: MissionMs) -> tuple[float, float]:
         """The place when the aPad is there."""
         place_m = belief.north_m, belief.east_m
         if self._drift is None:
@@ -223,14 +224,14 @@ class DockingRoutine:
         self._permitted = agent_id
         self._book.order(PermitSurfacing(agent_id))
 
-    def call_up(self, agent_id: int, now_ms: int) -> None:
+    def call_up(self, agent_id: int, now_ms: MissionMs) -> None:
         """Permits the aMussel to surface, and has `advance` repeat it while the aPad is on its way to it."""
         self._next = self._search = None
         self._wait = SurfacingWait(agent_id, now_ms, permissions=1)
         self.permit_surfacing(agent_id)
 
     def dock(
-        self, dock_index: int, agent_id: int, now_ms: int, manoeuvre: Manoeuvre = DEFAULT_MANOEUVRE
+        self, dock_index: int, agent_id: int, now_ms: MissionMs, manoeuvre: Manoeuvre = DEFAULT_MANOEUVRE
     ) -> None:
         """Begins a docking where the aPad is; `advance` permits the aMussel to surface, waits, and closes the mechanism."""
         self._wait = SurfacingWait(agent_id, now_ms, int(agent_id == self._permitted))
@@ -253,7 +254,7 @@ class DockingRoutine:
         self.mechanism = OpenDock(self._book.next_id(), dock_index, agent_id, manoeuvre)
         self._book.order(self.mechanism)
 
-    def advance(self, here: tuple[float, float], now_ms: int) -> DockingStep:
+    def advance(self, here: tuple[float, float], now_ms: MissionMs) -> DockingStep:
         """Takes the next step. GivenUp, and the routine has ended, when the aMussel cannot be docked from `here`.
 
         On the way to the aMussel it only repeats the permission.
@@ -280,7 +281,7 @@ class DockingRoutine:
             self._close(order)
         return step
 
-    def is_due(self, now_ms: int) -> bool:
+    def is_due(self, now_ms: MissionMs) -> bool:
         """Tells whether `advance` does something at `now_ms`, by the belief of that time. The question changes nothing."""
         wait, is_on_the_way = self._wait, self._next is None
         if wait is None:
@@ -313,7 +314,7 @@ class DockingRoutine:
         if self._wait is not None:
             self._wait.since_ms += pause_ms
 
-    def receive(self, outcome: PrimitiveEnded, now_ms: int) -> Progress:
+    def receive(self, outcome: PrimitiveEnded, now_ms: MissionMs) -> Progress:
         """Takes the outcome of a primitive; nothing happens if it is not the routine's."""
         search, mechanism = self._search, self.mechanism
         if search is not None and outcome.primitive_id == search.go_to_id:
@@ -333,7 +334,7 @@ class DockingRoutine:
             self.released(mechanism.agent_id)
         return Progress.ENDED
 
-    def _search_on(self, order: CloseDock, now_ms: int) -> Progress:
+    def _search_on(self, order: CloseDock, now_ms: MissionMs) -> Progress:
         """Goes to the next point of the search, and begins a search if there is none."""
         here, belief = self._book.here, self._beliefs.get(order.agent_id)
         if self._search is None:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
+from agents.time_scale import MissionMs
 from apad_bridge.scenario.schema import Mission
 from apad_bridge.scenario.surface import FlowNow, LegForecast
 
@@ -31,7 +32,7 @@ class EndBy:
     """The known sea, in which a leg may take longer; None in calm water."""
 
     def must_return(
-        self, now_ms: int, here_m: Point, releases_m: Iterable[Point], fetched_m: Point | None = None
+        self, now_ms: MissionMs, here_m: Point, releases_m: Iterable[Point], fetched_m: Point | None = None
     ) -> bool:
         """True when no time is left but for bringing the docked aMussels to `releases_m`, and the way home.
 
@@ -65,19 +66,19 @@ class KnownEnd:
     end_s: float
     drain_per_s: float
 
-    def lasting_charge(self, now_ms: int) -> float:
+    def lasting_charge(self, now_ms: MissionMs) -> float:
         """The charge with which an aMussel works from now until the end."""
         return max(0.0, self.drain_per_s * (self.end_s - now_ms / 1000))
 
-    def is_worth_a_service(self, now_ms: int) -> bool:
+    def is_worth_a_service(self, now_ms: MissionMs) -> bool:
         return self.lasting_charge(now_ms) >= LEAST_SERVICE
 
-    def changes_pool(self, rules: Mission, now_ms: int) -> bool:
+    def changes_pool(self, rules: Mission, now_ms: MissionMs) -> bool:
         """True once fewer aMussels may be in the pool than by these rules: near the end."""
         most = self.lasting_charge(now_ms)
         return most < max(LEAST_SERVICE, rules.pool_threshold, rules.again_threshold or 0.0)
 
-    def rules(self, rules: Mission, now_ms: int) -> Mission:
+    def rules(self, rules: Mission, now_ms: MissionMs) -> Mission:
         """The mission's rules with no threshold above the charge that lasts."""
         most = self.lasting_charge(now_ms)
         if most >= 1.0:

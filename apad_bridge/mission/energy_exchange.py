@@ -11,6 +11,7 @@ from collections.abc import Iterable
 from functools import partial
 from math import inf
 
+from agents.time_scale import MissionMs
 from apad_bridge.events.mission import MissionEnd, MissionState, Phase, StandsDown, StepGivenUp, Stuck
 from apad_bridge.events.persons import Steering
 from apad_bridge.events.run import EndReason
@@ -106,7 +107,7 @@ class EnergyExchange(OrderBook):
             self._must_begin, self._began_ms = True, None
         self._awaits_person = bool(reason)
 
-    def receive(self, outcome: Outcome, now_ms: int) -> list[Order]:
+    def receive(self, outcome: Outcome, now_ms: MissionMs) -> list[Order]:
         """Takes an outcome of the port; an outcome of a primitive that is not under way changes nothing."""
         leg = self.state.leg
         self.note_outcome(outcome)
@@ -136,7 +137,7 @@ class EnergyExchange(OrderBook):
             self.tell(Stuck(reason))
         return self.take_orders()
 
-    def advance(self, now_ms: int) -> list[Order]:
+    def advance(self, now_ms: MissionMs) -> list[Order]:
         """Acts on the beliefs at `now_ms`."""
         self._planner.places.learn(self._beliefs.all())
         if self.state.phase is Phase.ENDED:
@@ -165,7 +166,7 @@ class EnergyExchange(OrderBook):
         self._remind_to_sink(now_ms)
         return self.take_orders()
 
-    def is_due(self, now_ms: int) -> bool:
+    def is_due(self, now_ms: MissionMs) -> bool:
         """Tells whether `advance` does something at `now_ms`, by the beliefs and rules of that time. It changes nothing.
 
         It does not know when a charge stops to rise (`ChargingWatch`), nor how the sea or the time to be home will be. Near
@@ -197,7 +198,7 @@ class EnergyExchange(OrderBook):
         self._planner.change(rules)
         self.docking_routine.config = rules.mission
 
-    def stand_down(self, reason: str, now_ms: int) -> list[Order]:
+    def stand_down(self, reason: str, now_ms: MissionMs) -> list[Order]:
         if self.state.phase not in (Phase.STANDS_DOWN, Phase.ENDED):
             self.tell(StandsDown(reason))
             self.docking_routine.pre_empt()
@@ -207,28 +208,28 @@ class EnergyExchange(OrderBook):
     def take_over(self, by: Steering = Steering.PERSON) -> str:
         return "this flight takes no calls: a person cannot take it over"
 
-    def end(self, end: MissionEnd, now_ms: int) -> list[Order]:
+    def end(self, end: MissionEnd, now_ms: MissionMs) -> list[Order]:
         """Ends the mission at once: the aPad holds its position. A second call changes nothing."""
         self._end(end, now_ms)
         return self.take_orders()
 
-    def _do(self, act: Act, now_ms: int) -> None:
+    def _do(self, act: Act, now_ms: MissionMs) -> None:
         """Acts; a strategy that fails ends the mission."""
         try:
             act(now_ms)
         except StrategyFailed as failed:
             self._end(MissionEnd(EndReason.STRATEGY_FAILED, str(failed)), now_ms)
 
-    def _decide(self, behaviour: PhaseBehaviour, now_ms: int) -> None:
+    def _decide(self, behaviour: PhaseBehaviour, now_ms: MissionMs) -> None:
         if (act := behaviour.decide(now_ms)) is not None:
             act(now_ms)
 
-    def _end(self, end: MissionEnd, now_ms: int) -> None:
+    def _end(self, end: MissionEnd, now_ms: MissionMs) -> None:
         if self.state.phase is not Phase.ENDED:
             self.docking_routine.pre_empt()
             self.close(end, now_ms)
 
-    def _tell_unheard_battery(self, now_ms: int) -> None:
+    def _tell_unheard_battery(self, now_ms: MissionMs) -> None:
         """Tells it after a while. That the position is not heard, the supervisor tells."""
         if self.pose is None:
             return
@@ -238,7 +239,7 @@ class EnergyExchange(OrderBook):
             self._tells_battery_ms = inf
             self.tell(Stuck("its battery was not heard, and a guard refuses its go-tos until it is"))
 
-    def _can_begin(self, now_ms: int) -> bool:
+    def _can_begin(self, now_ms: MissionMs) -> bool:
         """A resumed step waits until its aMussel is heard again, or has been silent for the stated time."""
         if self._began_ms is None:
             self._began_ms = now_ms
@@ -246,7 +247,7 @@ class EnergyExchange(OrderBook):
             return True
         return now_ms - self._began_ms > self._planner.config.silence_timeout_s * 1000
 
-    def _look_at_the_time(self, now_ms: int) -> None:
+    def _look_at_the_time(self, now_ms: MissionMs) -> None:
         """Drops what is not on the way home, once, when no time is left for it. A mechanism that moves is not stopped."""
         phase = self.state.phase
         if self._home.for_good or phase is Phase.STANDS_DOWN:
@@ -263,33 +264,33 @@ class EnergyExchange(OrderBook):
 
     # Idle, and charging.
 
-    def _hold(self, now_ms: int) -> None:
+    def _hold(self, now_ms: MissionMs) -> None:
         self.order_hold()
 
-    def _idle(self, now_ms: int) -> None:
+    def _idle(self, now_ms: MissionMs) -> None:
         self.order_hold()
         self.enter(Phase.IDLE, now_ms, plan=())
 
-    def _decide_idle(self, now_ms: int) -> Act | None:
+    def _decide_idle(self, now_ms: MissionMs) -> Act | None:
         if self._planner.to_release:
             return self._start_charging  # docked by hand, or before a crash
         if self._home.is_called(now_ms):
             return self._home.go
         return None if self._home.for_good else self._decide_service({}, now_ms)
 
-    def _hold_and_charge(self, now_ms: int) -> None:
+    def _hold_and_charge(self, now_ms: MissionMs) -> None:
         self.order_hold()
         self._planner.charging.begin(self._planner.to_release, now_ms)
 
-    def _start_charging(self, now_ms: int) -> None:
+    def _start_charging(self, now_ms: MissionMs) -> None:
         self._hold_and_charge(now_ms)
         self.enter(Phase.CHARGE, now_ms, plan=())
 
-    def _watch_charging(self, now_ms: int) -> None:
+    def _watch_charging(self, now_ms: MissionMs) -> None:
         for agent_id, reason in self._planner.charging.give_up_stalled(self._planner.docked, now_ms):
             self.tell(StepGivenUp(agent_id, "charge", reason))
 
-    def _decide_release(self, now_ms: int) -> Act | None:
+    def _decide_release(self, now_ms: MissionMs) -> Act | None:
         docked = self._planner.docked
         if not docked:
             return self._idle
@@ -297,17 +298,17 @@ class EnergyExchange(OrderBook):
             return partial(self._release, Due(tuple(docked))) if self._home.releases_first else self._home.go
         return self._decide_service(docked, now_ms)
 
-    def _decide_service(self, docked: Docked, now_ms: int) -> Act | None:
+    def _decide_service(self, docked: Docked, now_ms: MissionMs) -> Act | None:
         due = self._planner.due(docked, now_ms)
         if due.released:
             return partial(self._release, due)
         return partial(self._collect, due) if due.count else None
 
-    def _collect(self, due: Due, now_ms: int) -> None:
+    def _collect(self, due: Due, now_ms: MissionMs) -> None:
         if self._planner.collect(due.pool, due.count, now_ms):
             self._collecting.go(now_ms)
 
-    def _release(self, due: Due, now_ms: int) -> None:
+    def _release(self, due: Due, now_ms: MissionMs) -> None:
         """Has docked aMussels brought back, or take the places of others that are collected on the same tour."""
         if not (due.count and self._planner.collect(due.pool, due.count, now_ms, due.released)):
             self._planner.release(due.released, now_ms)
@@ -315,13 +316,13 @@ class EnergyExchange(OrderBook):
 
     # Bringing an aMussel back.
 
-    def _resume_deploying(self, now_ms: int) -> None:
+    def _resume_deploying(self, now_ms: MissionMs) -> None:
         if self.is_held(self.step.agent_id):
             self._go_deploy(now_ms)
         else:
             self._finish_step(now_ms)
 
-    def _resume_undocking(self, now_ms: int) -> None:
+    def _resume_undocking(self, now_ms: MissionMs) -> None:
         """The dock may have opened when no supervisor was there to see it."""
         if self.is_held(self.step.agent_id):
             self._go_deploy(now_ms)
@@ -329,18 +330,18 @@ class EnergyExchange(OrderBook):
             self.docking_routine.released(self.step.agent_id)
             self._finish_service(now_ms)
 
-    def _go_deploy(self, now_ms: int) -> None:
+    def _go_deploy(self, now_ms: MissionMs) -> None:
         if self.step.agent_id in self._reach.beyond:
             self._finish_step(now_ms)
             return
         self.order_go_to(self._planner.places.all().get(self.step.agent_id, self.here), self._planner.config)
         self.enter(Phase.GO_DEPLOY, now_ms)
 
-    def _undock(self, now_ms: int) -> None:
+    def _undock(self, now_ms: MissionMs) -> None:
         self.docking_routine.undock(self.step.dock_index, self.step.agent_id)
         self.enter(Phase.UNDOCK, now_ms)
 
-    def _finish_service(self, now_ms: int) -> None:
+    def _finish_service(self, now_ms: MissionMs) -> None:
         """Ends a release. A try has helped when the aMussel leaves with a charge above the pool's threshold."""
         agent_id, tries = self.step.agent_id, self._planner.tries
         self.set(released=tuple(sorted({**dict(self.state.released), agent_id: now_ms}.items())))
@@ -353,12 +354,12 @@ class EnergyExchange(OrderBook):
 
     # The plan's steps.
 
-    def _fail(self, reason: str, now_ms: int) -> None:
+    def _fail(self, reason: str, now_ms: MissionMs) -> None:
         """A primitive has failed: its step is given up."""
         if self.state.plan:
             self._give_up(reason, now_ms)
 
-    def _give_up(self, reason: str, now_ms: int) -> None:
+    def _give_up(self, reason: str, now_ms: MissionMs) -> None:
         step, phase, planner = self.step, self.state.phase, self._planner
         if step.kind is StepKind.COLLECT and self._breakdown.failed <= 1:
             # Of go-tos that fail in a row only the first may be the aMussel's fault.
@@ -373,7 +374,7 @@ class EnergyExchange(OrderBook):
             planner.pool.exclude(step.agent_id, now_ms)
         self._finish_step(now_ms)
 
-    def _finish_step(self, now_ms: int) -> None:
+    def _finish_step(self, now_ms: MissionMs) -> None:
         """Goes on with the plan. A strategy that pre-empts plans the rest of a batch anew, from the pool as it is now."""
         finished, *left = self.state.plan
         self.set(plan=tuple(left))
@@ -383,7 +384,7 @@ class EnergyExchange(OrderBook):
         self._planner.settle_places()
         self._next_step(now_ms)
 
-    def _next_step(self, now_ms: int) -> None:
+    def _next_step(self, now_ms: MissionMs) -> None:
         if not self.state.plan:
             # Docks that could not be opened are charged and tried again, so often as `collection_attempts` says.
             if self._planner.to_release:
@@ -397,7 +398,7 @@ class EnergyExchange(OrderBook):
 
     # Reminders.
 
-    def _remind_to_sink(self, now_ms: int) -> None:
+    def _remind_to_sink(self, now_ms: MissionMs) -> None:
         for agent_id in self._sink_reminders.take_due(
             self._beliefs.all(), self._expected, self._collecting.called_up, now_ms
         ):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable
 
+from agents.time_scale import MissionMs
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.mission.values import Refused, ScriptEvent, ScriptEventKind, Status
 from firmware_model.states import State
@@ -23,7 +24,7 @@ class EventLog:
 
     def record(
         self,
-        now_ms: int,
+        now_ms: MissionMs,
         kind: ScriptEventKind,
         agent: int | None = None,
         dock: int | None = None,
@@ -34,7 +35,7 @@ class EventLog:
             self.failure = reason
         self._events.append(ScriptEvent(now_ms / 1000, kind, agent, dock, status, reason))
 
-    def compare(self, beliefs: Iterable[Belief], now_ms: int) -> None:
+    def compare(self, beliefs: Iterable[Belief], now_ms: MissionMs) -> None:
         """Compares the beliefs with the beliefs of the last call and records the changes."""
         for belief in beliefs:
             now = (belief.state, belief.primary <= self._low)

@@ -5,13 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from agents.packet_medium import Medium
-from agents.time_scale import MissionMs
+from agents.time_scale import AgentMs, MissionMs
 from apad_bridge.events.event import Event
 from apad_bridge.events.mission import MissionEnd
 from apad_bridge.mission.orders import VehicleOrder
 from apad_bridge.vehicle.commands import VehicleCommand, VehicleFact
 from firmware_model.packets.sample_record import SampleRecord
 from firmware_model.value import value
+
+_AT_ONCE = AgentMs(0)
 
 
 @value
@@ -64,7 +66,7 @@ class Send:
     medium: Medium
     agent_id: int
     data: bytes
-    not_before_ms: int = 0
+    not_before_ms: AgentMs = _AT_ONCE
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +74,7 @@ class Ping:
     """Measure the range to an aMussel by sound; a RangeHeard follows."""
 
     agent_id: int
-    not_before_ms: int = 0
+    not_before_ms: AgentMs = _AT_ONCE
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Protocol
 
+from agents.time_scale import MissionMs
 from apad_bridge.events.event import Event
 from apad_bridge.events.mission import MissionEnd, MissionState, Phase
 from apad_bridge.events.persons import Overridden, Steering
@@ -61,7 +62,7 @@ class FlightMission:
         self._planned = planned
         self._by_hand = by_hand
         self._calls = calls
-        self.now_ms = 0
+        self.now_ms = MissionMs(0)
         self._pose: tuple[float, float] | None = None
         self._awaits_person = self._pilot = ""
         self._steering = steering
@@ -105,10 +106,10 @@ class FlightMission:
         self._awaits_person, self._pilot = reason, pilot
         self._flying.await_person(reason, pilot)
 
-    def receive(self, outcome: Outcome, now_ms: int) -> list[Order]:
+    def receive(self, outcome: Outcome, now_ms: MissionMs) -> list[Order]:
         return self._flying.receive(outcome, now_ms)
 
-    def advance(self, now_ms: int) -> list[Order]:
+    def advance(self, now_ms: MissionMs) -> list[Order]:
         self.now_ms = now_ms
         if self.by_hand is not None:
             self.by_hand.begin(now_ms)
@@ -120,10 +121,10 @@ class FlightMission:
             self._calls.close(str(self.state.ended_by))
         return orders
 
-    def stand_down(self, reason: str, now_ms: int) -> list[Order]:
+    def stand_down(self, reason: str, now_ms: MissionMs) -> list[Order]:
         return self._flying.stand_down(reason, now_ms)
 
-    def end(self, end: MissionEnd, now_ms: int) -> list[Order]:
+    def end(self, end: MissionEnd, now_ms: MissionMs) -> list[Order]:
         self._calls.close(str(end))
         return self._flying.end(end, now_ms)
 

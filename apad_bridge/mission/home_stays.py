@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from agents.time_scale import MissionMs
 from apad_bridge.scenario.schema import DockedAtHome, Home, Unavailable
 
 
@@ -22,11 +23,11 @@ class HomeStays:
         """Docked aMussels leave before the aPad goes home."""
         return self._home is not None and self._home.docked is DockedAtHome.RELEASED
 
-    def must_go(self, now_ms: int, battery: float | None) -> bool:
+    def must_go(self, now_ms: MissionMs, battery: float | None) -> bool:
         is_low = self._home is not None and battery is not None and battery <= self._home.go_at
         return is_low or self._is_unavailable(now_ms)
 
-    def may_leave(self, now_ms: int, battery: float | None) -> bool:
+    def may_leave(self, now_ms: MissionMs, battery: float | None) -> bool:
         is_charged = battery is None or battery >= self.leaves_at
         return is_charged and not self._is_unavailable(now_ms)
 
@@ -35,12 +36,12 @@ class HomeStays:
         """The battery from which on it may leave; 0 if that does not matter."""
         return 0.0 if self._home is None else self._home.leave_at
 
-    def next_call_ms(self, now_ms: int) -> int | None:
+    def next_call_ms(self, now_ms: MissionMs) -> int | None:
         """When it becomes unavailable next; None for never."""
         starts_ms = [round(it.from_s * 1000) for it in self._unavailable]
         return min((it for it in starts_ms if it > now_ms), default=None)
 
-    def _is_unavailable(self, now_ms: int) -> bool:
+    def _is_unavailable(self, now_ms: MissionMs) -> bool:
         return any(it.from_s * 1000 <= now_ms < it.until_s * 1000 for it in self._unavailable)
 
 

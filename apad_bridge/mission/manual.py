@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Protocol
 
+from agents.time_scale import MissionMs
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.input_ranges import FARTHEST_M
 from apad_bridge.events.mission import PRE_EMPTED, MissionEnd, MissionState, Phase, StepGivenUp
@@ -42,7 +43,7 @@ REACH_M = 3.0
 class CommandSource(Protocol):
     """Gives the orders. The mission calls it in the supervisor's thread."""
 
-    def act(self, mission: ManualMission, now_ms: int) -> None:
+    def act(self, mission: ManualMission, now_ms: MissionMs) -> None:
         """Gives orders, if there are any, by calling the mission's methods."""
         ...
 
@@ -66,7 +67,7 @@ class ManualMission(OrderBook):
         self._max_speed_m_s = max_speed_m_s
         self.beliefs = beliefs
         super().__init__(replace(state or MissionState(), phase=Phase.COMMANDED))
-        self.now_ms = 0
+        self.now_ms = MissionMs(0)
         self.goto = Status.IDLE
         self.paused = False
         self._paused_ms = 0
@@ -97,7 +98,7 @@ class ManualMission(OrderBook):
     def await_person(self, reason: str, pilot: str = "") -> None:
         self._awaited, self._pilot = reason, pilot
 
-    def receive(self, outcome: Outcome, now_ms: int) -> list[Order]:
+    def receive(self, outcome: Outcome, now_ms: MissionMs) -> list[Order]:
         self.now_ms = now_ms
         self.note_outcome(outcome)
         match outcome:
@@ -122,7 +123,7 @@ class ManualMission(OrderBook):
                 )
         return self.take_orders()
 
-    def begin(self, now_ms: int) -> None:
+    def begin(self, now_ms: MissionMs) -> None:
         """Has the aPad hold where it is, once, as soon as its place is known: before anybody's first order."""
         if self._begun or self.pose is None or self.state.phase is Phase.ENDED:
             return
@@ -131,7 +132,7 @@ class ManualMission(OrderBook):
         self.order_hold()
         self.snapshot()
 
-    def advance(self, now_ms: int) -> list[Order]:
+    def advance(self, now_ms: MissionMs) -> list[Order]:
         self.now_ms = now_ms
         self._places.learn(self.beliefs.all())
         if self.pose is None or self.state.phase is Phase.ENDED:
@@ -145,10 +146,10 @@ class ManualMission(OrderBook):
         self._remind_to_sink(now_ms)
         return self.take_orders()
 
-    def stand_down(self, reason: str, now_ms: int) -> list[Order]:
+    def stand_down(self, reason: str, now_ms: MissionMs) -> list[Order]:
         return []
 
-    def end(self, end: MissionEnd, now_ms: int) -> list[Order]:
+    def end(self, end: MissionEnd, now_ms: MissionMs) -> list[Order]:
         self.now_ms = now_ms
         self.finish(end)
         return self.take_orders()
@@ -313,7 +314,7 @@ class ManualMission(OrderBook):
 
     # Helpers.
 
-    def _remind_to_sink(self, now_ms: int) -> None:
+    def _remind_to_sink(self, now_ms: MissionMs) -> None:
         let_go = [belief for belief in self.beliefs.all() if belief.agent_id in self._let_go]
         for agent_id in self._sink_reminders.take_due(let_go, (), self._let_go, now_ms):
             self.order(TellClear(agent_id))

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 
+from agents.time_scale import MissionMs
 from apad_bridge.events.event import Event
 from apad_bridge.events.mission import (
     DockSwitched,
@@ -135,11 +136,11 @@ class OrderBook:
         if self.pose is not None:
             self.order(Hold(self.next_id(), *self.pose))
 
-    def enter(self, phase: Phase, now_ms: int, **changes: object) -> None:
+    def enter(self, phase: Phase, now_ms: MissionMs, **changes: object) -> None:
         self.set(phase=phase, since_ms=now_ms, **changes)
         self.snapshot()
 
-    def close(self, end: MissionEnd, now_ms: int) -> None:
+    def close(self, end: MissionEnd, now_ms: MissionMs) -> None:
         """Gives the mission's last order, to hold, and ends its state."""
         self._end_leg(as_planned=True)
         self.order_hold()

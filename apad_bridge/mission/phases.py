@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from agents.time_scale import MissionMs
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.events.mission import MissionEnd, Phase, StepGivenUp
 from apad_bridge.events.run import EndReason
@@ -22,11 +23,11 @@ DOCKINGS_PER_STEP = 3
 """A step is given up after so many failed dockings, because an aMussel spends most of its charge at the surface."""
 HOME_AGAIN_MS = 10_000
 """A failed way home for good is tried again after so long: the time to be there is near."""
-Act = Callable[[int], None]
+Act = Callable[[MissionMs], None]
 """It is called with the time at which it is done."""
 
 
-def nothing(now_ms: int) -> None:
+def nothing(now_ms: MissionMs) -> None:
     pass
 
 
@@ -35,14 +36,14 @@ class PhaseBehaviour:
     begin: Act = nothing
     """Runs when the mission starts in this phase, which may be in the middle of a resumed run."""
     tick: Act = nothing
-    decide: Callable[[int], Act | None] = lambda now_ms: None
+    decide: Callable[[MissionMs], Act | None] = lambda now_ms: None
     """Decides, after `tick`, what to do now: an act that is not done yet, or None to wait. It changes nothing.
 
     These are the boxes of the paper's Fig. 7 that ask something.
     """
     success: Act = nothing
     """Runs when the phase's primitive has succeeded."""
-    failure: Callable[[str, int], None] | None = None
+    failure: Callable[[str, MissionMs], None] | None = None
     """Runs, with the reason, when it has failed; None gives the step up."""
 
 
@@ -57,7 +58,7 @@ class Collecting:
         reach: Reach,
         routine: DockingRoutine,
         finish_step: Act,
-        give_up: Callable[[str, int], None],
+        give_up: Callable[[str, MissionMs], None],
     ) -> None:
         self._book = book
         self._beliefs = beliefs
@@ -83,7 +84,7 @@ class Collecting:
             Phase.DOCK: PhaseBehaviour(self._resume, success=self._finish_step, failure=self.dock_again),
         }
 
-    def go(self, now_ms: int) -> None:
+    def go(self, now_ms: MissionMs) -> None:
         step, belief = self._book.step, self._beliefs.get(self._book.step.agent_id)
         if step.agent_id in self._reach.beyond:
             self._finish_step(now_ms)
@@ -106,7 +107,7 @@ class Collecting:
         self._routine.call_up(belief.agent_id, now_ms)
         self._book.enter(Phase.GO_COLLECT, now_ms)
 
-    def dock_again(self, reason: str, now_ms: int) -> None:
+    def dock_again(self, reason: str, now_ms: MissionMs) -> None:
         """Tries a failed docking again at once; an aMussel that no longer floats is permitted to surface again."""
         self._dockings += 1
         if self._dockings < DOCKINGS_PER_STEP:
@@ -114,24 +115,24 @@ class Collecting:
         else:
             self._give_up(reason, now_ms)
 
-    def _resume(self, now_ms: int) -> None:
+    def _resume(self, now_ms: MissionMs) -> None:
         if self._book.is_held(self._book.step.agent_id):
             self._finish_step(now_ms)
         else:
             self.go(now_ms)
 
-    def _go_to(self, belief: Belief, now_ms: int) -> None:
+    def _go_to(self, belief: Belief, now_ms: MissionMs) -> None:
         rules = self._planner.config
         self._book.order_go_to(self._reach.meeting_m(belief, rules, now_ms), rules)
 
-    def _repeat_permission(self, now_ms: int) -> None:
+    def _repeat_permission(self, now_ms: MissionMs) -> None:
         self._routine.advance(self._book.here, now_ms)
 
-    def _await_surfacing(self, now_ms: int) -> None:
+    def _await_surfacing(self, now_ms: MissionMs) -> None:
         self._routine.dock(self._book.step.dock_index, self._book.step.agent_id, now_ms)
         self._book.enter(Phase.AWAIT_SURFACING, now_ms)
 
-    def _watch_surfacing(self, now_ms: int) -> None:
+    def _watch_surfacing(self, now_ms: MissionMs) -> None:
         try:
             step = self._routine.advance(self._book.here, now_ms)
         except OutOfReach:
@@ -142,7 +143,7 @@ class Collecting:
             if step is DockingStep.CLOSE:
                 self._book.enter(Phase.DOCK, now_ms)
 
-    def _go_again(self, now_ms: int) -> None:
+    def _go_again(self, now_ms: MissionMs) -> None:
         """Goes after an aMussel that floats out of reach, for the water has carried it on."""
         belief = self._beliefs.get(self._book.step.agent_id)
         assert belief is not None
@@ -164,7 +165,7 @@ class GoingHome:
         stays: HomeStays,
         end_by: EndBy | None,
         next_step: Act,
-        end: Callable[[MissionEnd, int], None],
+        end: Callable[[MissionEnd, MissionMs], None],
     ) -> None:
         self._book = book
         self._planner = planner
@@ -194,7 +195,7 @@ class GoingHome:
         """The aPad's battery at which it leaves its home; None while it is not there."""
         return self._stays.leaves_at if self._book.state.phase is Phase.AT_HOME else None
 
-    def must_return(self, now_ms: int, fetched: Belief | None) -> bool:
+    def must_return(self, now_ms: MissionMs, fetched: Belief | None) -> bool:
         """True once no time is left but for the way home, with the aMussel that the aPad is fetching."""
         if self._end_by is None:
             return False
@@ -203,17 +204,17 @@ class GoingHome:
         fetched_m = None if fetched is None else (fetched.north_m, fetched.east_m)
         return self._end_by.must_return(now_ms, here, releases_m, fetched_m)
 
-    def is_called(self, now_ms: int) -> bool:
+    def is_called(self, now_ms: MissionMs) -> bool:
         patience_ms = HOME_AGAIN_MS if self.for_good else self._planner.config.silence_timeout_s * 1000
         if self._failed_ms is not None and now_ms - self._failed_ms <= patience_ms:
             return False
         return self.for_good or self._stays.must_go(now_ms, self._book.apad_battery)
 
-    def go(self, now_ms: int) -> None:
+    def go(self, now_ms: MissionMs) -> None:
         self._book.order_go_to(self._stays.place_m, self._planner.config)
         self._book.enter(Phase.GO_HOME, now_ms, plan=())
 
-    def _arrive(self, now_ms: int) -> None:
+    def _arrive(self, now_ms: MissionMs) -> None:
         self._failed_ms = None
         if self.for_good:
             self._end(MissionEnd(EndReason.END_BY), now_ms)
@@ -221,10 +222,10 @@ class GoingHome:
         self._book.order_hold()
         self._book.enter(Phase.AT_HOME, now_ms)
 
-    def _miss(self, reason: str, now_ms: int) -> None:
+    def _miss(self, reason: str, now_ms: MissionMs) -> None:
         self._failed_ms = now_ms
         self._next_step(now_ms)
 
-    def _decide(self, now_ms: int) -> Act | None:
+    def _decide(self, now_ms: MissionMs) -> Act | None:
         leaves = self.for_good or self._stays.may_leave(now_ms, self._book.apad_battery)
         return self._next_step if leaves else None

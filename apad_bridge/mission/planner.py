@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 
+from agents.time_scale import MissionMs
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.events.mission import MissionState
 from apad_bridge.mission.charging_watch import ChargingWatch
@@ -74,12 +75,12 @@ class Planner:
         """The whole pool that the strategy refused last, if it says that it will for a while."""
         self._follow(rules.mission)
 
-    def advance(self, now_ms: int) -> None:
+    def advance(self, now_ms: MissionMs) -> None:
         """Lowers the thresholds near a known end."""
         if self._rules.known_end is not None:
             self._follow(self._rules_at(now_ms))
 
-    def is_changing(self, now_ms: int) -> bool:
+    def is_changing(self, now_ms: MissionMs) -> bool:
         """True once the known end makes the pool smaller from tick to tick."""
         known_end = self._rules.known_end
         return known_end is not None and known_end.changes_pool(self._rules.mission, now_ms)
@@ -100,7 +101,7 @@ class Planner:
         """The beliefs of those, by id."""
         return {agent_id: self._beliefs.get(agent_id) for agent_id in self.to_release}
 
-    def due(self, docked: Docked, now_ms: int) -> Due:
+    def due(self, docked: Docked, now_ms: MissionMs) -> Due:
         """Decides which of the docked ones to release, or how many to collect; nothing of a pool that is refused still."""
         due = BelievedDispatch(
             self._rules_at(now_ms),
@@ -115,7 +116,7 @@ class Planner:
         situation = self._situation(due.pool, {}, now_ms, self._others_than(due.pool))
         return NOTHING_DUE if self._refuses(situation) else due
 
-    def candidates(self, now_ms: int) -> list[Belief]:
+    def candidates(self, now_ms: MissionMs) -> list[Belief]:
         """The pool without docked aMussels: one that was docked just now was last heard afloat. Empty near a known end."""
         known_end = self._rules.known_end
         if known_end is not None and not known_end.is_worth_a_service(now_ms):
@@ -123,7 +124,9 @@ class Planner:
         pool = self.pool.candidates(now_ms, self._left_alone, self._state.served)
         return [it for it in pool if not self._book.is_held(it.agent_id)]
 
-    def collect(self, pool: Sequence[Belief], batch: int, now_ms: int, leaving: Collection[int] = ()) -> bool:
+    def collect(
+        self, pool: Sequence[Belief], batch: int, now_ms: MissionMs, leaving: Collection[int] = ()
+    ) -> bool:
         """Asks the strategy for a plan of at most `batch` of the pool; True if there is one now.
 
         The docked ones that are `leaving` exchange places with them, the fullest first.
@@ -159,7 +162,7 @@ class Planner:
         self.places.exchange(pairs)
         return True
 
-    def release(self, agent_ids: Collection[int], now_ms: int) -> None:
+    def release(self, agent_ids: Collection[int], now_ms: MissionMs) -> None:
         """Plans to bring the docked aMussels back, in the order of the redeployment strategy.
 
         Where places are exchanged, each goes to the nearest one that stands empty.
@@ -192,7 +195,7 @@ class Planner:
         is_lost = belief is not None and belief.state in BEYOND_HELP
         return is_lost or agent_id in self.tries.used_up
 
-    def _rules_at(self, now_ms: int) -> Mission:
+    def _rules_at(self, now_ms: MissionMs) -> Mission:
         rules, known_end = self._rules.mission, self._rules.known_end
         return rules if known_end is None else known_end.rules(rules, now_ms)
 
@@ -210,7 +213,7 @@ class Planner:
         self,
         beliefs: Sequence[Belief],
         docks: dict[int, int],
-        now_ms: int,
+        now_ms: MissionMs,
         others: Iterable[Belief] = (),
         leaving: Iterable[Belief] = (),
     ) -> Situation:

@@ -48,7 +48,7 @@ class ChargingPool:
         self._excluded_until_ms: dict[int, int] = {}
 
     def candidates(
-        self, now_ms: int, left_alone: Container[int] = (), served: Container[int] = ()
+        self, now_ms: MissionMs, left_alone: Container[int] = (), served: Container[int] = ()
     ) -> list[Belief]:
         """The aMussels heard of late, in the water, at or below the pool's threshold and not lost, by id; with suspects
         that the scenario has fetched for a look.
@@ -91,14 +91,14 @@ class ChargingPool:
         suspicion = belief.suspicion
         return self.config.suspects is Suspects.FETCHED and suspicion is not None and not suspicion.was_docked
 
-    def exclude(self, agent_id: int, now_ms: int) -> None:
+    def exclude(self, agent_id: int, now_ms: MissionMs) -> None:
         self._excluded_until_ms[agent_id] = now_ms + self._silence_ms
 
     @property
     def _silence_ms(self) -> int:
         return round(self.config.silence_timeout_s * 1000)
 
-    def _is_candidate(self, belief: Belief, now_ms: int) -> bool:
+    def _is_candidate(self, belief: Belief, now_ms: MissionMs) -> bool:
         return (
             can_be_fetched(belief)
             and (self.is_low(belief) or self._wants_a_look(belief))
@@ -118,7 +118,7 @@ def situation_of(
     place_m: tuple[float, float],
     beliefs: Iterable[Belief],
     docks: Mapping[int, int],
-    now_ms: int,
+    now_ms: MissionMs,
     others: Iterable[Belief] = (),
     model: EnergyModel | None = None,
     leaving: Iterable[Belief] = (),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from agents.time_scale import MissionMs
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.events.mission import BeyondReach, InReach
 from apad_bridge.mission.home_places import HomePlaces
@@ -20,7 +21,7 @@ class Reach:
         self.beyond: dict[int, str] = {}
         """The reason, by aMussel to which, or to whose home, the aPad cannot go."""
 
-    def look(self, rules: Mission, now_ms: int) -> None:
+    def look(self, rules: Mission, now_ms: MissionMs) -> None:
         """Tells of each aMussel that the aPad cannot reach, and when it can again."""
         if self._legs is None:
             return
@@ -39,14 +40,14 @@ class Reach:
             self._book.tell(InReach(agent_id))
         self.beyond = beyond
 
-    def meeting_m(self, belief: Belief, rules: Mission, now_ms: int) -> tuple[float, float]:
+    def meeting_m(self, belief: Belief, rules: Mission, now_ms: MissionMs) -> tuple[float, float]:
         """The place at which the aPad meets an aMussel that the sea carries on as soon as it has left the bottom."""
         place_m = belief.north_m, belief.east_m
         if self._legs is None:
             return place_m
         return self._legs.meeting_m(self._book.here, place_m, rules.speed_m_s, now_ms) or place_m
 
-    def sea(self, rules: Mission, now_ms: int) -> FlowNow | None:
+    def sea(self, rules: Mission, now_ms: MissionMs) -> FlowNow | None:
         """The flow for a planner whose costs count it; None in calm water."""
         if self._legs is None or not rules.costs.flow:
             return None

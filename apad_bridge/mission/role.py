@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Protocol
 
+from agents.time_scale import MissionMs
 from apad_bridge.events.mission import MissionEnd, MissionState
 from apad_bridge.events.persons import Steering
 from apad_bridge.mission.orders import Order
@@ -46,11 +47,11 @@ class MissionRole(Protocol):
         """
         ...
 
-    def receive(self, outcome: Outcome, now_ms: int) -> list[Order]: ...
+    def receive(self, outcome: Outcome, now_ms: MissionMs) -> list[Order]: ...
 
-    def advance(self, now_ms: int) -> list[Order]: ...
+    def advance(self, now_ms: MissionMs) -> list[Order]: ...
 
-    def stand_down(self, reason: str, now_ms: int) -> list[Order]:
+    def stand_down(self, reason: str, now_ms: MissionMs) -> list[Order]:
         """One of several aPads can do no more: it plans nothing, goes nowhere and keeps its docked aMussels.
 
         A second call changes nothing, and neither does any call to a mission that follows somebody's orders.
@@ -61,6 +62,6 @@ class MissionRole(Protocol):
         """Somebody else commands the aPad from now on, and nobody plans. The text is empty, or why nothing changed."""
         ...
 
-    def end(self, end: MissionEnd, now_ms: int) -> list[Order]:
+    def end(self, end: MissionEnd, now_ms: MissionMs) -> list[Order]:
         """Ends the mission at once; a second call changes nothing."""
         ...

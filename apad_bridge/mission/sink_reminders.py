@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Container, Iterable
 
+from agents.time_scale import MissionMs
 from apad_bridge.beliefs.belief import Belief
 from firmware_model.state_groups import UP_AND_UNDOCKED
 
@@ -16,7 +17,11 @@ class SinkReminders:
         self._reminded_ms: dict[int, int] = {}
 
     def take_due(
-        self, beliefs: Iterable[Belief], expected: Container[int], called_up: Container[int], now_ms: int
+        self,
+        beliefs: Iterable[Belief],
+        expected: Container[int],
+        called_up: Container[int],
+        now_ms: MissionMs,
     ) -> list[int]:
         """The ids of `due`, which are told now."""
         due_ids = self.due(beliefs, expected, called_up, now_ms)
@@ -24,7 +29,11 @@ class SinkReminders:
         return due_ids
 
     def due(
-        self, beliefs: Iterable[Belief], expected: Container[int], called_up: Container[int], now_ms: int
+        self,
+        beliefs: Iterable[Belief],
+        expected: Container[int],
+        called_up: Container[int],
+        now_ms: MissionMs,
     ) -> list[int]:
         """The ids to tell now: heard at the surface at this very time, not `expected` there, not told of late.
 

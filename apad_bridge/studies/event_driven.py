@@ -259,7 +259,7 @@ class EventRecorder:
 
     def tick(
         self,
-        now_ms: int,
+        now_ms: MissionMs,
         beliefs: list[Belief],
         pose: PoseReported | None,
         battery: BatteryReported | None,
@@ -311,7 +311,7 @@ class Ticks:
         passes = self._mission.moved if self._knows_end and self._mission.state.leg is not None else None
         return self._vehicle.advance_until(limit_ms, least, passes)
 
-    def _vehicle_due_ms(self, now_ms: int) -> int | None:
+    def _vehicle_due_ms(self, now_ms: MissionMs) -> int | None:
         """The time by which there must be a tick for the aPad's sake, if it reports nothing before."""
         due_ms, leaves_at = self._supervisor.port.next_due_ms, self._mission.leaves_home_at
         if leaves_at is not None:

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from math import inf
 from statistics import median
 
+from agents.time_scale import MissionMs
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.events.mission import MissionState, Phase
 from apad_bridge.mission.pool import can_be_fetched, situation_of
@@ -65,10 +66,10 @@ class _Rates:
         """The median of those in the water, and of the docked ones."""
         self._looked_ms = -_LOOK_MS
 
-    def is_due(self, now_ms: int) -> bool:
+    def is_due(self, now_ms: MissionMs) -> bool:
         return now_ms >= self._looked_ms + _LOOK_MS
 
-    def take(self, beliefs: Iterable[Belief], now_ms: int) -> None:
+    def take(self, beliefs: Iterable[Belief], now_ms: MissionMs) -> None:
         if not self.is_due(now_ms):
             return
         self._looked_ms = now_ms
@@ -121,18 +122,18 @@ class Forecaster:
         self._fraction: float | None = None
         self._known: dict[int, Belief] = {}
 
-    def is_due(self, now_ms: int) -> bool:
+    def is_due(self, now_ms: MissionMs) -> bool:
         """True if beliefs are to be looked at again, so that their rates are known."""
         return self._rates.is_due(now_ms)
 
-    def take(self, now_ms: int, beliefs: Iterable[Belief], apad_fraction: float | None) -> None:
+    def take(self, now_ms: MissionMs, beliefs: Iterable[Belief], apad_fraction: float | None) -> None:
         """Takes the beliefs of the aMussels that this aPad serves, and the aPad's battery."""
         self._known, self._fraction = {it.agent_id: it for it in beliefs}, apad_fraction
         self._rates.take(self._known.values(), now_ms)
         if apad_fraction is not None and self._battery is None:
             self._battery = _Reading(now_ms, apad_fraction)
 
-    def look(self, now_ms: int, state: MissionState, place_m: Place | None) -> Forecast:
+    def look(self, now_ms: MissionMs, state: MissionState, place_m: Place | None) -> Forecast:
         """The forecast as of now."""
         if state.phase is Phase.ENDED:
             return Forecast()
@@ -142,7 +143,7 @@ class Forecaster:
             pickup_s, full_s = self._next(now_ms, state, place_m, end_s)
         return Forecast(_before(pickup_s, end_s), _before(full_s, end_s), end_s, fraction)
 
-    def _end(self, now_ms: int) -> tuple[float, float | None]:
+    def _end(self, now_ms: MissionMs) -> tuple[float, float | None]:
         left_s = max(0.0, (self._duration_ms - now_ms) / 1000)
         begun, apad_fraction = self._battery, self._fraction
         if apad_fraction is None or begun is None or now_ms - begun.at_ms < _BATTERY_MS:
@@ -159,12 +160,14 @@ class Forecaster:
         curve = ((1.0, rises),) if rises > 0 else ()
         return replace(self._model, drain_per_s=max(_LEAST_DRAIN, -falls), curve=curve)
 
-    def _done_s(self, now_ms: int, state: MissionState) -> float:
+    def _done_s(self, now_ms: MissionMs, state: MissionState) -> float:
         """The time of the step under way that has passed since the aPad was there."""
         step_s = {Phase.DOCK: self._model.dock_s, Phase.UNDOCK: self._model.undock_s}.get(state.phase)
         return 0.0 if step_s is None else LEG_S + min((now_ms - state.since_ms) / 1000, step_s)
 
-    def _next(self, now_ms: int, state: MissionState, here_m: Place, left_s: float) -> tuple[float, float]:
+    def _next(
+        self, now_ms: MissionMs, state: MissionState, here_m: Place, left_s: float
+    ) -> tuple[float, float]:
         """Until the next pick-up, and until a batch is full; infinite for what cannot be foretold."""
         known = self._known
         held = {agent_id for _, agent_id in state.docked}
