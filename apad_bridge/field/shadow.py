@@ -7,7 +7,7 @@ else. Each later packet tells how far the estimate had gone wrong.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from math import dist, fsum, sqrt
 from typing import Any
@@ -421,7 +421,7 @@ class Shadow:
             if count:
                 return self._collection_steps(place_m, due.pool, count, fullest_first(known))
             others = [it for it in self._beliefs.all() if it.agent_id not in due.released]
-            situation = self._situation(place_m, known, held, others)
+            situation = self._situation(place_m, known, others)
             return checked_plan(
                 self._mission.redeployment,
                 lambda: self._redeployment.plan(situation),
@@ -437,13 +437,12 @@ class Shadow:
         self,
         place_m: Place,
         beliefs: Iterable[Belief],
-        docks: Mapping[int, int],
         others: Iterable[Belief],
         leaving: Iterable[Belief] = (),
     ) -> Situation:
         rules, now_ms = self._mission, self._now_ms
         sea = self._legs.at(now_ms, rules.speed_m_s) if rules.costs.flow else None
-        return situation_of(self._state, place_m, beliefs, docks, now_ms, others, self._model, leaving, sea)
+        return situation_of(self._state, place_m, beliefs, now_ms, others, self._model, leaving, sea)
 
     def _collection_steps(
         self, place_m: Place, pool: Sequence[Belief], count: int, leaving: Sequence[Belief] = ()
@@ -451,7 +450,7 @@ class Shadow:
         """The steps of a collection of `count` of the pool; docked ones that are `leaving` exchange places with them."""
         known = {it.agent_id for it in (*pool, *leaving)}
         others = [it for it in self._beliefs.all() if it.agent_id not in known]
-        situation = self._situation(place_m, pool, {}, others, leaving)
+        situation = self._situation(place_m, pool, others, leaving)
         solution = checked_plan(
             self._mission.collection,
             lambda: self._collection.plan(situation, count),

@@ -113,7 +113,7 @@ class Planner:
         ).due(self._reach.beyond.keys())
         if due.released or not due.count or not self._refused.issuperset(it.agent_id for it in due.pool):
             return due
-        situation = self._situation(due.pool, {}, now_ms, self._others_than(due.pool))
+        situation = self._situation(due.pool, now_ms, self._others_than(due.pool))
         return NOTHING_DUE if self._refuses(situation) else due
 
     def candidates(self, now_ms: MissionMs) -> list[Belief]:
@@ -132,7 +132,7 @@ class Planner:
         The docked ones that are `leaving` exchange places with them, the fullest first.
         """
         out = fullest_first(self._known(leaving))
-        situation = self._situation(pool, {}, now_ms, self._others_than([*pool, *out]), out)
+        situation = self._situation(pool, now_ms, self._others_than([*pool, *out]), out)
         name = self.config.collection
         with self._planning(name):
             solution = checked_plan(
@@ -169,7 +169,7 @@ class Planner:
         """
         known = self._known(agent_ids)
         taken = self._take_nearest_places([it.agent_id for it in fullest_first(known)], self._book.here)
-        situation = self._situation(known, self.to_release, now_ms)
+        situation = self._situation(known, now_ms)
         name, strategy = self.config.redeployment, self._rules.redeployment
         with self._planning(name):
             solution = checked_plan(name, lambda: strategy.plan(situation), situation, StepKind.DEPLOY)
@@ -212,13 +212,12 @@ class Planner:
     def _situation(
         self,
         beliefs: Sequence[Belief],
-        docks: dict[int, int],
         now_ms: MissionMs,
         others: Iterable[Belief] = (),
         leaving: Iterable[Belief] = (),
     ) -> Situation:
         sea, model = self._reach.sea(self.config, now_ms), self._rules.model
-        return situation_of(self._state, self._book.here, beliefs, docks, now_ms, others, model, leaving, sea)
+        return situation_of(self._state, self._book.here, beliefs, now_ms, others, model, leaving, sea)
 
     def _others_than(self, known: Iterable[Belief]) -> list[Belief]:
         """The beliefs about the rest of the fleet that may be served some time; the docked ones too."""

@@ -5,7 +5,7 @@ An aMussel's believed state is that of its last packet, or of a belief that is c
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Sequence
 
 from agents.time_scale import MissionMs
 from apad_bridge.beliefs.belief import Belief
@@ -117,14 +117,13 @@ def situation_of(
     state: MissionState,
     place_m: tuple[float, float],
     beliefs: Iterable[Belief],
-    docks: Mapping[int, int],
     now_ms: MissionMs,
     others: Iterable[Belief] = (),
     model: EnergyModel | None = None,
     leaving: Iterable[Belief] = (),
     sea: Sea | None = None,
 ) -> Situation:
-    """The planner's input: `beliefs` as candidates with homes, and docked candidates with their dock of `docks`.
+    """The planner's input: `beliefs` as candidates with homes, and docked ones with their docks.
 
     The docks of those who are `leaving` count as free. `others` are the rest of the fleet, as far as it can be served.
     An aMussel without a known home is let go at the aPad's place. `sea` is None in calm water.
@@ -133,7 +132,7 @@ def situation_of(
     released_ms = dict(state.released)
     held = {agent_id: dock_index for dock_index, agent_id in state.docked}
 
-    def candidate(it: Belief, dock_index: int | None) -> Candidate:
+    def candidate(it: Belief) -> Candidate:
         home_m = homes.get(it.agent_id, place_m)
         unserved_s = (now_ms - released_ms.get(it.agent_id, 0)) / 1000
         return Candidate(
@@ -143,7 +142,7 @@ def situation_of(
             it.primary,
             it.secondary,
             *home_m,
-            dock_index,
+            held.get(it.agent_id),
             unserved_s,
             is_served=it.agent_id in released_ms,
         )
@@ -152,10 +151,10 @@ def situation_of(
     taken = set(held.values()) - {held[it.agent_id] for it in leaving}
     return Situation(
         *place_m,
-        tuple(candidate(it, docks.get(it.agent_id)) for it in beliefs),
+        tuple(map(candidate, beliefs)),
         tuple(dock_index for dock_index in range(state.dock_count) if dock_index not in taken),
-        tuple(candidate(it, held.get(it.agent_id)) for it in others if it.state not in BEYOND_HELP),
+        tuple(candidate(it) for it in others if it.state not in BEYOND_HELP),
         model,
-        tuple(candidate(it, held[it.agent_id]) for it in leaving),
+        tuple(map(candidate, leaving)),
         sea,
     )

@@ -36,7 +36,6 @@ def collection(mission: ManualMission, pool: ChargingPool, batch: int | None, st
         mission.state,
         _pose(mission),
         pool.candidates(mission.now_ms, served=mission.state.served),
-        {},
         mission.now_ms,
     )
     wanted = mission.config.batch if batch is None else batch
@@ -51,9 +50,10 @@ def redeployment(mission: ManualMission, strategy: str | None) -> Plan:
     name = strategy or mission.config.redeployment
     redeployer = _strategy(lambda: registry.redeployment(name, _OF_A_SCRIPT))
     here = _pose(mission)
-    docks = {agent: dock_index for dock_index, agent in mission.state.docked}
-    beliefs = [mission.beliefs.get(agent) or placeholder_belief(agent, here) for agent in docks]
-    situation = situation_of(mission.state, here, beliefs, docks, mission.now_ms)
+    beliefs = [
+        mission.beliefs.get(agent) or placeholder_belief(agent, here) for _, agent in mission.state.docked
+    ]
+    situation = situation_of(mission.state, here, beliefs, mission.now_ms)
     return _planned(mission, "redeploy", name, lambda: redeployer.plan(situation), situation, StepKind.DEPLOY)
 
 

@@ -72,7 +72,7 @@ def test_those_that_were_served_wait_until_one_is_nearly_empty(lowest: float, in
 def test_a_planner_is_told_who_was_served_and_when() -> None:
     beliefs = told(*[State.SLEEPING] * 3)
     state = MissionState(released=((2, 40_000),))
-    situation = situation_of(state, (0.0, 0.0), [beliefs[1], beliefs[2]], {}, 100_000, [beliefs[3]])
+    situation = situation_of(state, (0.0, 0.0), [beliefs[1], beliefs[2]], 100_000, [beliefs[3]])
     agents = (*situation.candidates, *situation.others)
     assert [(it.is_served, it.unserved_s) for it in agents] == [(False, 100), (True, 60), (False, 100)]
 
