@@ -1,4 +1,4 @@
-"""`musselbed layout KIND SCENARIO`: write a layout with which RViz, rqt, PlotJuggler or Foxglove shows a fleet."""
+"""`musselbed layout KIND SCENARIO`: write a layout with which RViz, rqt or Foxglove shows a fleet."""
 
 from __future__ import annotations
 

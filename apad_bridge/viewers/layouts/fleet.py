@@ -45,7 +45,6 @@ class LayoutFleet:
     apads: tuple[LayoutAPad, ...]
     south_west_m: tuple[float, float]
     north_east_m: tuple[float, float]
-    duration_s: float
 
     @property
     def ids(self) -> tuple[int, ...]:
@@ -85,7 +84,7 @@ def layout_fleet(scenario: Scenario, starts: Sequence[Start], namespace: str = "
         for member in members(scenario, starts)
     ]
     south_west, north_east = bounding_box(scenario.area.polygon_m)
-    return LayoutFleet(scenario.name, namespace, tuple(apads), south_west, north_east, scenario.duration_s)
+    return LayoutFleet(scenario.name, namespace, tuple(apads), south_west, north_east)
 
 
 def in_bag(leaf: str) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from apad_bridge.viewers.layouts import foxglove, plotjuggler, rqt, rviz
+from apad_bridge.viewers.layouts import foxglove, rqt, rviz
 from apad_bridge.viewers.layouts.fleet import LayoutFleet
 
 
@@ -21,6 +21,5 @@ class LayoutKind:
 KINDS = {
     "rviz": LayoutKind(".rviz", "rviz -d FILE", rviz.layout),
     "rqt": LayoutKind(".perspective", "rqt --perspective-file FILE", rqt.layout),
-    "plotjuggler": LayoutKind(".plotjuggler.xml", "plotjuggler --layout FILE", plotjuggler.layout),
     "foxglove": LayoutKind(".foxglove.json", "import FILE from Foxglove's menu of layouts", foxglove.layout),
 }

@@ -8,7 +8,6 @@ import re
 from collections import Counter
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 import pytest
 import yaml
@@ -23,7 +22,7 @@ from apad_bridge.records.bag_messages import typestore
 from apad_bridge.ros_names.names import in_full
 from apad_bridge.ros_names.namespaces import below_apad
 from apad_bridge.ros_names.table import SECTIONS, NameKind
-from apad_bridge.scenario.loader import from_data, load, resolve, with_overrides
+from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.viewers.layouts.fleet import LayoutFleet, hexadecimal, layout_fleet
@@ -64,9 +63,8 @@ def shipped(kind: str) -> str:
     return (SHIPPED / f"musselbed{KINDS[kind].ending}").read_text()
 
 
-@pytest.mark.parametrize("kind", ["plotjuggler", "foxglove"])
-def test_the_shipped_layouts_plot_the_batteries_of_twelve_and_of_the_aPad(kind: str) -> None:
-    topics = re.findall(r"(/[a-z0-9_/]*battery_state)[/.]percentage", shipped(kind))
+def test_the_shipped_layout_for_foxglove_plots_the_batteries_of_twelve_and_of_the_aPad() -> None:
+    topics = re.findall(r"(/[a-z0-9_/]*battery_state)[/.]percentage", shipped("foxglove"))
     assert sorted(topics) == sorted(
         ["/musselbed/apad/battery_state", *(f"/amussel{n}/battery_state" for n in range(1, 13))]
     )
@@ -127,23 +125,6 @@ def rqt_plots(fleet: LayoutFleet) -> list[list[str]]:
     ]
 
 
-def plotjuggler_curves(fleet: LayoutFleet) -> dict[str, list[str]]:
-    """The names that the curves of each tab read."""
-    root = ElementTree.fromstring(KINDS["plotjuggler"].write(fleet))
-    return {
-        tab.attrib["tab_name"]: [
-            name
-            for curve in tab.iter("curve")
-            for name in (
-                [curve.attrib["curve_x"], curve.attrib["curve_y"]]
-                if "curve_x" in curve.attrib
-                else [curve.attrib["name"]]
-            )
-        ]
-        for tab in root.iter("Tab")
-    }
-
-
 def foxglove_paths(fleet: LayoutFleet) -> dict[str, list[str]]:
     """The paths that the plots of each tab read; panels of the layout and configurations match one to one."""
     data = json.loads(KINDS["foxglove"].write(fleet))
@@ -171,11 +152,11 @@ def test_each_aPad_is_shown_with_whom_it_serves(bay: Scenario, bay_members: tupl
     fleet = layout_fleet(bay, starts_of(bay))
     wanted = {member.name: list(member.scenario.fleet.ids) for member in bay_members}
     assert len(wanted) == 5
-    curves, paths = plotjuggler_curves(fleet), foxglove_paths(fleet)
+    paths = foxglove_paths(fleet)
     for number, (name, ids) in enumerate(wanted.items()):
         battery = f"/musselbed/{name}/apad/battery_state"
-        assert battery_ids(curves[name]) == battery_ids(paths[name]) == ids
-        assert f"{battery}/percentage" in curves[name] and f"{battery}.percentage" in paths[name]
+        assert battery_ids(paths[name]) == ids
+        assert f"{battery}.percentage" in paths[name]
         plotted = rqt_plots(fleet)[number]
         assert battery_ids(plotted) == ids and f"/musselbed/{name}/apad/battery_fraction" in plotted
     assert rviz_topics(fleet) == [
@@ -204,9 +185,9 @@ def test_a_namespace_comes_before_all_names_but_those_of_a_bag() -> None:
     fleet = of_scenario("pool-12", "/bay/north")
     assert all(name.startswith("/bay/north/musselbed/") for name in rviz_topics(fleet))
     assert all(name.startswith("/bay/north/") for name in rqt_plots(fleet)[0])
-    curves, paths = plotjuggler_curves(fleet), foxglove_paths(fleet)
-    of_bag = [*curves.pop("run.bag"), *paths.pop("run.bag")]
-    assert all(name.startswith("/bay/north/") for name in [*curves["apad1"], *paths["apad1"]])
+    paths = foxglove_paths(fleet)
+    of_bag = paths.pop("run.bag")
+    assert all(name.startswith("/bay/north/") for name in paths["apad1"])
     assert of_bag and all(name.startswith("/musselbed/") for name in of_bag)
     assert json.loads(KINDS["foxglove"].write(fleet))["configById"]["DiagnosticSummary!fleet"][
         "topicToRender"
@@ -240,13 +221,13 @@ def topic_and_field(name: str) -> tuple[str, str]:
 
 
 def test_every_field_that_is_plotted_is_a_number_in_its_message(pool: LayoutFleet) -> None:
-    tabs = [*plotjuggler_curves(pool).values(), *foxglove_paths(pool).values(), *rqt_plots(pool)]
+    tabs = [*foxglove_paths(pool).values(), *rqt_plots(pool)]
     seen = set()
     for name in (name for tab in tabs for name in tab):
         topic, field = topic_and_field(name)
         seen.add(field := re.sub(r"\d+", "N", field))
         assert field_type(TYPES[topic.rpartition("/")[2]], field).startswith(("float", "uint")), name
-    assert len(seen) == 7
+    assert len(seen) == 4
 
 
 def test_fields_are_told_from_no_fields() -> None:
@@ -259,29 +240,11 @@ def test_a_runs_bag_has_what_is_shown_of_it(pool: LayoutFleet, tmp_path: Path) -
     BagWriter(tmp_path / "run.bag", TimeScale(30)).close()
     with Reader(tmp_path / "run.bag") as bag:
         in_bag = {connection.topic: connection.msgtype for connection in bag.connections}
-    names = [*plotjuggler_curves(pool)["run.bag"], *foxglove_paths(pool)["run.bag"]]
+    names = foxglove_paths(pool)["run.bag"]
     topics = {topic_and_field(name)[0] for name in names}
-    assert len(topics) == 3
+    assert len(topics) == 2
     for topic in topics:
         assert in_bag[topic] == TYPES[topic.rpartition("/")[2]]
-
-
-def test_plotjuggler_is_told_to_take_what_it_plots(pool: LayoutFleet) -> None:
-    root = ElementTree.fromstring(KINDS["plotjuggler"].write(pool))
-    plugins = {it.attrib["ID"]: it for it in root.iter("plugin")}
-    curves = plotjuggler_curves(pool)
-    live = {topic_and_field(name)[0] for name in curves["apad1"]}
-    recorded = live | {topic_and_field(name)[0] for name in curves["run.bag"]}
-    for plugin, topics in {"ROS Topic Subscriber": live, "DataLoad ROS bags": recorded}.items():
-        selected = plugins[plugin].find("selected_topics")
-        assert selected is not None
-        assert topics <= set(selected.attrib["value"].split(";"))
-
-
-def test_lists_are_not_too_long_for_plotjuggler(bay: Scenario) -> None:
-    many = with_overrides(bay, agents=400)
-    root = ElementTree.fromstring(KINDS["plotjuggler"].write(layout_fleet(many, starts_of(many))))
-    assert {it.attrib["value"] for it in root.iter("max_array_size")} == {"400"}
 
 
 def test_neighbours_have_colours_of_their_own() -> None:
