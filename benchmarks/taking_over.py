@@ -14,10 +14,10 @@ from rich.console import Console
 from rich.table import Table
 
 from apad_bridge.assembly.division import members
+from apad_bridge.runs.several.in_memory import open_lockstep
 from apad_bridge.scenario.loader import from_data, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
-from apad_bridge.studies.several_in_memory import open_lockstep
 from benchmarks.rows import told
 from benchmarks.shares import MISSION_S, crowded
 

@@ -29,11 +29,11 @@ from apad_bridge.assembly.capacity import bounds_of, drain_at_load, rates_of, su
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start, save_starts, starts_of
+from apad_bridge.studies.event_driven import fly_shares
 from apad_bridge.studies.figures import COLUMNS
 from apad_bridge.studies.models import fly_each_tick
 from apad_bridge.studies.report import HEADINGS, as_data, comparisons
 from apad_bridge.studies.runner import fly_study
-from apad_bridge.studies.several_in_memory import fly_shares
 from apad_bridge.studies.specification import StudyPlan, plan_of
 from benchmarks.rows import told
 

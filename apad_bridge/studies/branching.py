@@ -39,6 +39,7 @@ from apad_bridge.records.uptime import UptimeMeter
 from apad_bridge.runs.children import supervisor_of
 from apad_bridge.runs.in_memory import MemoryRecorder, mission_figures
 from apad_bridge.runs.resuming import find_resume_point, with_apad_as_seen
+from apad_bridge.runs.several.in_memory import open_lockstep
 from apad_bridge.runs.several.lockstep import Exchange, LockstepRunner, MemberFlight
 from apad_bridge.scenario.cross_checks import check_code
 from apad_bridge.scenario.errors import ScenarioError
@@ -48,7 +49,6 @@ from apad_bridge.scenario.run_options import RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.scenario.surface import surface_of
-from apad_bridge.studies.several_in_memory import open_lockstep
 from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.contacts import Contacts
 from apad_bridge.supervisor.context import FlightContext

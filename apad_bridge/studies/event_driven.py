@@ -28,6 +28,7 @@ from agents.mussel.body import drift_words
 from agents.mussel.outputs import Truth
 from agents.time_scale import MissionMs
 from apad_bridge.assembly import fleet_parts, parts
+from apad_bridge.assembly.division import members
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.hold_last import HoldLast
@@ -123,6 +124,18 @@ def fly_event_driven(scenario: Scenario, trust: registry.Trust | None = None) ->
             break
         flight.now_ms = MissionMs(ticks.next_tick_ms(flight.now_ms, fleet.coordinator.next_due_ms))
     return recorder.meter.figures(flight.now_ms, supervisor.mission.state, vehicle.ledger)
+
+
+def fly_shares(scenario: Scenario) -> dict[str, Figures]:
+    """Flies each aPad's planned share by the event-driven model; returns the figures by aPad.
+
+    While no aPad fails, the aPads of the paper's mode of hearing know nothing of each other, so a share is a mission of its
+    own. ValueError for a scenario that `model_gap` does not cover.
+    """
+    found = members(scenario, starts_of(scenario))
+    if (gap := model_gap(found[0].scenario)) is not None:
+        raise ValueError(f"the event-driven model leaves out {gap}")
+    return {it.name: fly_event_driven(it.scenario) for it in found}
 
 
 class TruthfulReports(HoldLast):

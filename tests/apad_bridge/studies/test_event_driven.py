@@ -24,6 +24,7 @@ from apad_bridge.events.mission import Phase, PlanMade, StepGivenUp
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.orders import Order
 from apad_bridge.mission.plans import StrategyFailed
+from apad_bridge.runs.several.in_memory import open_lockstep
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Horizon, Scenario
 from apad_bridge.scenario.starts import starts_of
@@ -33,11 +34,11 @@ from apad_bridge.studies.event_driven import (
     Ticks,
     drift_sums,
     fly_event_driven,
+    fly_shares,
     model_gap,
 )
 from apad_bridge.studies.figures import Figures
 from apad_bridge.studies.models import Model, fly, fly_each_tick
-from apad_bridge.studies.several_in_memory import fly_shares, open_lockstep
 from apad_bridge.supervisor.core import TICK_MS, LearnedState
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.vehicle.commands import Arrived, CloseDock, GoTo, OpenDock

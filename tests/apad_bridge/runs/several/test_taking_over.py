@@ -10,10 +10,10 @@ import pytest
 from scenario_files import WHOLE_FILE
 
 from apad_bridge.assembly.division import members
+from apad_bridge.runs.several.in_memory import OpenedLockstep, open_lockstep
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start, save_starts, starts_of
-from apad_bridge.studies.several_in_memory import OpenedLockstep, open_lockstep
 
 NEEDY = (5, 6, 7)
 """These lie in the north, where apad2 fetches them."""

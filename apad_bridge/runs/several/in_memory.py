@@ -1,4 +1,4 @@
-"""Flies one aPad, or several, in virtual time and in this process, without files: for studies of many configurations."""
+"""Opens the flights of one aPad, or of several, in virtual time and in this process, without files."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from apad_bridge.assembly.division import Member, members
+from apad_bridge.assembly.division import Member
 from apad_bridge.assembly.fleet_parts import shared_sea
 from apad_bridge.planning.registry import Trust
 from apad_bridge.records.summary import uptime_figures
@@ -16,9 +16,6 @@ from apad_bridge.runs.several.assignment import Assignment
 from apad_bridge.runs.several.lockstep import Exchange, LockstepRunner, MemberFlight
 from apad_bridge.scenario.another_apad import Sharing
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.scenario.starts import starts_of
-from apad_bridge.studies.event_driven import fly_event_driven, model_gap
-from apad_bridge.studies.figures import Figures
 from apad_bridge.supervisor.context import FlightContext
 
 
@@ -65,18 +62,6 @@ def open_lockstep(
         flights[member.name] = MemberFlight(member.scenario.apad.start_m, flight, recorders[member.name])
     runner = LockstepRunner(flights, exchange, assignment if sharing.transfers and not is_alone else None)
     return OpenedLockstep(runner, assignment, recorders, flights)
-
-
-def fly_shares(scenario: Scenario) -> dict[str, Figures]:
-    """Flies each aPad's planned share by the event-driven model; returns the figures by aPad.
-
-    While no aPad fails, the aPads of the paper's mode of hearing know nothing of each other, so a share is a mission of its
-    own. ValueError for a scenario that `model_gap` does not cover.
-    """
-    found = members(scenario, starts_of(scenario))
-    if (gap := model_gap(found[0].scenario)) is not None:
-        raise ValueError(f"the event-driven model leaves out {gap}")
-    return {it.name: fly_event_driven(it.scenario) for it in found}
 
 
 def _unchanged(context: FlightContext) -> FlightContext:
