@@ -27,6 +27,7 @@ from apad_bridge.scenario.cross_checks import contradictions
 from apad_bridge.scenario.errors import ScenarioError, in_ranges
 from apad_bridge.scenario.explained import abbreviated, explain
 from apad_bridge.scenario.profiles import with_profiles
+from apad_bridge.scenario.quantities import FILE, VALUES
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts_table import read_ids, table_of
 from apad_bridge.scenario.text_file import read_text, write_atomically
@@ -50,9 +51,6 @@ _FILE_KEYS = (
 )
 _STRATEGY_KEYS = (("mission", "collection"), ("mission", "redeployment"))
 """Keys whose value may be `FILE.py:Class`; its file is relative to the scenario's own, too."""
-# A value, or the name of a file that holds it. pydantic adds the union's member that it tried to the path of an error; the
-# author of the file does not know the unions.
-_VALUES_OR_FILES = (("fleet", "start"), ("area", "fence"), ("area", "keep_out"))
 
 
 def load(path: Path) -> Scenario:
@@ -116,10 +114,7 @@ def from_data(data: Any, source: str) -> Scenario:
             json.dumps(_with_batch(_with_ids(with_profiles(_with_firmware(data))))), strict=True
         )
     except ValidationError as error:
-        lines = [
-            _error_line(source, details)
-            for details in _without_profile_keys(_of_meant_union_member(error.errors(), data))
-        ]
+        lines = [_error_line(source, details) for details in _without_profile_keys(error.errors())]
         raise ScenarioError(dict.fromkeys(lines)) from error
     except ValueError as error:  # json: a list or mapping that holds itself by an alias
         raise ScenarioError([f"{source}: {error}"]) from error
@@ -317,19 +312,6 @@ def _unreachable_files(data: Any) -> Iterator[str]:
             yield f"{entry.whole_key}: {reason}: {abbreviated(entry.path)}"
 
 
-def _of_meant_union_member(errors: list[ErrorDetails], data: Any) -> list[ErrorDetails]:
-    """Drops the errors of the union member that the author did not mean: a mapping is no attempt at a text."""
-    chosen = []
-    for details in errors:
-        block, key, *rest = (*details["loc"], None, None)[:3]
-        if (block, key) in _VALUES_OR_FILES and rest[0] is not None:
-            is_file = not isinstance(data[block][key], dict | list)
-            if (rest[0] == "str") is not is_file:
-                continue
-        chosen.append(details)
-    return chosen
-
-
 def _without_profile_keys(errors: list[ErrorDetails]) -> list[ErrorDetails]:
     """Drops missing keys that a profile would have supplied if it were named, and named right."""
     misnamed = [details["loc"][:-1] for details in errors if details["loc"][-1:] == ("profile",)]
@@ -390,7 +372,5 @@ def _ids_of_file(fleet: dict[str, Any]) -> list[int] | None:
 
 
 def _error_line(source: str, details: ErrorDetails) -> str:
-    path = details["loc"]
-    if path[:2] in _VALUES_OR_FILES:
-        path = path[:2] + path[3:]
+    path = [it for it in details["loc"] if it not in (VALUES, FILE)]
     return f"{source}: {explain(Scenario, details, path)}"

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import re
+from dataclasses import is_dataclass
 from typing import Annotated, Any, TypeVar, cast, dataclass_transform
 
 from annotated_types import Ge, Gt, Le
-from pydantic import AfterValidator, ConfigDict, PlainValidator, StringConstraints
+from pydantic import AfterValidator, ConfigDict, Discriminator, PlainValidator, StringConstraints, Tag
 from pydantic.dataclasses import dataclass
 
 from agents.water.bounds import GREATEST, LEAST
@@ -62,6 +63,13 @@ RatePerMinute = Annotated[float, Gt(0), Le(1000), AfterValidator(_ten_decimals)]
 """Rate of a battery's charge. The firmware model counts charge in grains: 1e-10 a minute is one grain a millisecond."""
 ChargeSegments = Annotated[tuple[tuple[Fraction, RatePerMinute], ...], AfterValidator(_rising_to_one)]
 """(upper end of the segment on [0, 1], rate a minute), rising; the last ends at 1."""
+VALUES, FILE = "(values)", "(file)"
+"""Members of a union, which pydantic adds to the path of an error; the author of the file does not know them."""
+VALUES_OR_FILE = Discriminator(
+    lambda it: VALUES if isinstance(it, dict | list | tuple) or is_dataclass(it) else FILE
+)
+"""A key holds values, or the name of a file that holds them: a mapping or a list is no attempt at a name."""
+TheirFile = Annotated[str, Tag(FILE)]
 EndTime = Annotated[float | str, PlainValidator(_end_time)]
 """Seconds, or a local time as 16:30."""
 FileName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")]

@@ -13,6 +13,7 @@ from enum import StrEnum
 from typing import Annotated, Literal
 
 from annotated_types import Ge, Le
+from pydantic import Tag
 
 from agents.time_scale import MissionMs, TimeScale
 from agents.water.bounds import Count
@@ -24,6 +25,8 @@ from apad_bridge.scenario.estimator_options import Beliefs
 from apad_bridge.scenario.faults import OF_A, OF_B, Fault
 from apad_bridge.scenario.guard_options import GuardOptions
 from apad_bridge.scenario.quantities import (
+    VALUES,
+    VALUES_OR_FILE,
     EndTime,
     FileName,
     Fraction,
@@ -35,6 +38,7 @@ from apad_bridge.scenario.quantities import (
     PositiveSeconds,
     RosNamespace,
     Speed,
+    TheirFile,
     frozen,
 )
 from apad_bridge.scenario.starts_table import MAX_AGENT_ID
@@ -58,10 +62,12 @@ class Area:
     polygon_m: tuple[Place, ...]
     """Corners as (north, east), in order, not closed; three or more."""
     depth_m: Positive
-    fence: tuple[Place, ...] | str | None = None
+    fence: Annotated[Annotated[tuple[Place, ...], Tag(VALUES)] | TheirFile, VALUES_OR_FILE] | None = None
     """The waters that no order may take the aPad out of: corners as in `polygon_m`, or a GeoJSON file with one polygon.
     None, for a simulated aPad alone: there is no fence."""
-    keep_out: tuple[tuple[Place, ...], ...] | str = ()
+    keep_out: Annotated[
+        Annotated[tuple[tuple[Place, ...], ...], Tag(VALUES)] | TheirFile, VALUES_OR_FILE
+    ] = ()
     """Zones inside the fence that no way may touch: a list of polygons, or a GeoJSON file."""
     chart: str | None = None
     """The shore and depth contours, which maps show and nothing else reads: a GeoJSON file, or a name of PAPER_CHARTS."""
@@ -143,7 +149,7 @@ class Fleet:
     agent_ids: tuple[AgentId, ...] = ()
     """The ids, rising, where they have gaps; empty for `count` ids from `first_id` on. The loader takes these three from
     the file that `start` names if a scenario leaves `count` out."""
-    start: RandomStart | str = "starts.csv"
+    start: Annotated[Annotated[RandomStart, Tag(VALUES)] | TheirFile, VALUES_OR_FILE] = "starts.csv"
     """A mapping for a random start, the name of a CSV (id, lat, lon or north, east, battery), or a former run's directory.
     Names are relative to the scenario file; the loader makes them absolute."""
     share: tuple[AgentId, ...] = ()
