@@ -76,7 +76,11 @@ def run(arguments: argparse.Namespace) -> int:
     if directory.summary.exists():
         raise UserError(f"the run has ended: see {directory.summary}")
     trust = trust_of_run(arguments, directory)
-    if trust is None and (code := code_of(directory)):
+    try:
+        code = [] if trust is not None else code_of(directory)
+    except ValueError as error:  # a scenario or a fleet that this version cannot read
+        raise UserError(str(error)) from error
+    if code:
         raise UserError(
             f"{path} names code ({', '.join(code)}), and is no run that you began here and that is unchanged: "
             "add --trust if you trust it"

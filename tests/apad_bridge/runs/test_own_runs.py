@@ -109,6 +109,17 @@ def test_a_prepared_fleet_with_other_firmware_is_not(begun: RunDirectory, tmp_pa
     assert code_of(begun)[-1] == f"{FOLDER}/{FLEET_NAME}"
 
 
+def test_a_fleet_of_another_version_is_refused_in_a_line(
+    begun: RunDirectory, capsys: pytest.CaptureFixture[str]
+) -> None:
+    prepare_fleet(begun)
+    (begun.path / FOLDER / FLEET_NAME).write_bytes(b"the fleet of a former version")
+    assert not is_own(begun)
+    assert main(["resume", str(begun.path)]) == 2
+    told = capsys.readouterr().err
+    assert f"{FLEET_NAME} was written by another version" in told and len(told.splitlines()) == 1
+
+
 def test_marks_are_the_users_alone_and_those_of_runs_that_are_gone_go(
     begun: RunDirectory, state: Path, tmp_path: Path
 ) -> None:
