@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import partial
@@ -82,6 +82,24 @@ def key_of(check: str, apad: str = "") -> str:
     """
     name = check.removeprefix(apad).strip() if apad else check
     return name.lower().replace(" ", "-") if name else "versions"
+
+
+def red_keys(
+    findings: Iterable[Finding], apads: Sequence[str], accepted: Container[str] = ()
+) -> dict[str, list[Finding]]:
+    """The findings that are red, by key: each FAIL, and each CANNOT TELL whose key no person `accepted`."""
+    red: dict[str, list[Finding]] = {}
+    for it in findings:
+        key = key_among(it.check, apads)
+        if it.status is CheckStatus.FAIL or (it.status is CheckStatus.CANNOT_TELL and key not in accepted):
+            red.setdefault(key, []).append(it)
+    return red
+
+
+def key_among(check: str, apads: Sequence[str]) -> str:
+    """The key of a check of any of these aPads, or of none."""
+    apad = next((name for name in apads if check == name or check.startswith(f"{name} ")), "")
+    return key_of(check, apad)
 
 
 def run_checks(

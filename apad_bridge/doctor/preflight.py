@@ -9,7 +9,7 @@ import json
 import math
 import statistics
 import time
-from collections.abc import Container, Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.metadata import version
@@ -18,16 +18,23 @@ from apad_bridge.assembly.safety import LegEnergy
 from apad_bridge.assembly.stacks import STACKS
 from apad_bridge.doctor.apad import check_held, named_like
 from apad_bridge.doctor.door import MOST_CHARGE, LiveAPad, NotAnnounced, TopicSeen
-from apad_bridge.doctor.finding import Check, CheckStatus, Finding, cannot_tell, fail, key_of, ok, warn
+from apad_bridge.doctor.finding import Check, Finding, cannot_tell, fail, ok, warn
 from apad_bridge.doctor.graph import Graph
+from apad_bridge.doctor.limits import (
+    MOST_JUMP_M,
+    check_clearance,
+    check_fence,
+    check_limits,
+    check_reaction,
+    check_reserve,
+)
 from apad_bridge.doctor.network import Unreachable, call_for_reply, connect
 from apad_bridge.doctor.positions import PositionSample, check_gps, check_lag, check_loss, check_position
 from apad_bridge.ros_names.names import CLOCK, USE_SIM_TIME, in_full, ours
 from apad_bridge.ros_names.namespaces import below_apad, is_one_of_several
-from apad_bridge.scenario.area.clearance import stopping_room
-from apad_bridge.scenario.area.fence import Fence, fence_of
+from apad_bridge.scenario.area.fence import fence_of
 from apad_bridge.scenario.choices import Generation
-from apad_bridge.scenario.guard_options import LOOK_MS, GuardOptions
+from apad_bridge.scenario.guard_options import GuardOptions
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start
 from apad_bridge.scenario.surface import fastest_drift_m_s, hardest_metre
@@ -35,44 +42,16 @@ from apad_bridge.vehicle.stack import Stack
 
 SLOW_S, TOO_SLOW_S = 0.2, 1.0
 """A worse way there and back causes a warning; a far worse one is red, for a stop would be as late."""
-MOST_JUMP_M = 20.0
-LEAST_RESERVE = 0.1
-LEAST_REACTION_S = 1.0
-"""The bench acts once a second, so a stop takes a second to go out."""
-MOST_LEG_WAYS = 10
-"""A leg may last so many times as long as the longest way takes at the mission's speed."""
 WATCHDOG_STATES = frozenset(
     {"WAITING", "WATCHING", "SILENT", "HELD", "OFF", "PILOTED", "HOMEWARD", "HOME", "LEFT"}
 )
 """The states of `launch_scripts/vehicle_watchdog`."""
 LEAST_SILENCE_S, MOST_SILENCE_S = 5.0, 15.0
 """A watchdog that waits less stops the aPad for a gap of a poor link, and one that waits longer lets it go too far."""
-REACTION_S = 3.0
-"""A bad position has to end in a safe state within so long. The guards look at it five times a second."""
-_LOOK_S = LOOK_MS / 1000
 _WATCHED_S = 3.0
 _ROUND_TRIPS = 20
 _S_PER_HOUR = 3600
-_TOO_LATE_S = 10.0
 QUAY_CHECK = "on the quay: does the joystick still work after OFF?"
-
-
-def red_keys(
-    findings: Iterable[Finding], apads: Sequence[str], accepted: Container[str] = ()
-) -> dict[str, list[Finding]]:
-    """The findings that are red, by key: each FAIL, and each CANNOT TELL whose key no person `accepted`."""
-    red: dict[str, list[Finding]] = {}
-    for it in findings:
-        key = key_among(it.check, apads)
-        if it.status is CheckStatus.FAIL or (it.status is CheckStatus.CANNOT_TELL and key not in accepted):
-            red.setdefault(key, []).append(it)
-    return red
-
-
-def key_among(check: str, apads: Sequence[str]) -> str:
-    """The key of a check of any of these aPads, or of none."""
-    apad = next((name for name in apads if check == name or check.startswith(f"{name} ")), "")
-    return key_of(check, apad)
 
 
 def check_delay(round_trips_s: Sequence[float], uri: str) -> Finding:
@@ -83,137 +62,6 @@ def check_delay(round_trips_s: Sequence[float], uri: str) -> Finding:
     if worst_s > TOO_SLOW_S:
         return fail(found, mend)
     return warn(found, mend) if worst_s > SLOW_S else ok(found)
-
-
-def check_fence(
-    place_m: tuple[float, float] | None,
-    fence: Fence | None,
-    clearance_m: float,
-    starts_m: Iterable[tuple[float, float]],
-) -> list[Finding]:
-    """The aPad lies inside the fence with its clearance; and so do the aMussels' starts, or they are never served."""
-    if fence is None:
-        return [fail("the scenario has none", "area.fence: the corners of your waters")]
-    if place_m is None:
-        return [fail("without a position it cannot be checked", "see the line of the position")]
-    import shapely
-
-    waters = fence.waters()
-    clear = waters.buffer(-clearance_m)
-    place = shapely.Point(place_m)
-    where = f"({place_m[0]:.1f} m north, {place_m[1]:.1f} m east)"
-    if not waters.covers(place):
-        return [
-            fail(
-                f"the aPad at {where} lies {waters.distance(place):.1f} m outside",
-                "bring it inside by hand, or see area.fence and area.origin: is it the right water?",
-            )
-        ]
-    edge_m = waters.boundary.distance(place)
-    found = f"the aPad at {where} lies inside, {edge_m:.1f} m from its edge"
-    findings = [ok(found)]
-    if not clear.covers(place):
-        mend = f"bring it farther in by hand: guards.clearance_m is {clearance_m:g} m"
-        findings = [fail(found, mend)]
-    outside = sum(not clear.covers(shapely.Point(it)) for it in starts_m)
-    if outside:
-        mend = "move them by fleet.start, or widen the fence: they are neither called up nor fetched"
-        findings.append(
-            warn(f"{outside} aMussels lie outside the fence or too near to it", mend, check="starts")
-        )
-    return findings
-
-
-def check_reaction(guards: GuardOptions) -> Finding:
-    """The scenario's limits bring the aPad to a safe state within `REACTION_S` of a bad position."""
-    if guards.jump_m > MOST_JUMP_M:
-        return fail(
-            f"guards.jump_m is {guards.jump_m:g} m: a position that jumps by less is believed",
-            f"{MOST_JUMP_M:g} m at most: twice what a GPS without correction errs",
-        )
-    limits = {"position_age_s": guards.position_age_s, "frozen_s": guards.frozen_s}
-    late = {name: it for name, it in limits.items() if it + _LOOK_S > REACTION_S}
-    if late:
-        told = ", ".join(f"guards.{name} is {it:g} s" for name, it in late.items())
-        mend = f"{REACTION_S - _LOOK_S:g} s each, where the GPS gives a fix more often than that"
-        found = f"{told}: a bad position is noticed later than after {REACTION_S:g} s"
-        return (fail if max(late.values()) > _TOO_LATE_S else warn)(found, mend)
-    return ok(f"a bad position is noticed within {max(limits.values()) + _LOOK_S:g} s")
-
-
-def check_reserve(guards: GuardOptions) -> Finding:
-    """The charge that must remain at the end of the way home."""
-    reserve = guards.battery_reserve or 0.0
-    found = f"guards.battery_reserve is {reserve:g}"
-    if reserve < LEAST_RESERVE:
-        mend = f"{LEAST_RESERVE:g} or more: a current against the way home, and a gauge that errs, take it"
-        return fail(found, mend)
-    return ok(found)
-
-
-def check_limits(
-    guards: GuardOptions,
-    *,
-    greatest_m_s: float,
-    deceleration_m_s2: float,
-    longest_m: float,
-    speed_m_s: float,
-) -> list[Finding]:
-    """The limits can act, and say nothing that no vehicle does.
-
-    The aPad's greatest speed and deceleration are the scenario's, as are the longest way inside the fence and the
-    mission's speed.
-    """
-    found = []
-    if guards.reaction_s < LEAST_REACTION_S:
-        told = f"guards.reaction_s is {guards.reaction_s:g} s: the bench orders once a second"
-        found.append(fail(told, f"{LEAST_REACTION_S:g} or more; 3 as in real-apad.yaml"))
-    if guards.coasting_m is not None and guards.coasting_speed_m_s is not None:
-        least_m = guards.coasting_speed_m_s**2 / (2 * deceleration_m_s2)
-        if guards.coasting_m < least_m:
-            told = (
-                f"guards.coasting_m is {guards.coasting_m:g} m: from {guards.coasting_speed_m_s:g} m/s even "
-                f"apad.max_acceleration_m_s2 takes {least_m:.2f} m"
-            )
-            mend = "measure it on a tether: docs/guards.md#clearance"
-            found.append(fail(told, mend))
-    if guards.speed_limit_m_s is not None and guards.speed_limit_m_s > greatest_m_s:
-        told = (
-            f"guards.speed_limit_m_s is {guards.speed_limit_m_s:g} m/s, and the aPad makes {greatest_m_s:g} "
-            "(apad.max_speed_m_s): the guard would never act"
-        )
-        found.append(fail(told, f"{greatest_m_s:g} at most; or measure apad.max_speed_m_s"))
-    way_m = min(longest_m, guards.leg_m or math.inf)
-    most_s = MOST_LEG_WAYS * way_m / speed_m_s
-    if guards.leg_s is not None and guards.leg_s > most_s:
-        told = (
-            f"guards.leg_s is {guards.leg_s:g} s: the longest way, {way_m:.0f} m, takes {way_m / speed_m_s:.0f} s "
-            f"at {speed_m_s:g} m/s"
-        )
-        found.append(fail(told, f"{math.floor(most_s)} at most, {MOST_LEG_WAYS} times that"))
-    return found or [ok("each can act: reaction, coasting, speed and leg")]
-
-
-def check_clearance(
-    guards: GuardOptions, speed_m_s: float, what: str, known_drift_m_s: float = 0.0
-) -> Finding:
-    """The fence's clearance holds the room of a stop (`scenario/area/clearance.py`) at this speed, which `what` names."""
-    room = stopping_room(guards, known_drift_m_s)
-    if isinstance(room, list):
-        return cannot_tell(
-            f"{', '.join(room)} not given: the room of a stop is not known",
-            "measure them (docs/guards.md#clearance), or take those of launch_scripts/scenarios/real-apad.yaml",
-        )
-    needed_m, fastest_m_s = room.clearance_m(speed_m_s), room.fastest_m_s(guards.clearance_m)
-    fits = f"at most {fastest_m_s:.2f} m/s fit" if fastest_m_s else "no speed fits"
-    found = (
-        f"a stop at {speed_m_s:g} m/s ({what}) needs {needed_m:.1f} m; guards.clearance_m is "
-        f"{guards.clearance_m:g} m: {fits}"
-    )
-    if needed_m <= guards.clearance_m:
-        return ok(found)
-    slower = f", or lower {what} to {math.floor(100 * fastest_m_s) / 100:g}" if fastest_m_s else ""
-    return fail(found, f"raise guards.clearance_m to {math.ceil(10 * needed_m) / 10:g}{slower}")
 
 
 def check_generation(wanted: Generation, found: Sequence[Generation]) -> Finding:

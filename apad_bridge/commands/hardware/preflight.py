@@ -33,8 +33,8 @@ from apad_bridge.commands.prepare.preflight_checks import (
     report_path,
 )
 from apad_bridge.commands.trust import add_trust_argument, trust_of_looked_at
-from apad_bridge.doctor.finding import CheckStatus, Finding, fail, ok, run_check
-from apad_bridge.doctor.preflight import check_lookout, check_stop, red_keys
+from apad_bridge.doctor.finding import CheckStatus, Finding, fail, ok, red_keys, run_check
+from apad_bridge.doctor.preflight import check_lookout, check_stop
 from apad_bridge.events.persons import ScriptTold
 from apad_bridge.records.journal import read_journal
 from apad_bridge.records.run_directory import PRIVATE, RunDirectory

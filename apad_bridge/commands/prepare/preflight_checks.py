@@ -15,8 +15,8 @@ from typing import Any
 from apad_bridge.assembly.division import members
 from apad_bridge.commands.prepare.doctor import check_ros
 from apad_bridge.doctor import graph, machine
-from apad_bridge.doctor.finding import Check, CheckStatus, Finding, run_checks
-from apad_bridge.doctor.preflight import key_among, not_proven, red_keys
+from apad_bridge.doctor.finding import Check, CheckStatus, Finding, key_among, red_keys, run_checks
+from apad_bridge.doctor.preflight import not_proven
 from apad_bridge.records.run_directory import RUNS
 from apad_bridge.ros.system.route import environment_for
 from apad_bridge.ros_names.names import in_full, plain

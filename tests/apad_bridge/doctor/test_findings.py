@@ -13,6 +13,7 @@ from apad_bridge.doctor.finding import (
     cannot_tell,
     fail,
     ok,
+    red_keys,
     run_check,
     run_checks,
     warn,
@@ -73,3 +74,16 @@ def test_a_warning_is_red_before_a_mission_where_its_entry_says_so(
     )
     fine, doubt = run_checks(table, "held", before_mission=before_mission)
     assert (fine.status, doubt.status, doubt.mend) == (CheckStatus.OK, wanted, "empty them")
+
+
+def test_red_findings_are_named_without_their_apad() -> None:
+    found = [
+        fail("found", "mend", check=it)
+        for it in ("/apad1 action server", "/apad1", "own address", "/apad2 fence")
+    ]
+    assert list(red_keys([*found, ok("room", check="disk")], ["/apad1", "/apad2"])) == [
+        "action-server",
+        "versions",
+        "own-address",
+        "fence",
+    ]

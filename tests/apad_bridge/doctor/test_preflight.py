@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from apad_bridge.doctor.door import Door, NotAnnounced, TopicSeen
-from apad_bridge.doctor.finding import Finding, fail, ok, run_checks
+from apad_bridge.doctor.finding import Finding, run_checks
 from apad_bridge.doctor.graph import Graph
 from apad_bridge.doctor.positions import (
     PositionSample,
@@ -29,30 +29,18 @@ from apad_bridge.doctor.preflight import (
     WatchdogSeen,
     WatchedAPad,
     check_bench,
-    check_clearance,
     check_delay,
     check_energy,
-    check_fence,
     check_generation,
-    check_limits,
     check_lookout,
     check_off,
     check_pilot,
-    check_reaction,
-    check_reserve,
     check_stop,
     check_watchdog,
-    red_keys,
 )
-from apad_bridge.scenario.area.fence import Fence
 from apad_bridge.scenario.choices import Generation
-from apad_bridge.scenario.guard_options import GuardOptions
 from apad_bridge.scenario.loader import load
 
-APAD = "/apad1"
-FENCE = Fence(
-    ((0.0, 0.0), (40.0, 0.0), (40.0, 40.0), (0.0, 40.0)), (((18.0, 18.0), (22.0, 18.0), (22.0, 22.0)),)
-)
 STEADY = [PositionSample(n / 10, 100 + n, 10.0 + n % 2 / 100, 5.0, 3, 0.04, 0.04) for n in range(30)]
 """Three seconds at 10 Hz, at rest, by a GPS that says how good it is."""
 
@@ -132,96 +120,6 @@ def test_the_quality_that_the_vehicle_tells_is_judged(
 def test_a_place_that_scatters_is_red_whatever_the_vehicle_tells() -> None:
     wild = [replace(it, north_m=10.0 + 3.0 * (n % 2)) for n, it in enumerate(STEADY)]
     assert status(check_gps(wild)) == "FAIL"
-
-
-@pytest.mark.parametrize(
-    ("place_m", "wanted", "told"),
-    [
-        ((10.0, 10.0), "OK", "10.0 m from its edge"),
-        ((1.0, 10.0), "FAIL", "1.0 m from its edge"),
-        ((-5.0, 10.0), "FAIL", "5.0 m outside"),
-        ((21.0, 19.0), "FAIL", "outside"),  # in the zone to keep out of
-        (None, "FAIL", "without a position"),
-    ],
-)
-def test_the_apad_has_to_lie_inside_its_fence(
-    place_m: tuple[float, float] | None, wanted: str, told: str
-) -> None:
-    (found,) = check_fence(place_m, FENCE, 2.0, [])
-    assert status(found) == wanted and told in found.found
-
-
-def test_amussels_outside_are_told_and_no_fence_is_red() -> None:
-    _, starts = check_fence((10.0, 10.0), FENCE, 2.0, [(5.0, 5.0), (1.0, 5.0), (50.0, 5.0)])
-    assert status(starts) == "WARN" and starts.found.startswith("2 aMussels")
-    assert status(check_fence((10.0, 10.0), None, 2.0, [])[0]) == "FAIL"
-
-
-def test_limits_that_notice_a_bad_position_too_late_are_told() -> None:
-    slow = check_reaction(GuardOptions(position_age_s=5.0, frozen_s=10.0))
-    assert status(slow) == "WARN" and "position_age_s is 5 s, guards.frozen_s is 10 s" in slow.found
-    assert status(check_reaction(GuardOptions())) == "OK"
-    assert status(check_reaction(GuardOptions(position_age_s=60.0))) == "FAIL"
-    jumps = check_reaction(GuardOptions(jump_m=500.0))
-    assert status(jumps) == "FAIL" and "guards.jump_m is 500 m" in jumps.found
-
-
-@pytest.mark.parametrize(("reserve", "wanted"), [(None, "FAIL"), (0.0, "FAIL"), (0.2, "OK")])
-def test_a_reserve_that_keeps_nothing_is_red(reserve: float | None, wanted: str) -> None:
-    assert status(check_reserve(GuardOptions(battery_reserve=reserve))) == wanted
-
-
-MEASURED = GuardOptions(
-    clearance_m=8.0, position_error_m=0.5, hull_m=0.7, coasting_m=4.2, coasting_speed_m_s=0.6
-)
-
-
-def test_the_clearance_has_room_for_a_stop_and_the_greatest_speed_is_told() -> None:
-    """0.5 + 0.35 + (v + 0.2) x 3 + 11.67 v^2; 8 m allow the root of 11.67 v^2 + 3 v = 6.55, 0.63 m/s."""
-    fits = check_clearance(MEASURED, 0.6, "mission.speed_m_s")
-    assert status(fits) == "OK" and "needs 7.5 m" in fits.found and "at most 0.63 m/s fit" in fits.found
-    short = check_clearance(replace(MEASURED, clearance_m=2.0), 0.5, "mission.speed_m_s")
-    assert status(short) == "FAIL" and "no speed fits" in short.found and "to 7.2" in str(short.mend)
-    unknown = check_clearance(replace(MEASURED, coasting_m=None), 0.5, "mission.speed_m_s")
-    assert status(unknown) == "CANNOT TELL" and "guards.coasting_m" in unknown.found
-
-
-@pytest.mark.parametrize(
-    ("given", "told"),
-    [
-        ({}, None),
-        ({"coasting_m": 0.6}, None),
-        ({"coasting_m": 0.59}, "even apad.max_acceleration_m_s2 takes 0.60 m"),
-        ({"coasting_m": 0.0}, "guards.coasting_m is 0 m"),
-        ({"speed_limit_m_s": 1.0}, None),
-        ({"speed_limit_m_s": 8.0}, "guards.speed_limit_m_s is 8 m/s, and the aPad makes 1"),
-        ({"leg_s": 1200.0}, None),
-        ({"leg_s": 300_000.0}, "the longest way, 60 m, takes 120 s at 0.5 m/s"),
-        ({"leg_s": 1300.0, "leg_m": None}, "the longest way, 64 m, takes 128 s"),
-        ({"reaction_s": 0.5}, "guards.reaction_s is 0.5 s"),
-    ],
-)
-def test_a_limit_that_can_never_act_or_that_no_vehicle_keeps_is_red(
-    given: dict[str, float | None], told: str | None
-) -> None:
-    """0.6 m/s are lost on 0.6 m at 0.3 m/s2; a fence of 50 m by 40 m is 64 m across."""
-    fence = Fence(((0.0, 0.0), (50.0, 0.0), (50.0, 40.0), (0.0, 40.0)), ())
-    guards = replace(MEASURED, **{"leg_m": 60.0, "leg_s": 300.0, "speed_limit_m_s": 0.8, **given})  # type: ignore[arg-type]
-    (found,) = check_limits(
-        guards,
-        greatest_m_s=1.0,
-        deceleration_m_s2=0.3,
-        longest_m=fence.longest_m,
-        speed_m_s=0.5,
-    )
-    assert status(found) == ("OK" if told is None else "FAIL")
-    assert (told or "") in found.found
-
-
-def test_each_limit_that_is_wrong_has_a_line() -> None:
-    wrong = replace(MEASURED, coasting_m=0.0, speed_limit_m_s=8.0, leg_s=300_000.0)
-    found = check_limits(wrong, greatest_m_s=1.0, deceleration_m_s2=0.3, longest_m=60.0, speed_m_s=0.5)
-    assert [status(it) for it in found] == ["FAIL"] * 3
 
 
 @pytest.mark.parametrize(
@@ -403,19 +301,6 @@ def test_a_stop_that_failed_is_red_and_nobody_on_the_lookout_is_told() -> None:
     assert status(check_stop("it was not at rest 20 s after the stop")) == "FAIL"
     assert status(check_stop(None, "at rest within 2 s")) == "OK"
     assert [status(check_lookout(it)) for it in ("", "Ana")] == ["WARN", "OK"]
-
-
-def test_red_findings_are_named_without_their_apad() -> None:
-    found = [
-        fail("found", "mend", check=it)
-        for it in ("/apad1 action server", "/apad1", "own address", "/apad2 fence")
-    ]
-    assert list(red_keys([*found, ok("room", check="disk")], ["/apad1", "/apad2"])) == [
-        "action-server",
-        "versions",
-        "own-address",
-        "fence",
-    ]
 
 
 def test_the_table_measures_by_its_door_and_names_each_finding() -> None:
