@@ -52,7 +52,8 @@ def open_in(
 
 
 def events_of(opened: OpenedLockstep, apad: str, kind: str) -> list[dict[str, Any]]:
-    return [{"t": at_ms, **data} for at_ms, it, data in opened.recorders[apad].events if it == kind]
+    lines = (it.line for it in opened.recorders[apad].journal.entries)
+    return [it for it in lines if it["kind"] == kind]
 
 
 def test_who_would_have_been_lost_is_fetched_by_the_other(tmp_path: Path) -> None:
@@ -159,7 +160,7 @@ def test_while_all_are_well_nothing_differs_from_flying_alone(tmp_path: Path) ->
     for member in each:
         alone = open_lockstep([member], scenario.sharing)
         alone.runner.run()
-        assert alone.recorders[member.name].events == together.recorders[member.name].events
+        assert alone.recorders[member.name].journal == together.recorders[member.name].journal
         assert alone.figures()[member.name] == together.figures()[member.name]
 
 
@@ -221,5 +222,5 @@ def test_beyond_the_range_of_sound_nothing_differs_from_flying_alone(tmp_path: P
         alone = open_lockstep([member], scenario.sharing)
         alone.runner.run()
         assert packets_of(alone, member.name)
-        assert alone.recorders[member.name].events == together.recorders[member.name].events
+        assert alone.recorders[member.name].journal == together.recorders[member.name].journal
         assert alone.figures()[member.name] == together.figures()[member.name]
