@@ -13,28 +13,25 @@ from importlib import import_module
 from importlib.util import find_spec
 from typing import Any, NamedTuple
 
-_OURS = "apad_bridge."
-
 
 class EntryPoint(NamedTuple):
-    """A module that a package brings under a name."""
+    """A module that an installed package brings under a name; a room of ours counts as a package."""
 
+    package: str
     name: str
     module: str
 
     @property
-    def package(self) -> str:
-        """The name of its package; a room of ours has its own."""
-        return self.module.removeprefix(_OURS).partition(".")[0]
-
-    @property
     def line(self) -> str:
-        """The first line of the module's docstring without the command, read and not executed; empty without a file."""
+        """The first line of the module's docstring without the command, read and not executed; empty without one."""
         package, *rest = self.module.split(".")
-        spec = find_spec(package)
-        for folder in (spec and spec.submodule_search_locations) or ():
-            with suppress(OSError), open(f"{os.path.join(folder, *rest)}.py", encoding="utf-8") as file:
-                return file.readline().strip().strip('".').rpartition("`: ")[2]
+        with suppress(OSError, ValueError):
+            if (spec := find_spec(package)) is None or spec.origin is None:
+                return ""
+            path = os.path.join(os.path.dirname(spec.origin), *rest) + ".py" if rest else spec.origin
+            with open(path, encoding="utf-8") as file:
+                first = file.readline().strip()
+            return first.strip('".').rpartition("`: ")[2] if first.startswith('"""') else ""
         return ""
 
     def load(self) -> Any:
@@ -47,10 +44,7 @@ def entry_points(group: str) -> list[EntryPoint]:
     for folder in reversed(sys.path):
         for package, text in _metadata_in(folder):
             found[package] = text
-    return sorted(
-        (it for text in found.values() for it in _entries_of(text, group)),
-        key=lambda it: (it.package, it.name),
-    )
+    return sorted(it for package, text in found.items() for it in _entries_of(package, text, group))
 
 
 def _metadata_in(folder: str) -> Iterator[tuple[str, str]]:
@@ -65,9 +59,10 @@ def _metadata_in(folder: str) -> Iterator[tuple[str, str]]:
                     yield info.rpartition(".")[0].partition("-")[0], file.read()
 
 
-def _entries_of(text: str, group: str) -> Iterator[EntryPoint]:
+def _entries_of(package: str, text: str, group: str) -> Iterator[EntryPoint]:
     section = text.partition(f"[{group}]\n")[2].partition("\n[")[0]
     for line in section.splitlines():
-        name, is_entry, module = line.partition("=")
+        name, is_entry, module = (it.strip() for it in line.partition("="))
         if is_entry:
-            yield EntryPoint(name.strip(), module.strip())
+            root, *rooms = module.split(".")
+            yield EntryPoint(rooms[0] if root == "apad_bridge" else package, name, module)

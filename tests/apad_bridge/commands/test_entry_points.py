@@ -31,7 +31,7 @@ def install(site: Path, package: str, module: str, text: str, version: str = "1.
 @pytest.fixture
 def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder on the search path in which a stranger's package is installed."""
-    install(tmp_path, "lab_tools", "lab_tools.services", SERVICES)
+    install(tmp_path, "lab_tools", "lab_services", SERVICES)
     monkeypatch.syspath_prepend(str(tmp_path))
     return tmp_path
 
@@ -52,6 +52,13 @@ def test_a_strangers_command_is_listed_under_its_package_without_being_loaded(si
     assert done.returncode == 0, done.stderr
     assert "lab_tools:\n  services   The number of services of a run\n" in done.stdout
     assert "loaded" not in done.stdout
+
+
+def test_a_command_without_a_docstring_or_a_file_has_its_name_alone(site: Path) -> None:
+    (site / "no_docstring.py").write_text("import os\n")
+    (site / "no_text.py").write_bytes(b"\xff\n")
+    for module in ("no_docstring", "no_text", "nowhere.deep", "lab_tools.nowhere"):
+        assert EntryPoint("lab", "it", module).line == ""
 
 
 def test_a_strangers_command_runs(site: Path) -> None:
@@ -85,7 +92,7 @@ def test_the_first_version_on_the_path_counts(site: Path, tmp_path_factory: pyte
         found = [it for it in entry_points("musselbed.commands") if it.name == "services"]
     finally:
         sys.path.remove(str(older))
-    assert found == [EntryPoint("services", "lab_tools.services")]
+    assert found == [EntryPoint("lab_tools", "services", "lab_services")]
 
 
 @pytest.mark.parametrize("words", [["stop", "/nowhere"], ["order", "stop", "/nowhere"]])
