@@ -38,6 +38,12 @@ class UserError(Exception):
     """A mistake of the user's: the text is one clear line, with the mend."""
 
 
+def refuse(*rules: tuple[object, str]) -> None:
+    """UserError with the text, which says the mend, of the first of these rules (true where it is broken, text)."""
+    if text := next((text for is_broken, text in rules if is_broken), None):
+        raise UserError(text)
+
+
 @contextmanager
 def peers_may_fail(was_told: Callable[[str], bool] = lambda line: False) -> Iterator[None]:
     """Turns a peer's failure into one line on stderr and its exit code.

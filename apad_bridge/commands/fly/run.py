@@ -12,7 +12,7 @@ from apad_bridge.commands.entry_points import entry_points
 from apad_bridge.commands.help_text import STRATEGY, ending
 from apad_bridge.commands.look import console
 from apad_bridge.commands.trust import trust_of_typed
-from apad_bridge.runs.exits import UserError
+from apad_bridge.runs.exits import UserError, refuse
 from apad_bridge.scenario.choices import Generation, Hosting
 from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource
 
@@ -167,29 +167,42 @@ def add_accept(parser: argparse._ActionsContainer) -> None:
 
 def options_of(arguments: argparse.Namespace) -> RunOptions:
     apad, time = APadKind(getattr(arguments, "apad", APadKind.ROS)), TimeSource(arguments.time)
-    if not SLOWEST <= arguments.speed <= FASTEST:
-        raise UserError(f"--speed must be {SLOWEST:g} to {FASTEST:g}, not {arguments.speed}")
-    if time is TimeSource.ASAP and apad is APadKind.ROS:
-        mend = "leave out --apad ros, or use --time wall" if "apad" in arguments else "use --time wall or ros"
-        raise UserError(f"--time asap flies the simulated aPad in-process: {mend}")
-    if time is TimeSource.ROS and apad is APadKind.SIM:
-        raise UserError("--time ros follows another master's /clock: it needs --apad ros")
-    if arguments.speed != 1 and time is TimeSource.ASAP:
-        raise UserError(
-            "--speed works with --time wall only: leave it out; asap flies as fast as the machine goes"
-        )
-    if arguments.speed != 1 and (apad is APadKind.ROS or time is not TimeSource.WALL):
-        raise UserError("--speed needs --time wall and the simulated aPad: a real vehicle moves in real time")
+    is_asap, is_ros, is_scaled = time is TimeSource.ASAP, apad is APadKind.ROS, arguments.speed != 1
     manual, dry_run = getattr(arguments, "manual", False), getattr(arguments, "dry_run", False)
-    if manual and time is TimeSource.ASAP:
-        raise UserError("--manual needs ROS, which carries the calls: use --time wall, or a script")
-    if manual and dry_run:
-        raise UserError("--manual plans nothing: there is no first plan to print")
+    mend = "leave out --apad ros, or use --time wall" if "apad" in arguments else "use --time wall or ros"
+    refuse(
+        (
+            not SLOWEST <= arguments.speed <= FASTEST,
+            f"--speed must be {SLOWEST:g} to {FASTEST:g}, not {arguments.speed}",
+        ),
+        (is_asap and is_ros, f"--time asap flies the simulated aPad in-process: {mend}"),
+        (
+            time is TimeSource.ROS and not is_ros,
+            "--time ros follows another master's /clock: it needs --apad ros",
+        ),
+        (
+            is_scaled and is_asap,
+            "--speed works with --time wall only: leave it out; asap flies as fast as the machine goes",
+        ),
+        (
+            is_scaled and (is_ros or time is not TimeSource.WALL),
+            "--speed needs --time wall and the simulated aPad: a real vehicle moves in real time",
+        ),
+        (
+            manual and is_asap,
+            "--manual needs ROS, which carries the calls: use --time wall, or a script",
+        ),
+        (manual and dry_run, "--manual plans nothing: there is no first plan to print"),
+    )
     remappings = remappings_of(arguments)
-    if remappings and time is TimeSource.ASAP:
-        raise UserError("--remap renames topics and services of ROS, and --time asap has none: leave it out")
+    refuse(
+        (
+            remappings and is_asap,
+            "--remap renames topics and services of ROS, and --time asap has none: leave it out",
+        )
+    )
     return RunOptions(
-        namespace="" if time is TimeSource.ASAP else namespace_of_shell(),
+        namespace="" if is_asap else namespace_of_shell(),
         remappings=remappings,
         despite=tuple(arguments.despite),
         accept=tuple(arguments.accept),

@@ -12,7 +12,7 @@ from agents.mussel.board_link import serial_line
 from apad_bridge.doctor.finding import CheckStatus
 from apad_bridge.ros.system.route import somebodys_master
 from apad_bridge.ros_names.names import in_full
-from apad_bridge.runs.exits import UserError
+from apad_bridge.runs.exits import UserError, refuse
 from apad_bridge.scenario.cross_checks import problems_with_real_vehicle, warnings
 from apad_bridge.scenario.errors import in_ranges
 from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource
@@ -113,14 +113,8 @@ def tell_docks_in_use(options: RunOptions, scenario: Scenario) -> None:
                 )
 
 
-def _refuse(*rules: tuple[object, str]) -> None:
-    """UserError with the text, which says the mend, of the first of these rules (true where it is broken, text)."""
-    if text := next((text for is_broken, text in rules if is_broken), None):
-        raise UserError(text)
-
-
 def _refuse_for_several(options: RunOptions) -> None:
-    _refuse(
+    refuse(
         (options.script, "a script flies one aPad, and the scenario names several: leave `apads` out"),
         (
             options.part is not BenchPart.WHOLE,
@@ -147,7 +141,7 @@ def _check_boards(options: RunOptions, scenario: Scenario) -> None:
         if (line := serial_line(program.executable)) is None:
             continue
         key = f"fleet.firmware {program.executable}"
-        _refuse(
+        refuse(
             (_is_fast(options), f"{key}: a real board takes real time: use --time wall, without --speed"),
             (not Path(line[0]).exists(), f"{key}: there is no such device; is the board plugged in?"),
         )
@@ -161,7 +155,7 @@ def _check_opened(options: RunOptions, scenario: Scenario) -> None:
     """UserError, with the mend, for the first modem that cannot be opened."""
     ids = scenario.fleet.ids
     fleet = f"there is no such aMussel; the fleet's are {in_ranges(ids)}" if ids else "the fleet is empty"
-    _refuse(
+    refuse(
         *((it not in ids, f"--open-modem {it}: {fleet}") for it in options.open_modems),
         (
             options.part is BenchPart.MISSION,
@@ -182,7 +176,7 @@ def _check_opened(options: RunOptions, scenario: Scenario) -> None:
 
 def _check_physical(options: RunOptions, scenario: Scenario) -> None:
     """UserError, with the mend, for a physical modem that cannot be used."""
-    _refuse(
+    refuse(
         (
             not scenario.time_scale.is_real,
             f"--modem: real sound cannot be accelerated, and theta is {scenario.theta}: say --theta 1",
