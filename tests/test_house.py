@@ -138,6 +138,17 @@ def test_text_for_people_goes_through_a_console_of_ours() -> None:
     assert makers == []
 
 
+def test_no_line_of_a_journal_leaves_the_records() -> None:
+    """A reader of a journal gives events, whose fields the type check knows. A study has a file of lines of its own."""
+    readers = {
+        path.relative_to(ROOT / "apad_bridge").as_posix()
+        for path in (ROOT / "apad_bridge").rglob("*.py")
+        for node in nodes_of(path)
+        if isinstance(node, ast.ImportFrom) and node.module == "apad_bridge.records.line_file"
+    }
+    assert {it for it in readers if not it.startswith("records/")} == {"studies/runner.py"}
+
+
 def test_permission_to_execute_code_is_given_in_one_place() -> None:
     """A command gives it; a process of ours takes it over from the one that started it, and a script has it already."""
     makers = {

@@ -22,8 +22,8 @@ from apad_bridge.events.mission import DockSwitched, LegBegan
 from apad_bridge.events.run import RunBegan, RunResumed
 from apad_bridge.events.vehicle import APadMoved
 from apad_bridge.records.journal import Entry, read_journal
-from apad_bridge.records.line_file import read_lines
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
+from apad_bridge.records.sample_file import read_samples
 from apad_bridge.records.samples import Water
 from apad_bridge.records.truth_lines import truth_of
 from apad_bridge.scenario.firmware_config import board_config
@@ -330,8 +330,6 @@ def check_run(directory: RunDirectory) -> list[Broken]:
 def kept_samples(path: Path) -> dict[int, Counter[int]]:
     """Number of lines of samples.jsonl for each sequence number, by aMussel; empty without such a file."""
     kept: dict[int, Counter[int]] = {}
-    if path.exists():
-        for line in read_lines(path):
-            if line is not None:
-                kept.setdefault(line["id"], Counter())[line["sequence"]] += 1
+    for agent_id, sequence, _ in read_samples(path):
+        kept.setdefault(agent_id, Counter())[sequence] += 1
     return kept

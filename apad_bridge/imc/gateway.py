@@ -200,10 +200,9 @@ class ImcGateway:
             self._send(self._apad, [entry])
 
     def _show_samples(self, picture: RunPicture) -> None:
-        newest = {line.get("id"): line for line in picture.new_samples()}
+        newest = {it.agent_id: it for it in picture.new_samples()}
         for agent_id, sample in newest.items():
-            if isinstance(agent_id, int):
-                self._send(self._run_systems.amussel(agent_id), messages.of_sample(sample))
+            self._send(self._run_systems.amussel(agent_id), messages.of_sample(sample))
 
     def _take(self, received: Received) -> None:
         message = received.message

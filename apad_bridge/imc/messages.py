@@ -15,7 +15,7 @@ from apad_bridge.imc import protocol as imc
 from apad_bridge.imc.picture import AMusselView, ConsoleAPad, RunPicture
 from apad_bridge.imc.protocol import Message
 from apad_bridge.imc.systems import NOBODY, System
-from apad_bridge.records.line_file import Line
+from apad_bridge.records.sample_file import KeptSample
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from firmware_model.power.charge import EMPTY_MV, FULL_MV
 
@@ -161,11 +161,11 @@ def reported(name: str, amussel: AMusselView, frame: LocalFrame) -> Iterator[Mes
     yield sensor
 
 
-def of_sample(sample: Line) -> Iterator[Message]:
-    """The readings of a line of samples.jsonl, in IMC's units; readings outside their sensor's range are left out."""
-    saturated = set(sample.get("saturated", ()))
+def of_sample(sample: KeptSample) -> Iterator[Message]:
+    """The readings of a sample, in IMC's units; readings outside their sensor's range are left out."""
+    saturated = set(sample.columns.get("saturated", ()))
     for name, key, kind, per_unit in _READINGS:
-        value = sample.get(key)
+        value = sample.columns.get(key)
         if name in saturated or not isinstance(value, int | float) or not math.isfinite(value):
             continue
         message = kind()

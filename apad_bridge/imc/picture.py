@@ -15,8 +15,8 @@ from apad_bridge.events.mission import Phase, PrimitiveChanged, PrimitivePhase
 from apad_bridge.events.persons import Overridden, PersonOrdered
 from apad_bridge.events.vehicle import APadMoved
 from apad_bridge.records.journal import Entry, JournalTail
-from apad_bridge.records.line_file import Line, LineTail
 from apad_bridge.records.run_directory import RunDirectory
+from apad_bridge.records.sample_file import KeptSample, SampleTail
 from apad_bridge.scenario.schema import Scenario
 from firmware_model.state_groups import BEYOND_HELP, STRANDED, UP_AND_UNDOCKED
 from firmware_model.states import State
@@ -81,7 +81,7 @@ class RunPicture:
         self._journal = JournalTail(self._directory.journal)
         begun = self._journal.read_new()
         self._history = History(begun, scenario)
-        self._samples: LineTail | None = None
+        self._samples: SampleTail | None = None
         self._track: tuple[tuple[int, APadMoved], ...] = ()
         """The newest two places of the aPad, with their mission times."""
         self.manoeuvre: PersonsManoeuvre | None = None
@@ -102,15 +102,13 @@ class RunPicture:
         self._told_events += len(events)
         return events
 
-    def new_samples(self) -> Iterator[Line]:
-        """The samples that were uploaded since the last call, as lines of samples.jsonl."""
+    def new_samples(self) -> Iterator[KeptSample]:
+        """The samples that were uploaded since the last call."""
         if self._samples is None:
             if not self._directory.samples.is_file():
                 return
-            self._samples = LineTail(self._directory.samples)
-        for _, line in self._samples.read_new():
-            if line is not None:
-                yield line
+            self._samples = SampleTail(self._directory.samples)
+        yield from self._samples.new_samples()
 
     def close(self) -> None:
         self._journal.close()

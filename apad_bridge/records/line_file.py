@@ -8,6 +8,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from pydantic_core import from_json
+
 Line = dict[str, Any]
 
 _encode = json.JSONEncoder(separators=(",", ":"), allow_nan=False).encode
@@ -121,9 +123,12 @@ def decoded(raw: bytes) -> Line | None:
     if not raw.endswith(b"\n"):
         return None
     try:
-        line = json.loads(raw)
-    except (ValueError, RecursionError):
-        return None
+        line = from_json(raw)
+    except ValueError:
+        try:
+            line = json.loads(raw)  # slower, and takes half a surrogate pair, as a file's name may have
+        except (ValueError, RecursionError):
+            return None
     return line if isinstance(line, dict) else None
 
 

@@ -100,7 +100,7 @@ class RunState:
         self.phase = ""
         """The mission's; empty before it began."""
         self.mission = MissionState()
-        """As it was journaled last, with the docks that closed or opened since."""
+        """The newest state in the journal, with the docks that closed or opened since."""
         self.battery_at_start: float | None = None
         """The charge of the aPad's battery when it was first heard."""
         self.first_failure: PrimitiveFailed | None = None

@@ -7,16 +7,49 @@ the supervisor, or cuts its power. Counts are raw, and values come from the buil
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping, Sequence, Set
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
 
 from agents.time_scale import TimeScale
 from apad_bridge.mission.events import PlacedSample
-from apad_bridge.records.line_file import Line, LineFile, read_lines
+from apad_bridge.records.line_file import Line, LineFile, LineTail, read_lines
 from firmware_model.sampling.flash import PAGE_BYTES, PAGES, Ring
 from firmware_model.sampling.sensors import SENSORS, values
+
+
+class KeptSample(NamedTuple):
+    """A line of the file. `columns` has all of it, by the names that the docs give."""
+
+    agent_id: int
+    sequence: int
+    columns: Mapping[str, Any]
+
+
+class SampleTail(LineTail):
+    """Reads a file of samples that grows."""
+
+    def new_samples(self) -> Iterator[KeptSample]:
+        """The samples of the whole lines that were written since the last call; damaged lines are left out."""
+        return _readable(line for _, line in self.read_new())
+
+
+def read_samples(path: Path) -> Iterator[KeptSample]:
+    """The samples of a file; damaged lines are left out. None without such a file."""
+    return _readable(read_lines(path) if path.is_file() else ())
+
+
+def _readable(lines: Iterable[Line | None]) -> Iterator[KeptSample]:
+    return (it for line in lines if (it := _sample_in(line)) is not None)
+
+
+def _sample_in(line: Line | None) -> KeptSample | None:
+    """None for a damaged line."""
+    if line is None or type(line.get("id")) is not int or type(line.get("sequence")) is not int:
+        return None
+    return KeptSample(line["id"], line["sequence"], line)
+
 
 SAMPLE_KEYS = ("samples_taken", "samples_uploaded", "samples_lost", "samples_waiting")
 
@@ -35,10 +68,10 @@ class SampleFile:
         if path.exists():
             self._file = LineFile(path)
             for line in read_lines(path):
-                if line is None or type(line.get("id")) is not int or type(line.get("sequence")) is not int:
+                if (sample := _sample_in(line)) is None:
                     self.unreadable += 1
                 else:
-                    self.kept.setdefault(line["id"], set()).add(line["sequence"])
+                    self.kept.setdefault(sample.agent_id, set()).add(sample.sequence)
 
     def append(self, agent_id: int, samples: Iterable[PlacedSample]) -> None:
         """Writes the samples that are not in the file yet; they are on disk when it returns."""

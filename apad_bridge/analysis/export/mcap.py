@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -15,8 +15,8 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from apad_bridge.analysis.export.tables import closed_bags
 from apad_bridge.records.bag_samples import BagUnreadable, messages_in, open_bag
-from apad_bridge.records.line_file import read_lines
 from apad_bridge.records.run_directory import RunDirectory
+from apad_bridge.records.sample_file import read_samples
 
 SAMPLES_TOPIC = "/musselbed/samples"
 
@@ -45,10 +45,10 @@ def write_mcap(directory: RunDirectory, path: Path) -> dict[str, int]:
                     name = connection.msgtype.replace("/msg/", "/")
                     file.add(connection.topic, (name, "ros1msg", connection.msgdef.data, "ros1"), at_ns, data)
         if directory.samples.is_file():
-            samples = [it for it in read_lines(directory.samples) if it is not None]
+            samples = [it.columns for it in read_samples(directory.samples)]
             schema = ("musselbed.Sample", "jsonschema", json.dumps(_schema_of(samples)), "json")
-            for line in samples:
-                file.add(SAMPLES_TOPIC, schema, line["mission_ms"] * 1_000_000, json.dumps(line).encode())
+            for sample in samples:
+                file.add(SAMPLES_TOPIC, schema, sample["mission_ms"] * 1_000_000, json.dumps(sample).encode())
         file.attach(directory.scenario, directory.summary)
         return file.counts
 
@@ -134,13 +134,13 @@ def _open(path: Path, profile: str) -> Iterator[_McapFile]:
         writer.finish()  # type: ignore[no-untyped-call]
 
 
-def _schema_of(samples: list[dict[str, Any]]) -> dict[str, Any]:
+def _schema_of(samples: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
     """A JSON schema with the fields of these objects, as Foxglove plots them."""
     kinds = {int: "number", float: "number", str: "string", list: "array", bool: "boolean"}
     fields = {
         name: {"type": kinds[type(value)]}
-        for line in samples
-        for name, value in line.items()
+        for sample in samples
+        for name, value in sample.items()
         if type(value) in kinds
     }
     return {"type": "object", "properties": fields}

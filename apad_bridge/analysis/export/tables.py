@@ -23,8 +23,8 @@ from apad_bridge.records.bag import is_closed, repair_bag
 from apad_bridge.records.bag_messages import APAD, BELIEFS, TRUTH
 from apad_bridge.records.bag_samples import BagUnreadable, definitions_in, messages_in, open_bag
 from apad_bridge.records.journal import Entry, read_journal
-from apad_bridge.records.line_file import read_lines
 from apad_bridge.records.run_directory import RunDirectory
+from apad_bridge.records.sample_file import read_samples
 
 _SAMPLED = {TRUTH: "truth", BELIEFS: "beliefs", APAD: "apad"}
 _IN_SAMPLES = (TruthChanged, BeliefChanged, APadMoved, TickPassed)
@@ -73,9 +73,8 @@ def tables_of(directory: RunDirectory) -> Iterator[SeriesTable]:
     yield from _events(read_journal(directory.journal).entries)
     if directory.samples.is_file():
         samples = _Rows("samples")
-        for line in read_lines(directory.samples):
-            if line is not None:
-                samples.add(_flat(line))
+        for sample in read_samples(directory.samples):
+            samples.add(_flat(sample.columns))
         yield samples.table()
     if (summary := directory.read_summary()) is not None:
         yield from _figures(summary)

@@ -12,9 +12,10 @@ from typing import Any, NamedTuple
 import yaml
 
 from apad_bridge.analysis.energy.energy import rails_of
-from apad_bridge.analysis.replay.series import add_rails, page_data
+from apad_bridge.analysis.replay.series import add_rails, whole_view
 from apad_bridge.records.journal import JournalContents, read_journal
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
+from apad_bridge.records.run_state import RunState
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Scenario
@@ -67,7 +68,7 @@ def _named(run_dir: Path) -> dict[str, Any]:
 
 def _whole(directory: RunDirectory) -> dict[str, Any]:
     """A run's data with the rails of its boards, as far as its journal is whole and a second run is the same."""
-    scenario, journal, _, data = read_run(directory)
+    scenario, journal, _, _, data = read_run(directory)
     if journal.dropped == 0:
         try:
             add_rails(data, rails_of(scenario, journal))
@@ -96,11 +97,12 @@ def _words(value: Any) -> str:
 
 
 class ShownRun(NamedTuple):
-    """A run's records, and the page's data made of them."""
+    """A run's records, its state at their end, and the page's data."""
 
     scenario: Scenario
     journal: JournalContents
     summary: dict[str, Any] | None
+    state: RunState
     data: dict[str, Any]
 
 
@@ -109,7 +111,8 @@ def read_run(directory: RunDirectory) -> ShownRun:
     try:
         scenario, journal = load(directory.scenario), read_journal(directory.journal)
         summary = directory.read_summary()
-        return ShownRun(scenario, journal, summary, page_data(scenario, journal, summary))
+        view = whole_view(scenario, journal)
+        return ShownRun(scenario, journal, summary, view.state, view.data(summary))
     except ScenarioError as error:
         raise RunDirectoryError(error.lines[0]) from error
     except RunDirectoryError:

@@ -18,7 +18,7 @@ from apad_bridge.assembly.stacks import stack_of
 from apad_bridge.events.run import RunBegan
 from apad_bridge.planning.registry import label
 from apad_bridge.records.journal import Entry, JournalContents
-from apad_bridge.records.run_state import PlanView
+from apad_bridge.records.run_state import PlanView, RunState
 from apad_bridge.scenario.area.chart import chart_of
 from apad_bridge.scenario.area.fence import fence_of
 from apad_bridge.scenario.schema import Area, Scenario
@@ -94,12 +94,12 @@ def sample_times(end_ms: int, agents: int) -> list[MissionMs]:
     return [MissionMs(ms) for ms in (*range(0, last_ms, step_ms), last_ms)]
 
 
-def page_data(scenario: Scenario, journal: JournalContents, summary: dict[str, Any] | None) -> dict[str, Any]:
-    """The page's data of a whole run, as plain data. ValueError when the journal has no line `run`."""
+def whole_view(scenario: Scenario, journal: JournalContents) -> RunView:
+    """The view of a whole run. ValueError when the journal has no line `run`."""
     view = RunView(scenario, journal)
     for now_ms in sample_times(view.end_ms, view.agent_count):
         view.sample(now_ms)
-    return view.data(summary)
+    return view
 
 
 def add_rails(data: dict[str, Any], rails: Mapping[int, Sequence[tuple[int, int]]]) -> None:
@@ -154,8 +154,13 @@ class RunView:
         return self._sampler.times_ms
 
     @property
+    def state(self) -> RunState:
+        """The run's state at the newest sample."""
+        return self._history.now
+
+    @property
     def ended_by(self) -> str | None:
-        return self._history.now.ended_by
+        return self.state.ended_by
 
     def add(self, journal: JournalContents) -> None:
         """Adds further lines."""

@@ -17,7 +17,6 @@ from apad_bridge.events.event import Event
 from apad_bridge.events.mission import PRE_EMPTED, PrimitiveChanged, StepGivenUp
 from apad_bridge.records.journal import Entry
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
-from apad_bridge.records.summary import Interruptions
 from apad_bridge.scenario.firmware_config import charge_models
 from firmware_model.power.charge import ChargeModel
 
@@ -65,11 +64,9 @@ class RunReport:
 
 def contents_of(directory: RunDirectory) -> RunReport:
     """RunDirectoryError, one line, when the directory holds no run that can be shown."""
-    scenario, journal, summary, data = read_run(directory)
-    troubles, interruptions = list(troubles_in(journal.entries)), Interruptions()
+    scenario, journal, summary, state, data = read_run(directory)
+    troubles = list(troubles_in(journal.entries))
     record, why_journal = best_record(directory.path)
-    for at_ms, event in journal.entries:
-        interruptions.take(at_ms, event)
     energy, why_no_energy = _energy(directory) if data["has_truth"] else ([], None)
     return RunReport(
         directory.path.resolve().name,
@@ -84,7 +81,7 @@ def contents_of(directory: RunDirectory) -> RunReport:
         why_journal,
         troubles[:_MOST_FAULTS],
         max(0, len(troubles) - _MOST_FAULTS),
-        interruptions.spans_ms(journal.last_ms),
+        state.interruptions.spans_ms(journal.last_ms),
     )
 
 

@@ -27,6 +27,7 @@ from apad_bridge.imc.gateway import GatewaySettings, ImcGateway
 from apad_bridge.imc.protocol import packed, unpacked
 from apad_bridge.imc.systems import Systems
 from apad_bridge.imc.wire import Console, Received
+from apad_bridge.records.sample_file import KeptSample
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.loader import load
 
@@ -156,7 +157,7 @@ def test_samples_are_told_in_the_units_of_imc(codec: Codec) -> None:
         "saturated": ["turbidity"],
     }
     read = {}
-    for message in messages.of_sample(sample):
+    for message in messages.of_sample(KeptSample(3, 0, sample)):
         stamped = messages.stamped(message, Systems().amussel(3), 1e9)
         got = codec.read(packed(stamped))
         read[name_of(got)] = got.value

@@ -152,6 +152,13 @@ def test_a_journal_says_its_format_in_its_first_line(path):
     assert format_of(path) is None
 
 
+def test_a_name_of_bytes_that_are_no_text_comes_back(path):
+    journal = Journal(path)
+    journal.append(0, ScriptTold(said="caf\udce9.yaml"))
+    journal.close()
+    assert read_journal(path).entries == [(0, ScriptTold(said="caf\udce9.yaml"))]
+
+
 def test_a_line_that_is_nested_without_end_is_dropped_and_counted(path):
     path.write_text('{"t":0,"kind":"tick"}\n' + "[" * 100_000 + "\n")
     contents = read_journal(path)

@@ -10,7 +10,7 @@ import pytest
 from journals import facts_of, lines_in
 from scenario_files import POOL_FILE, silent_in_its_dock
 
-from apad_bridge.analysis.replay.series import page_data
+from apad_bridge.analysis.replay.series import whole_view
 from apad_bridge.commands.main import main
 from apad_bridge.mission.values import Refused
 from apad_bridge.records.journal import read_journal
@@ -93,7 +93,7 @@ def test_a_runs_records_tell_how_many_docks_there_were(
     assert json.loads(capsys.readouterr().out)["services"] == len(left_full) >= docks
     assert {len(line["docks"]) for line in journal if line["kind"] == "apad"} == {docks}
     assert {line["snapshot"]["dock_count"] for line in journal if line["kind"] == "mission"} == {docks}
-    data = page_data(load(run / "scenario.yaml"), read_journal(run / "journal.jsonl"), None)
+    data = whole_view(load(run / "scenario.yaml"), read_journal(run / "journal.jsonl")).data(None)
     assert len(data["dock_bearings"]) == docks and {len(it) for it in data["docks"]} == {docks}
 
 
@@ -111,7 +111,7 @@ def test_a_run_from_before_there_was_a_number_is_shown_with_four(tmp_path: Path)
         | {"battery": None, "primitive": "none", "docks": [-1, -1, -1, 1]},
     ]
     journal.write_text("".join(json.dumps(line) + "\n" for line in lines))
-    shown = page_data(old, read_journal(journal), None)
+    shown = whole_view(old, read_journal(journal)).data(None)
     assert shown["docks"] == [[None] * 4, [None, None, None, 1]] and len(shown["dock_bearings"]) == 4
 
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scenario_files import POOL_FILE, SCENARIO_FILES
 
 from agents.time_scale import MissionMs
-from apad_bridge.analysis.replay.series import page_data
+from apad_bridge.analysis.replay.series import whole_view
 from apad_bridge.events.run import RunBegan
 from apad_bridge.records.journal import FORMAT_VERSION, Entry, JournalContents
 from apad_bridge.scenario.area.chart import chart_of
@@ -94,7 +94,7 @@ def test_the_page_has_the_chart_and_the_fence(tmp_path):
     written(tmp_path / "chart.geojson", feature("LineString", [degrees(0, 0), degrees(3, 4)], depth_m=2))
     scenario = load(scenario_with(tmp_path, "chart.geojson"))
     began = RunBegan(FORMAT_VERSION, "chart", 1, 1, 60.0, 0.8, 0.99, [])
-    data = page_data(scenario, JournalContents([Entry(MissionMs(0), began)], 0), None)
+    data = whole_view(scenario, JournalContents([Entry(MissionMs(0), began)], 0)).data(None)
     assert data["chart"] == [{"depth": 2, "points": [[0.0, 0.0], [3.0, 4.0]]}]
     assert data["fence"] == [[-5, -5], [33, -5], [33, 26], [-5, 26]] and data["keep_out"] == []
 

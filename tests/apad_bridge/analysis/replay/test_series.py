@@ -18,8 +18,8 @@ from apad_bridge.analysis.replay.series import (
     ColourStatus,
     RunView,
     add_rails,
-    page_data,
     sample_times,
+    whole_view,
 )
 from apad_bridge.records.truth_lines import truth_event, truth_of
 from apad_bridge.scenario.loader import load
@@ -65,7 +65,7 @@ def run_line(*ids):
 
 
 def data_of(*lines, summary=None, dropped=0):
-    return page_data(SCENARIO, journal_of(sorted(lines, key=lambda line: line["t"]), dropped), summary)
+    return whole_view(SCENARIO, journal_of(sorted(lines, key=lambda line: line["t"]), dropped)).data(summary)
 
 
 def test_a_truth_in_the_journal_is_exact():
@@ -486,5 +486,5 @@ def test_a_thinned_track_keeps_its_ends_and_says_how_far_off_it_is():
 def test_boards_with_timeslots_state_them():
     assert data_of(run_line(1))["timeslots"] is None
     scenario = load(ROOT / "launch_scripts" / "scenarios" / "sound-12.yaml")
-    slots = page_data(scenario, journal_of([run_line(1)]), None)["timeslots"]
+    slots = whole_view(scenario, journal_of([run_line(1)])).data(None)["timeslots"]
     assert slots == {"frame_ms": 300_000, "slot_ms": 5000}
