@@ -11,7 +11,7 @@ from typing import Any
 
 from rich.console import Console
 
-from apad_bridge.mission.events import Fact, SoundHeard, WifiHeard
+from apad_bridge.mission.facts import Fact, SoundHeard, WifiHeard
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.runs.in_memory import fly_in_memory, open_flight
 from apad_bridge.scenario.estimator_options import Beliefs, EstimatorKind, TwinModel

@@ -18,7 +18,7 @@ from apad_bridge.beliefs.measurement import Fixed, Ranged
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.beliefs.pings import PingPolicy, ids_to_ping
 from apad_bridge.events.sound import PlaceFixed, RangeMeasured
-from apad_bridge.mission.events import Ping, RangeHeard, Send, SupervisorAction
+from apad_bridge.mission.facts import Ping, RangeHeard, Send, SupervisorAction
 from apad_bridge.vehicle.commands import PoseReported
 from firmware_model.state_groups import DOCKED, UP_AND_UNDOCKED
 

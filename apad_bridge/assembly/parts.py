@@ -44,7 +44,7 @@ from apad_bridge.supervisor.sample_collection import NoSampleCollection, SampleC
 from apad_bridge.vehicle.capabilities import of_simulated_apad
 from apad_bridge.vehicle.docking import DockingPort
 from apad_bridge.vehicle.guards.gate import Gate
-from apad_bridge.vehicle.primitives import PrimitiveFailed
+from apad_bridge.vehicle.outcomes import PrimitiveFailed
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 from apad_bridge.vehicle.simulated.misses import Misses
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from apad_bridge.events.mission import PRE_EMPTED
 from apad_bridge.events.run import EndReason
-from apad_bridge.vehicle.primitives import Outcome, PrimitiveFailed
+from apad_bridge.vehicle.outcomes import Outcome, PrimitiveFailed
 
 
 class Breakdown:

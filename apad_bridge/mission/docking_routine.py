@@ -29,7 +29,7 @@ from apad_bridge.mission.pool import floats, is_surfacing_or_floating
 from apad_bridge.mission.sources import BeliefSource
 from apad_bridge.scenario.schema import Mission
 from apad_bridge.vehicle.commands import DEFAULT_MANOEUVRE, CloseDock, GoTo, Manoeuvre, OpenDock
-from apad_bridge.vehicle.primitives import NothingCaught, PrimitiveEnded, PrimitiveFailed, PrimitiveSucceeded
+from apad_bridge.vehicle.outcomes import NothingCaught, PrimitiveEnded, PrimitiveFailed, PrimitiveSucceeded
 
 _DRIFT_MS = 60_000
 _FEWEST_REPORTS = 3

@@ -21,7 +21,7 @@ from apad_bridge.mission.docking_routine import NOT_FOUND, DockingRoutine, Progr
 from apad_bridge.mission.end_by import EndBy
 from apad_bridge.mission.home_stays import NO_HOME, HomeStays
 from apad_bridge.mission.order_book import OrderBook
-from apad_bridge.mission.orders import Order, TellClear
+from apad_bridge.mission.orders import MissionAction, TellClear
 from apad_bridge.mission.phases import Act, Collecting, GoingHome, PhaseBehaviour
 from apad_bridge.mission.planner import Planner, PlanRules
 from apad_bridge.mission.plans import Planning, StrategyFailed, untold
@@ -31,7 +31,7 @@ from apad_bridge.mission.sink_reminders import SinkReminders
 from apad_bridge.mission.sources import BeliefSource
 from apad_bridge.planning.solution import StepKind
 from apad_bridge.scenario.surface import LegForecast
-from apad_bridge.vehicle.primitives import DockChanged, Outcome, PrimitiveFailed, PrimitiveSucceeded
+from apad_bridge.vehicle.outcomes import DockChanged, Outcome, PrimitiveFailed, PrimitiveSucceeded
 
 STUCK_AFTER = 3
 """So many go-tos that fail in a row are the aPad's fault and not the aMussels'."""
@@ -107,7 +107,7 @@ class EnergyExchange(OrderBook):
             self._must_begin, self._began_ms = True, None
         self._awaits_person = bool(reason)
 
-    def receive(self, outcome: Outcome, now_ms: MissionMs) -> list[Order]:
+    def receive(self, outcome: Outcome, now_ms: MissionMs) -> list[MissionAction]:
         """Takes an outcome of the port; an outcome of a primitive that is not under way changes nothing."""
         leg = self.state.leg
         self.note_outcome(outcome)
@@ -137,7 +137,7 @@ class EnergyExchange(OrderBook):
             self.tell(Stuck(reason))
         return self.take_orders()
 
-    def advance(self, now_ms: MissionMs) -> list[Order]:
+    def advance(self, now_ms: MissionMs) -> list[MissionAction]:
         """Acts on the beliefs at `now_ms`."""
         self._planner.places.learn(self._beliefs.all())
         if self.state.phase is Phase.ENDED:
@@ -198,7 +198,7 @@ class EnergyExchange(OrderBook):
         self._planner.change(rules)
         self.docking_routine.config = rules.mission
 
-    def stand_down(self, reason: str, now_ms: MissionMs) -> list[Order]:
+    def stand_down(self, reason: str, now_ms: MissionMs) -> list[MissionAction]:
         if self.state.phase not in (Phase.STANDS_DOWN, Phase.ENDED):
             self.tell(StandsDown(reason))
             self.docking_routine.pre_empt()
@@ -208,7 +208,7 @@ class EnergyExchange(OrderBook):
     def take_over(self, by: Steering = Steering.PERSON) -> str:
         return "this flight takes no calls: a person cannot take it over"
 
-    def end(self, end: MissionEnd, now_ms: MissionMs) -> list[Order]:
+    def end(self, end: MissionEnd, now_ms: MissionMs) -> list[MissionAction]:
         """Ends the mission at once: the aPad holds its position. A second call changes nothing."""
         self._end(end, now_ms)
         return self.take_orders()

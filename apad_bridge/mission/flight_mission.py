@@ -18,11 +18,11 @@ from apad_bridge.events.mission import MissionEnd, MissionState, Phase
 from apad_bridge.events.persons import Overridden, Steering
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.manual import ManualMission
-from apad_bridge.mission.orders import AllowMotion, Order
+from apad_bridge.mission.orders import AllowMotion, MissionAction, Order
 from apad_bridge.mission.values import Refused, Status
 from apad_bridge.vehicle.commands import GoTo
 from apad_bridge.vehicle.guards.stops import StopsEnded
-from apad_bridge.vehicle.primitives import Outcome
+from apad_bridge.vehicle.outcomes import Outcome
 
 FLIES_ALREADY = "the mission flies the aPad already"
 WAITS_ALREADY = "the mission waits already"
@@ -67,7 +67,7 @@ class FlightMission:
         self._awaits_person = self._pilot = ""
         self._steering = steering
         """The party that flies by hand; the plan's time has none."""
-        self._orders: list[Order] = []
+        self._orders: list[MissionAction] = []
         self._flying: EnergyExchange | ManualMission
         # A resumed flight goes on as it was flown, by hand or by the plan.
         if planned is None or (state is not None and state.phase is Phase.COMMANDED):
@@ -106,10 +106,10 @@ class FlightMission:
         self._awaits_person, self._pilot = reason, pilot
         self._flying.await_person(reason, pilot)
 
-    def receive(self, outcome: Outcome, now_ms: MissionMs) -> list[Order]:
+    def receive(self, outcome: Outcome, now_ms: MissionMs) -> list[MissionAction]:
         return self._flying.receive(outcome, now_ms)
 
-    def advance(self, now_ms: MissionMs) -> list[Order]:
+    def advance(self, now_ms: MissionMs) -> list[MissionAction]:
         self.now_ms = now_ms
         if self.by_hand is not None:
             self.by_hand.begin(now_ms)
@@ -121,10 +121,10 @@ class FlightMission:
             self._calls.close(str(self.state.ended_by))
         return orders
 
-    def stand_down(self, reason: str, now_ms: MissionMs) -> list[Order]:
+    def stand_down(self, reason: str, now_ms: MissionMs) -> list[MissionAction]:
         return self._flying.stand_down(reason, now_ms)
 
-    def end(self, end: MissionEnd, now_ms: MissionMs) -> list[Order]:
+    def end(self, end: MissionEnd, now_ms: MissionMs) -> list[MissionAction]:
         self._calls.close(str(end))
         return self._flying.end(end, now_ms)
 
@@ -134,7 +134,7 @@ class FlightMission:
 
     def tell(self, event: Event) -> None:
         """An event for the journal."""
-        self.order(event)
+        self._orders.append(event)
 
     def order(self, order: Order) -> None:
         self._orders.append(order)

@@ -20,13 +20,13 @@ from apad_bridge.mission.docking_routine import NOT_FOUND, DockingRoutine, Given
 from apad_bridge.mission.event_log import EventLog
 from apad_bridge.mission.home_places import HomePlaces
 from apad_bridge.mission.order_book import OrderBook
-from apad_bridge.mission.orders import Order, TellClear
+from apad_bridge.mission.orders import MissionAction, TellClear
 from apad_bridge.mission.sink_reminders import SinkReminders
 from apad_bridge.mission.sources import PredictingBeliefSource
 from apad_bridge.mission.values import Refused, ScriptEventKind, Status, dock_of
 from apad_bridge.scenario.schema import Mission
 from apad_bridge.vehicle.commands import DEFAULT_MANOEUVRE, CloseDock, GoTo, Hold, Manoeuvre, OpenDock
-from apad_bridge.vehicle.primitives import (
+from apad_bridge.vehicle.outcomes import (
     DockChanged,
     NothingCaught,
     Outcome,
@@ -98,7 +98,7 @@ class ManualMission(OrderBook):
     def await_person(self, reason: str, pilot: str = "") -> None:
         self._awaited, self._pilot = reason, pilot
 
-    def receive(self, outcome: Outcome, now_ms: MissionMs) -> list[Order]:
+    def receive(self, outcome: Outcome, now_ms: MissionMs) -> list[MissionAction]:
         self.now_ms = now_ms
         self.note_outcome(outcome)
         match outcome:
@@ -132,7 +132,7 @@ class ManualMission(OrderBook):
         self.order_hold()
         self.snapshot()
 
-    def advance(self, now_ms: MissionMs) -> list[Order]:
+    def advance(self, now_ms: MissionMs) -> list[MissionAction]:
         self.now_ms = now_ms
         self._places.learn(self.beliefs.all())
         if self.pose is None or self.state.phase is Phase.ENDED:
@@ -146,10 +146,10 @@ class ManualMission(OrderBook):
         self._remind_to_sink(now_ms)
         return self.take_orders()
 
-    def stand_down(self, reason: str, now_ms: MissionMs) -> list[Order]:
+    def stand_down(self, reason: str, now_ms: MissionMs) -> list[MissionAction]:
         return []
 
-    def end(self, end: MissionEnd, now_ms: MissionMs) -> list[Order]:
+    def end(self, end: MissionEnd, now_ms: MissionMs) -> list[MissionAction]:
         self.now_ms = now_ms
         self.finish(end)
         return self.take_orders()

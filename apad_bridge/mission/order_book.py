@@ -17,11 +17,11 @@ from apad_bridge.events.mission import (
     MissionState,
     Phase,
 )
-from apad_bridge.mission.orders import Order
+from apad_bridge.mission.orders import MissionAction, Order
 from apad_bridge.planning.solution import Step
 from apad_bridge.scenario.schema import Mission
 from apad_bridge.vehicle.commands import GoTo, Hold, Primitive
-from apad_bridge.vehicle.primitives import DockChanged, Outcome, PrimitiveFailed, PrimitiveSucceeded
+from apad_bridge.vehicle.outcomes import DockChanged, Outcome, PrimitiveFailed, PrimitiveSucceeded
 
 CHORD_M = 0.5
 """The driven way is counted in chords of at least this, so that a standing vehicle's scattered fixes count nothing."""
@@ -49,7 +49,7 @@ class OrderBook:
         """The part of a full battery that the aPad has; None until it was heard."""
         self.named: dict[int, bool] = {}
         """By aMussel reported in a dock, whether the vehicle's service about its docks names it."""
-        self._orders: list[Order] = []
+        self._orders: list[MissionAction] = []
 
     @property
     def unheard(self) -> str:
@@ -124,7 +124,7 @@ class OrderBook:
         self.set(primitive_id=self.state.primitive_id + 1)
         return self.state.primitive_id
 
-    def take_orders(self) -> list[Order]:
+    def take_orders(self) -> list[MissionAction]:
         orders, self._orders = self._orders, []
         return orders
 

@@ -1,4 +1,4 @@
-"""The mission's orders besides primitives, and its events for the journal."""
+"""The mission's orders besides primitives."""
 
 from __future__ import annotations
 
@@ -61,4 +61,6 @@ class GoBackIn:
 
 VehicleOrder = StopVehicle | AllowMotion | GoBackIn
 """A person's words to the vehicle itself, past the docking port."""
-Order = Primitive | PermitSurfacing | PingAgent | TellClear | VehicleOrder | Event
+Order = Primitive | PermitSurfacing | PingAgent | TellClear | VehicleOrder
+MissionAction = Order | Event
+"""An order, or an event for the journal."""

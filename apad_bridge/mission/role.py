@@ -8,8 +8,8 @@ from typing import Protocol
 from agents.time_scale import MissionMs
 from apad_bridge.events.mission import MissionEnd, MissionState
 from apad_bridge.events.persons import Steering
-from apad_bridge.mission.orders import Order
-from apad_bridge.vehicle.primitives import Outcome
+from apad_bridge.mission.orders import MissionAction
+from apad_bridge.vehicle.outcomes import Outcome
 
 
 class MissionRole(Protocol):
@@ -47,11 +47,11 @@ class MissionRole(Protocol):
         """
         ...
 
-    def receive(self, outcome: Outcome, now_ms: MissionMs) -> list[Order]: ...
+    def receive(self, outcome: Outcome, now_ms: MissionMs) -> list[MissionAction]: ...
 
-    def advance(self, now_ms: MissionMs) -> list[Order]: ...
+    def advance(self, now_ms: MissionMs) -> list[MissionAction]: ...
 
-    def stand_down(self, reason: str, now_ms: MissionMs) -> list[Order]:
+    def stand_down(self, reason: str, now_ms: MissionMs) -> list[MissionAction]:
         """One of several aPads can do no more: it plans nothing, goes nowhere and keeps its docked aMussels.
 
         A second call changes nothing, and neither does any call to a mission that follows somebody's orders.
@@ -62,6 +62,6 @@ class MissionRole(Protocol):
         """Somebody else commands the aPad from now on, and nobody plans. The text is empty, or why nothing changed."""
         ...
 
-    def end(self, end: MissionEnd, now_ms: MissionMs) -> list[Order]:
+    def end(self, end: MissionEnd, now_ms: MissionMs) -> list[MissionAction]:
         """Ends the mission at once; a second call changes nothing."""
         ...

@@ -15,7 +15,7 @@ from apad_bridge.beliefs.belief import Belief
 from apad_bridge.events.event import Event
 from apad_bridge.events.run import EndReason, RunResumed, TickPassed
 from apad_bridge.events.sound import PacketPassed
-from apad_bridge.mission.events import PlacedSample
+from apad_bridge.mission.facts import PlacedSample
 from apad_bridge.records.bag import BagWriter, repair_bag
 from apad_bridge.records.changes import (
     APadChanges,

@@ -45,7 +45,7 @@ from apad_bridge.supervisor.roster import PresenceChange
 from apad_bridge.vehicle.commands import Hold
 from apad_bridge.vehicle.docks import after_report
 from apad_bridge.vehicle.guards.stops import NO_STOPS
-from apad_bridge.vehicle.primitives import PrimitiveFailed
+from apad_bridge.vehicle.outcomes import PrimitiveFailed
 
 _STEP_OF = {"collect": "collect", "redeploy": "deploy"}
 """The kind of a plan's steps in the mission's state, by what the plan is for."""

@@ -13,7 +13,7 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from agents.time_scale import TimeScale
-from apad_bridge.mission.events import PlacedSample
+from apad_bridge.mission.facts import PlacedSample
 from apad_bridge.records.line_file import Line, LineFile, LineTail, read_lines
 from firmware_model.sampling.flash import PAGE_BYTES, PAGES, Ring
 from firmware_model.sampling.sensors import SENSORS, values

@@ -55,7 +55,7 @@ from apad_bridge.supervisor.sample_collection import NoSampleCollection, SampleC
 from apad_bridge.vehicle.errors import PeerFailed
 from apad_bridge.vehicle.guards.stops import NO_STOPS, RestoredStops
 from apad_bridge.vehicle.link import InProcessVehicle
-from apad_bridge.vehicle.primitives import PrimitiveFailed
+from apad_bridge.vehicle.outcomes import PrimitiveFailed
 
 _COMMAND_IDS_PER_EPOCH = 1_000_000
 _EPOCH = 1

@@ -19,7 +19,7 @@ from apad_bridge.events.event import Event
 from apad_bridge.events.fleet import PresenceChanged
 from apad_bridge.events.mission import MissionState
 from apad_bridge.mission.call_queue import CallQueue
-from apad_bridge.mission.events import PlacedSample
+from apad_bridge.mission.facts import PlacedSample
 from apad_bridge.mission.manual import CommandSource
 from apad_bridge.planning.registry import Trust
 from apad_bridge.records.journal import Entry, JournalContents

@@ -29,7 +29,7 @@ from apad_bridge.assembly.safety import safety_of
 from apad_bridge.events.fleet import ProcessDied, Stimulated
 from apad_bridge.events.mission import Phase
 from apad_bridge.mission.energy_exchange import EnergyExchange
-from apad_bridge.mission.events import SoundHeard, StandDownRequested, WifiHeard
+from apad_bridge.mission.facts import SoundHeard, StandDownRequested, WifiHeard
 from apad_bridge.planning import registry
 from apad_bridge.records.journal import JournalContents, read_journal
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError

@@ -34,7 +34,7 @@ from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.events.event import Event
 from apad_bridge.mission.energy_exchange import EnergyExchange
-from apad_bridge.mission.events import PlacedSample
+from apad_bridge.mission.facts import PlacedSample
 from apad_bridge.mission.sources import Allocation
 from apad_bridge.planning import registry
 from apad_bridge.scenario.firmware_config import charge_models

@@ -20,7 +20,7 @@ from apad_bridge.events.sound import SamplesGone
 from apad_bridge.events.vehicle import DocksDisagree
 from apad_bridge.mission.breakdown import StandDownRule
 from apad_bridge.mission.dock_witnesses import ON_BOTTOM
-from apad_bridge.mission.events import (
+from apad_bridge.mission.facts import (
     EndRequested,
     Fact,
     KeepSamples,
@@ -34,7 +34,7 @@ from apad_bridge.mission.events import (
 from apad_bridge.mission.orders import (
     AllowMotion,
     GoBackIn,
-    Order,
+    MissionAction,
     PermitSurfacing,
     PingAgent,
     StopVehicle,
@@ -67,7 +67,7 @@ from apad_bridge.vehicle.docking import DockingPort
 from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.guards.orders import Surfacing
 from apad_bridge.vehicle.guards.stops import StopRecord
-from apad_bridge.vehicle.primitives import (
+from apad_bridge.vehicle.outcomes import (
     DockChanged,
     NothingCaught,
     Outcome,
@@ -380,7 +380,7 @@ class Supervisor:
                 actions.append(item)
         return actions
 
-    def _carry_out(self, orders: list[Order], now_ms: MissionMs) -> list[SupervisorAction]:
+    def _carry_out(self, orders: list[MissionAction], now_ms: MissionMs) -> list[SupervisorAction]:
         actions: list[SupervisorAction] = []
         outcomes: list[VehicleCommand | Outcome] = []
         for order in orders:

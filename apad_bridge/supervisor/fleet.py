@@ -23,7 +23,7 @@ from agents.water.topology import Topology
 from apad_bridge.events.mission import MissionEnd
 from apad_bridge.events.run import EndReason
 from apad_bridge.events.sound import HeardRow, PacketPassed
-from apad_bridge.mission.events import Send
+from apad_bridge.mission.facts import Send
 from apad_bridge.scenario.water.links import read_links
 from firmware_model.config import Timeslots
 from firmware_model.packets.wire import EVERYONE

@@ -30,7 +30,7 @@ from apad_bridge.events.fleet import APadLeftWater, ProcessDied, StateDisbelieve
 from apad_bridge.events.mission import MissionEnd
 from apad_bridge.events.run import EndReason
 from apad_bridge.events.sound import LinksRead, ModemTold, RangeMeasured
-from apad_bridge.mission.events import (
+from apad_bridge.mission.facts import (
     EndRequested,
     KeepSamples,
     Ping,

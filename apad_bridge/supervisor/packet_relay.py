@@ -19,7 +19,7 @@ from agents.packet_medium import Medium
 from agents.time_scale import MissionMs
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.input_ranges import FARTHEST_M
-from apad_bridge.mission.events import Send, SoundHeard, WifiHeard
+from apad_bridge.mission.facts import Send, SoundHeard, WifiHeard
 from apad_bridge.mission.sources import Allocation
 from firmware_model.state_groups import DOCKED
 

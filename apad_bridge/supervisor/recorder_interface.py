@@ -10,7 +10,7 @@ from agents.mussel.outputs import Truth
 from agents.time_scale import MissionMs
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.events.event import Event
-from apad_bridge.mission.events import PlacedSample
+from apad_bridge.mission.facts import PlacedSample
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
 
 

@@ -14,7 +14,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.mission.events import PlacedSample
+from apad_bridge.mission.facts import PlacedSample
 from firmware_model.packets import LogAck, LogRecords
 from firmware_model.state_groups import AT_WORK, DOCKED, STRANDED
 

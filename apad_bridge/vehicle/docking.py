@@ -49,7 +49,7 @@ from apad_bridge.vehicle.commands import (
     VehicleFact,
 )
 from apad_bridge.vehicle.docks import Occupancy, after_report, dock_index_of
-from apad_bridge.vehicle.primitives import (
+from apad_bridge.vehicle.outcomes import (
     DockChanged,
     NothingCaught,
     Outcome,

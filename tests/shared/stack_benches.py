@@ -52,7 +52,7 @@ from apad_bridge.vehicle.generation_b.simulated import GenerationBVehicle
 from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.guards.guarded_vehicle import GuardedVehicle
 from apad_bridge.vehicle.link import Cleared, LinkFact
-from apad_bridge.vehicle.primitives import Outcome, PrimitiveFailed
+from apad_bridge.vehicle.outcomes import Outcome, PrimitiveFailed
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 from apad_bridge.vehicle.simulated.kinematics import Pose
 from apad_bridge.vehicle.simulated.misses import Misses

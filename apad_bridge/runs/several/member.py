@@ -13,7 +13,7 @@ from agents.time_scale import MissionMs
 from apad_bridge.events.event import Event
 from apad_bridge.events.fleet import HandedOn, TookOn
 from apad_bridge.mission.breakdown import Breakdown
-from apad_bridge.mission.events import StandDownRequested
+from apad_bridge.mission.facts import StandDownRequested
 from apad_bridge.runs.parent_protocol import (
     ORDERS_FILE,
     Gave,

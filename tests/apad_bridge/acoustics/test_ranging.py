@@ -15,7 +15,7 @@ from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.measurement import Fixed, Measurement, Ranged
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.events.sound import Asked, PlaceFixed
-from apad_bridge.mission.events import Ping, RangeHeard, Send
+from apad_bridge.mission.facts import Ping, RangeHeard, Send
 from apad_bridge.scenario.water.options import Localisation, Talk, Water
 from apad_bridge.vehicle.commands import PoseReported
 from firmware_model.packets import StatusPacket

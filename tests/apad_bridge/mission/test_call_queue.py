@@ -16,7 +16,7 @@ from apad_bridge.mission.values import Refused, Status
 from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle.commands import CloseDock, GoTo, Hold, Manoeuvre, OpenDock
-from apad_bridge.vehicle.primitives import DockChanged, NothingCaught, PrimitiveFailed, PrimitiveSucceeded
+from apad_bridge.vehicle.outcomes import DockChanged, NothingCaught, PrimitiveFailed, PrimitiveSucceeded
 from firmware_model.states import State
 
 

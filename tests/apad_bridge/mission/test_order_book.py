@@ -12,7 +12,7 @@ from apad_bridge.events.mission import LegBegan, MissionEnd, MissionState
 from apad_bridge.events.run import EndReason
 from apad_bridge.mission.order_book import CHORD_M, OrderBook
 from apad_bridge.vehicle.commands import GoTo, Hold
-from apad_bridge.vehicle.primitives import PrimitiveFailed, PrimitiveSucceeded
+from apad_bridge.vehicle.outcomes import PrimitiveFailed, PrimitiveSucceeded
 
 GOAL = (30.0, 40.0)
 RADIUS_M = 0.5

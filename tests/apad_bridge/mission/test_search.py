@@ -22,7 +22,7 @@ from apad_bridge.mission.docking_routine import (
 from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.scenario.loader import load
 from apad_bridge.vehicle.commands import CloseDock, GoTo, Primitive
-from apad_bridge.vehicle.primitives import NothingCaught, PrimitiveFailed, PrimitiveSucceeded
+from apad_bridge.vehicle.outcomes import NothingCaught, PrimitiveFailed, PrimitiveSucceeded
 from firmware_model.states import State
 
 RADIUS_M = 0.5

@@ -27,7 +27,7 @@ from apad_bridge.events.fleet import ProcessDied
 from apad_bridge.events.mission import LegBegan, MissionEnd
 from apad_bridge.events.persons import ScriptTold
 from apad_bridge.events.run import EndReason, RunResumed
-from apad_bridge.mission.events import PlacedSample
+from apad_bridge.mission.facts import PlacedSample
 from apad_bridge.records.journal import read_journal
 from apad_bridge.records.recorder import DAY_MS, Recorder, RecordsFailed
 from apad_bridge.records.run_directory import RunDirectory

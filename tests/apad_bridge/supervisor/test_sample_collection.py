@@ -15,7 +15,7 @@ from agents.time_scale import TimeScale
 from agents.water.fields import Fields
 from agents.water.patches import CALM
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.mission.events import PlacedSample
+from apad_bridge.mission.facts import PlacedSample
 from apad_bridge.records.sample_file import SampleFile, sample_line
 from apad_bridge.supervisor.sample_collection import SampleCollection, Taken
 from firmware_model.packets import LogAck, LogRecords, decode

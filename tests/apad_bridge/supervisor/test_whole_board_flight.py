@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from journals import facts_of
 from scenario_files import SOUND_FILE, WHOLE_FILE
 
 from agents.coordinator import Coordinator
@@ -47,7 +48,7 @@ class Witness(MemoryRecorder):
         ]
 
     def said(self, kind: str) -> list[dict[str, Any]]:
-        return [data for _, it, data in self.events if it == kind]
+        return [data for _, it, data in facts_of(self) if it == kind]
 
 
 def flown(scenario: Scenario, starts: tuple[Start, ...] | None = None) -> tuple[Witness, Flight]:
@@ -175,10 +176,10 @@ def test_by_sound_alone_the_same_are_served_a_little_later() -> None:
     data.update(duration_s=2400, beliefs={"estimator": "hold_last"})
     flight, witness = open_flight(from_data(data, "sound"))
     flight.run()
-    released = [(at_ms, data["agent"]) for at_ms, kind, data in witness.events if kind == "released"]
+    released = [(at_ms, data["agent"]) for at_ms, kind, data in facts_of(witness) if kind == "released"]
     # With the paper's hearing all are released by 2072 s; here a charge is known when the aMussel reports, every 120 s.
     assert {agent for _, agent in released} == {4, 6, 7, 10}
     assert 2_072_000 < max(released)[0] < 2_072_000 + 4 * 120_000
     assert all(flight.now_ms - it.heard_ms <= 133_000 for it in flight.supervisor.beliefs.all())
-    by_sound = [data for _, kind, data in witness.events if kind == "packet" and data["from"] != "apad"]
+    by_sound = [data for _, kind, data in facts_of(witness) if kind == "packet" and data["from"] != "apad"]
     assert len(by_sound) > 200

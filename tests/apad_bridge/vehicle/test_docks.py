@@ -16,7 +16,7 @@ from apad_bridge.runs.resuming import find_resume_point
 from apad_bridge.scenario.loader import load
 from apad_bridge.vehicle.commands import CloseDock, DockClosed, DockOpened, OpenDock
 from apad_bridge.vehicle.docking import DockingPort
-from apad_bridge.vehicle.primitives import DockChanged, PrimitiveSucceeded
+from apad_bridge.vehicle.outcomes import DockChanged, PrimitiveSucceeded
 
 POOL = load(POOL_FILE)
 CONFIG = flight_config(POOL)

@@ -22,7 +22,7 @@ from apad_bridge.vehicle.commands import (
     Primitive,
 )
 from apad_bridge.vehicle.docking import DockingEvent, DockingPhase, DockingPort
-from apad_bridge.vehicle.primitives import PrimitiveFailed, PrimitiveSucceeded
+from apad_bridge.vehicle.outcomes import PrimitiveFailed, PrimitiveSucceeded
 
 DOCKING = Docking(profile=DockingProfile.VIRTUAL, dock_s=15, undock_s=5, timeout_s=60)
 OK, BAD, ACT, NOTHING = "succeeds", "fails", "commands the mechanism", "nothing"

@@ -26,7 +26,7 @@ from apad_bridge.vehicle.commands import (
     PoseReported,
 )
 from apad_bridge.vehicle.docking import DockingPort
-from apad_bridge.vehicle.primitives import DockChanged, NothingCaught, PrimitiveFailed, PrimitiveSucceeded
+from apad_bridge.vehicle.outcomes import DockChanged, NothingCaught, PrimitiveFailed, PrimitiveSucceeded
 
 OF_B = stack_of(Generation.B).capabilities(4)
 VIRTUAL = Docking(profile=DockingProfile.VIRTUAL, dock_s=15, undock_s=5, timeout_s=60)

@@ -9,7 +9,7 @@ import pytest
 from apad_bridge.scenario.schema import APad, APadBattery, Docking, DockingProfile
 from apad_bridge.vehicle.commands import CloseDock, GoTo, OpenDock
 from apad_bridge.vehicle.docking import DockingPort
-from apad_bridge.vehicle.primitives import DockChanged, PrimitiveFailed, PrimitiveSucceeded
+from apad_bridge.vehicle.outcomes import DockChanged, PrimitiveFailed, PrimitiveSucceeded
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 
 BATTERY = APadBattery(

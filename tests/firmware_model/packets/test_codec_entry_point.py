@@ -17,7 +17,7 @@ from agents.mussel.outputs import WifiSent
 from agents.mussel.stimuli import SoundArrived
 from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.flight_config import flight_config
-from apad_bridge.mission.events import WifiHeard
+from apad_bridge.mission.facts import WifiHeard
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.starts import starts_of
 from firmware_model.packets import CommandPacket, Kind, StatusPacket

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from agents.packet_medium import Medium
-from apad_bridge.mission.events import Send
+from apad_bridge.mission.facts import Send
 from apad_bridge.ros.links.laboratory import WIFI_GONE_MS, Laboratory, LaboratoryLink
 from apad_bridge.scenario.lab_interface.messages import (
     ClearanceMessage,

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from apad_bridge.events.mission import PRE_EMPTED
 from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.runs.several.assignment import APadView, Assignment
-from apad_bridge.vehicle.primitives import PrimitiveFailed, PrimitiveSucceeded
+from apad_bridge.vehicle.outcomes import PrimitiveFailed, PrimitiveSucceeded
 
 NAMES = ("a", "b", "c", "d")
 METRES = st.integers(-50, 50).map(float)

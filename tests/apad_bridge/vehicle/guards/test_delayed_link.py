@@ -14,7 +14,7 @@ from stack_benches import Bench, real_limits
 from apad_bridge.scenario.choices import Generation
 from apad_bridge.scenario.guard_options import GuardOptions
 from apad_bridge.vehicle.link import LinkFact
-from apad_bridge.vehicle.primitives import DockChanged, PrimitiveFailed, PrimitiveSucceeded
+from apad_bridge.vehicle.outcomes import DockChanged, PrimitiveFailed, PrimitiveSucceeded
 from apad_bridge.vehicle.simulated.kinematics import Pose
 from apad_bridge.vehicle.simulated.motion import Steer
 from apad_bridge.vehicle.stack_messages import BatteryReceived, PoseReceived

@@ -66,7 +66,7 @@ from apad_bridge.vehicle.guards.monitor import (
 from apad_bridge.vehicle.guards.position_watch import PositionLimits, PositionWatch
 from apad_bridge.vehicle.guards.stops import StopsEnded
 from apad_bridge.vehicle.link import Cleared, LinkFact
-from apad_bridge.vehicle.primitives import PrimitiveFailed
+from apad_bridge.vehicle.outcomes import PrimitiveFailed
 from apad_bridge.vehicle.simulated.motion import Coast, Steer
 from apad_bridge.vehicle.stack_messages import PoseReceived
 from tests.apad_bridge.vehicle.guards.test_guards import WATERS
