@@ -37,6 +37,7 @@ def lines_in(journal: Path) -> list[Line]:
     return [json.loads(line) for line in whole]
 
 
-def facts_of(recorder: MemoryRecorder) -> list[tuple[int, str, Line]]:
+def facts_of(entries: MemoryRecorder | Iterable[Entry]) -> list[tuple[int, str, Line]]:
     """The time, the kind and the fields of each event."""
-    return [(at_ms, event.kind, event.data) for at_ms, event in recorder.journal.entries]
+    found = entries.journal.entries if isinstance(entries, MemoryRecorder) else entries
+    return [(at_ms, event.kind, event.data) for at_ms, event in found]

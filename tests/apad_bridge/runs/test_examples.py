@@ -65,13 +65,13 @@ def test_the_paper_s_mission_as_a_script_does_what_the_mission_does(
     assert flight.state.cost_m == pytest.approx(figures["cost_m"], abs=1e-6)
     assert flight.state.planned_m == pytest.approx(figures["planned_m"], abs=1e-6)
     # Every dock closes and opens at the same second around the same aMussel.
-    assert deeds(flight.events) == deeds(facts_of(recorder))
+    assert deeds(facts_of(flight.events)) == deeds(facts_of(recorder))
 
 
 def test_a_behaviour_serves_those_in_need_one_by_one(pool: Scenario) -> None:
     flight = fly_script(pool, EXAMPLES / "first_in_need.py")
     assert (flight.ended_by, flight.error, flight.state.docked) == (EndReason.SCRIPT_ENDED, None, ())
-    docks = [(data["agent"], data["closed"]) for _, kind, data in flight.events if kind == "dock"]
+    docks = [(data["agent"], data["closed"]) for _, kind, data in facts_of(flight.events) if kind == "dock"]
     first, second = docks[0][0], docks[2][0]
     assert docks == [(first, True), (first, False), (second, True), (second, False)]
     assert flight.said[0].startswith(f"aMussel {first} is at ")
