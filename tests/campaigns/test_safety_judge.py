@@ -255,6 +255,17 @@ def test_done_means_that_the_vehicle_has_taken_it() -> None:
     assert judged(moved_on, told=(told(14.0),)).untaken == 1
 
 
+def test_a_hold_that_is_ordered_again_is_a_stop_though_the_hull_has_gone_past_its_place() -> None:
+    """It goes on for 2 s at half a metre a second, and comes to rest a metre behind the place."""
+    place = (10 + SPEED_M_S * STOPS_S, 30.0)
+    held = [*sailing(STOPS_S + 2.0), *go(), *hold(STOPS_S, place)]
+    asked = {"told": (told(20.0),), "at_place_m": 0.5}
+    assert judged([*held, *hold(16.5, place)], **asked).failures == []
+    elsewhere = (place[0] + 4.0, place[1])
+    assert judged([*held, *hold(16.5, elsewhere)], **asked).untaken == 1
+    assert judged([*held, *go(16.5, place)], **asked).untaken == 1
+
+
 def test_done_means_that_the_hull_truly_slows() -> None:
     flight = [
         *sailing(STOPS_S),

@@ -61,6 +61,9 @@ class Kind(Enum):
     """A cancel, a switch that is half of an order, an arm."""
 
 
+STOPS = (Kind.HOLD, Kind.OFF)
+
+
 @dataclass(slots=True)
 class Order:
     at_s: float
@@ -259,7 +262,7 @@ def judge(facts: list[Fact], case: Case) -> Verdict:
     ours = [it for it in orders if not it.by.startswith(case.strangers)]
     verdict = Verdict(orders=len(ours))
     verdict.notes += [f"unread on the wire: {it['what']}" for it in facts if it["fact"] == "unread"]
-    kinds = (Kind.HOLD, Kind.OFF) if case.must_be is None else (case.must_be,)
+    kinds = STOPS if case.must_be is None else (case.must_be,)
     stops = (it for it in ours if it.at_s >= case.begun_s and it.kind in kinds)
     stop = min(stops, key=lambda it: it.at_s, default=None) if case.is_stop_due else None
     known = _followed(orders, case.begun_s) if case.may_stand else None
@@ -416,6 +419,11 @@ def _repeats(it: Order, stop: Order | None, case: Case) -> bool:
     return it.kind is Kind.HOLD or far_m <= AT_PLACE_M
 
 
+def _is_again(it: Order, stop: Order | None, case: Case) -> bool:
+    """A HOLD of the same place: a hull that takes it late may have gone past that place meanwhile."""
+    return stop is not None and it.what == stop.what and _repeats(it, stop, case)
+
+
 def _answers_silence(it: Order, beats: list[tuple[float, bool]]) -> bool:
     """The watchdog's hold where no heartbeat had come for so long, and the last one told of no OFF.
 
@@ -441,7 +449,8 @@ def _judge_told(verdict: Verdict, orders: list[Order], told: Told, case: Case, t
     verdict.answer_s = max(waited_s, verdict.answer_s or 0.0)
     verdict.notes.append(f"{told.what}: exit {told.code} after {waited_s:.1f} s: {told.text.strip()[:160]}")
     last = _followed(orders, told.answered_s)
-    if told.says_taken and (last is None or last.kind not in (Kind.HOLD, Kind.OFF)):
+    stop = next((it for it in orders if it.kind in STOPS and it.at_s >= told.asked_s), None)
+    if told.says_taken and not (last and (last.kind in STOPS or _is_again(last, stop, case))):
         verdict.untaken += 1
         verdict.failures.append(
             f"`{told.what}` said done, and the last order that the vehicle has taken is {last.what if last else 'none'}"
@@ -458,7 +467,7 @@ def _judge_done(
     A service that answers late took the order at some time before: the greatest speed since its arrival counts. A hull that
     comes back to the place of a HOLD has slowed: its speed counts along the way that it made then.
     """
-    taken = [it for it in orders if it.kind in (Kind.HOLD, Kind.OFF) and it.taken_s is not None]
+    taken = [it for it in orders if it.kind in STOPS and it.taken_s is not None]
     first = min(
         (it for it in taken if it.at_s >= told.asked_s), key=lambda it: it.taken_s or 0.0, default=last
     )
