@@ -21,11 +21,11 @@ ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 INTERRUPTED = 130
 """The exit status of a process that was asked to end before it had anything to lose."""
 
-Meaning = Callable[[], object]
+SignalMeaning = Callable[[], object]
 
-_meaning: Meaning | None = None
+_meaning: SignalMeaning | None = None
 """None while the handlers are not ours."""
-_outside: Meaning | None = None
+_outside: SignalMeaning | None = None
 """The meaning outside everything that holds signals back."""
 _noted: list[int] = []
 """Signals that were held back and that nobody has acted upon."""
@@ -70,7 +70,7 @@ def let_in() -> Iterator[None]:
 
 
 @contextmanager
-def received_by(act: Meaning) -> Iterator[None]:
+def received_by(act: SignalMeaning) -> Iterator[None]:
     """Calls `act` for each signal while it is entered, and at once if one was noted before."""
     with _meaning_is(act):
         if _noted and _in_main_thread():
@@ -80,7 +80,7 @@ def received_by(act: Meaning) -> Iterator[None]:
 
 
 @contextmanager
-def _meaning_is(meaning: Meaning) -> Iterator[None]:
+def _meaning_is(meaning: SignalMeaning) -> Iterator[None]:
     global _meaning, _outside
     if not _in_main_thread():
         yield

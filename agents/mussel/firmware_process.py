@@ -41,7 +41,7 @@ class StreamEnd(Protocol):
     def send(self, data: bytes, flags: int, /) -> int: ...
 
 
-class FirmwareProgram(Protocol):
+class RunningFirmware(Protocol):
     """Somebody's firmware as it runs."""
 
     pid: int
@@ -67,7 +67,7 @@ class FirmwareProgram(Protocol):
 class FirmwareProcess:
     """A `BoardLink` to a program, which ends with it."""
 
-    def __init__(self, program: FirmwareProgram, timeout_s: float) -> None:
+    def __init__(self, program: RunningFirmware, timeout_s: float) -> None:
         self._child = program
         weakref.finalize(self, program.end)
         self.pid: int | None = program.pid

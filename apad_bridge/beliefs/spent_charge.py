@@ -23,7 +23,7 @@ Rows = tuple[tuple[float, float, float], ...]
 """Probabilities [from][to] of a decision, in the order of `SUBMERGED`; filterpy's estimators use the same order."""
 
 
-class Choice(NamedTuple):
+class ChargeChoice(NamedTuple):
     """One decision. `expected` None means to stay. `deviation` is of an unknown plan's charge until the next decision."""
 
     rows: Rows
@@ -31,7 +31,7 @@ class Choice(NamedTuple):
     deviation: float
 
 
-Choices = Callable[[int], Choice]
+Choices = Callable[[int], ChargeChoice]
 """The choice at the agent time of a decision."""
 
 
@@ -129,7 +129,7 @@ class Load:
             self.unscheduled_decisions,
         )
 
-    def choose(self, choice: Choice) -> Load:
+    def choose(self, choice: ChargeChoice) -> Load:
         """A decision, at which the mode may change."""
         rows, expected, deviation = choice
         a, b, c = (self._entering(to, rows) for to in range(3))

@@ -145,18 +145,20 @@ def choices(twin_state: TwinState, parameters: TwinParameters, schedule: Schedul
     """The choice at each decision: by the schedule if there is one, else by usual shares and this aMussel's own modes."""
     habits = parameters.habits
 
-    def at(decision_ms: int) -> spent_charge.Choice:
+    def at(decision_ms: int) -> spent_charge.ChargeChoice:
         scheduled = schedule.at(decision_ms)
         if scheduled is not None:
-            return spent_charge.Choice(spent_charge.scheduled_rows(habits, scheduled), scheduled, 0.0)
+            return spent_charge.ChargeChoice(spent_charge.scheduled_rows(habits, scheduled), scheduled, 0.0)
         deviation = habits.plan_deviation * habits.every_ms / MS_PER_MIN
         number, shares = decision_ms // habits.every_ms, shares_of(twin_state, parameters)
         heard = twin_state.day[number % len(twin_state.day)] if twin_state.day else None
         trust = 0.0 if heard is None else _trust(habits, (number - heard[1]) * habits.every_ms)
         if heard is None or trust <= 0:
-            return spent_charge.Choice(spent_charge.usual_rows(habits, shares, None, 0.0), None, deviation)
+            return spent_charge.ChargeChoice(
+                spent_charge.usual_rows(habits, shares, None, 0.0), None, deviation
+            )
         expected = heard[0] if trust > 0.5 else None
-        return spent_charge.Choice(
+        return spent_charge.ChargeChoice(
             spent_charge.usual_rows(habits, shares, heard[0], trust), expected, deviation
         )
 

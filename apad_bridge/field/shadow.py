@@ -23,8 +23,8 @@ from apad_bridge.field.field_log.facts import (
     AmusselCharged,
     AmusselPlaced,
     BeliefsTold,
-    Fact,
     Held,
+    LoggedFact,
     PacketLogged,
     Place,
     Posed,
@@ -177,7 +177,7 @@ class Shadow:
         self._topics: dict[int, tuple[Place | None, float | None, int]] = {}
         self._errors: list[tuple[float, float, bool | None]] = []
 
-    def take(self, fact: Fact) -> list[ComparedDecision]:
+    def take(self, fact: LoggedFact) -> list[ComparedDecision]:
         if self._begin_s is None:
             self._begin_s = fact.at_s
         done = len(self.decisions)
@@ -208,7 +208,7 @@ class Shadow:
             sum(known) / len(known) if known else None,
         )
 
-    def _learn(self, fact: Fact) -> None:
+    def _learn(self, fact: LoggedFact) -> None:
         match fact:
             case Posed(_, teller, _, place_m):
                 if teller is Teller.SUPERVISOR and self._supervised_ms is None:

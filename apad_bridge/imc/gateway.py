@@ -22,7 +22,7 @@ from apad_bridge.imc.orders import ConsoleOrder, ConsoleOrders, Unfit
 from apad_bridge.imc.picture import RunPicture
 from apad_bridge.imc.protocol import Message
 from apad_bridge.imc.systems import RunNumber, System
-from apad_bridge.imc.wire import Address, Console, Received, Wire
+from apad_bridge.imc.wire import Address, ImcConsole, Received, Wire
 from apad_bridge.records.journal import await_beginning
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.scenario.area.local_frame import LocalFrame
@@ -49,7 +49,7 @@ class GatewaySettings:
 
     listen: tuple[str, int | None]
     """None for the port that goes with the aPad's id."""
-    consoles: tuple[Console, ...]
+    consoles: tuple[ImcConsole, ...]
     multicast: bool = False
     """Announce by multicast too, and show the run to consoles that announce themselves so. It gives nobody orders."""
 

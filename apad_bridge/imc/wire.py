@@ -32,14 +32,14 @@ Address = tuple[str, int]
 
 
 @dataclass(frozen=True, slots=True)
-class Console:
+class ImcConsole:
     """A listed console. Without an `imc_id` it is shown the run and gives no orders."""
 
     address: Address
     imc_id: int | None = None
 
     @classmethod
-    def parse(cls, text: str) -> Console:
+    def parse(cls, text: str) -> ImcConsole:
         """A console from `[ID@]HOST:PORT`; the id may be hexadecimal. ValueError, one line, for anything else."""
         found = _CONSOLE.fullmatch(text)
         if found is None:
@@ -64,13 +64,13 @@ class Received:
 class Wire:
     """Sends to every console, and receives. What cannot be read, or sent, is dropped and counted in `dropped`."""
 
-    def __init__(self, listen: Address, consoles: tuple[Console, ...], *, multicast: bool) -> None:
+    def __init__(self, listen: Address, consoles: tuple[ImcConsole, ...], *, multicast: bool) -> None:
         """Listens on an address of this machine. OSError, with a line for people, when it cannot be used."""
         self.dropped: Counter[str] = Counter()
         self._consoles = consoles
         self._discovered: dict[int, Address] = {}
         """Consoles that announced themselves, by id: they are shown the run."""
-        self._announced: dict[Console, frozenset[Address]] = {}
+        self._announced: dict[ImcConsole, frozenset[Address]] = {}
         """By listed console, the addresses of its services on its other interfaces, at the port that it is listed with."""
         self._selector = selectors.DefaultSelector()
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)

@@ -22,7 +22,7 @@ from apad_bridge.mission.end_by import EndBy
 from apad_bridge.mission.home_stays import NO_HOME, HomeStays
 from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.orders import MissionAction, TellClear
-from apad_bridge.mission.phases import Act, Collecting, GoingHome, PhaseBehaviour
+from apad_bridge.mission.phases import Collecting, GoingHome, PhaseAct, PhaseBehaviour
 from apad_bridge.mission.planner import Planner, PlanRules
 from apad_bridge.mission.plans import Planning, StrategyFailed, untold
 from apad_bridge.mission.pool import floats
@@ -129,7 +129,7 @@ class EnergyExchange(OrderBook):
         if progress is Progress.NOT_FOUND:
             self._do(partial(self._collecting.dock_again, NOT_FOUND), now_ms)
         elif outcome.primitive_id == self.state.primitive_id:
-            act: Act = behaviour.success
+            act: PhaseAct = behaviour.success
             if isinstance(outcome, PrimitiveFailed):
                 act = partial(behaviour.failure or self._fail, outcome.reason)
             self._do(act, now_ms)
@@ -213,7 +213,7 @@ class EnergyExchange(OrderBook):
         self._end(end, now_ms)
         return self.take_orders()
 
-    def _do(self, act: Act, now_ms: MissionMs) -> None:
+    def _do(self, act: PhaseAct, now_ms: MissionMs) -> None:
         """Acts; a strategy that fails ends the mission."""
         try:
             act(now_ms)
@@ -271,7 +271,7 @@ class EnergyExchange(OrderBook):
         self.order_hold()
         self.enter(Phase.IDLE, now_ms, plan=())
 
-    def _decide_idle(self, now_ms: MissionMs) -> Act | None:
+    def _decide_idle(self, now_ms: MissionMs) -> PhaseAct | None:
         if self._planner.to_release:
             return self._start_charging  # docked by hand, or before a crash
         if self._home.is_called(now_ms):
@@ -290,7 +290,7 @@ class EnergyExchange(OrderBook):
         for agent_id, reason in self._planner.charging.give_up_stalled(self._planner.docked, now_ms):
             self.tell(StepGivenUp(agent_id, "charge", reason))
 
-    def _decide_release(self, now_ms: MissionMs) -> Act | None:
+    def _decide_release(self, now_ms: MissionMs) -> PhaseAct | None:
         docked = self._planner.docked
         if not docked:
             return self._idle
@@ -298,7 +298,7 @@ class EnergyExchange(OrderBook):
             return partial(self._release, Due(tuple(docked))) if self._home.releases_first else self._home.go
         return self._decide_service(docked, now_ms)
 
-    def _decide_service(self, docked: Docked, now_ms: MissionMs) -> Act | None:
+    def _decide_service(self, docked: Docked, now_ms: MissionMs) -> PhaseAct | None:
         due = self._planner.due(docked, now_ms)
         if due.released:
             return partial(self._release, due)

@@ -23,7 +23,7 @@ DOCKINGS_PER_STEP = 3
 """A step is given up after so many failed dockings, because an aMussel spends most of its charge at the surface."""
 HOME_AGAIN_MS = 10_000
 """A failed way home for good is tried again after so long: the time to be there is near."""
-Act = Callable[[MissionMs], None]
+PhaseAct = Callable[[MissionMs], None]
 """It is called with the time at which it is done."""
 
 
@@ -33,15 +33,15 @@ def nothing(now_ms: MissionMs) -> None:
 
 @dataclass(frozen=True, slots=True)
 class PhaseBehaviour:
-    begin: Act = nothing
+    begin: PhaseAct = nothing
     """Runs when the mission starts in this phase, which may be in the middle of a resumed run."""
-    tick: Act = nothing
-    decide: Callable[[MissionMs], Act | None] = lambda now_ms: None
+    tick: PhaseAct = nothing
+    decide: Callable[[MissionMs], PhaseAct | None] = lambda now_ms: None
     """Decides, after `tick`, what to do now: an act that is not done yet, or None to wait. It changes nothing.
 
     These are the boxes of the paper's Fig. 7 that ask something.
     """
-    success: Act = nothing
+    success: PhaseAct = nothing
     """Runs when the phase's primitive has succeeded."""
     failure: Callable[[str, MissionMs], None] | None = None
     """Runs, with the reason, when it has failed; None gives the step up."""
@@ -57,7 +57,7 @@ class Collecting:
         planner: Planner,
         reach: Reach,
         routine: DockingRoutine,
-        finish_step: Act,
+        finish_step: PhaseAct,
         give_up: Callable[[str, MissionMs], None],
     ) -> None:
         self._book = book
@@ -164,7 +164,7 @@ class GoingHome:
         planner: Planner,
         stays: HomeStays,
         end_by: EndBy | None,
-        next_step: Act,
+        next_step: PhaseAct,
         end: Callable[[MissionEnd, MissionMs], None],
     ) -> None:
         self._book = book
@@ -226,6 +226,6 @@ class GoingHome:
         self._failed_ms = now_ms
         self._next_step(now_ms)
 
-    def _decide(self, now_ms: MissionMs) -> Act | None:
+    def _decide(self, now_ms: MissionMs) -> PhaseAct | None:
         leaves = self.for_good or self._stays.may_leave(now_ms, self._book.apad_battery)
         return self._next_step if leaves else None

@@ -22,7 +22,7 @@ from apad_bridge.records.line_file import Line, LineFile, LineTail, numbered_lin
 from apad_bridge.records.line_types import fault_of
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 
-Kind = TypeVar("Kind", bound=Event)
+OfKind = TypeVar("OfKind", bound=Event)
 FORMAT_VERSION = 2
 _BEGINS_S = 30.0
 """Wall seconds: agents, a master and an aPad start before the first line is written."""
@@ -62,7 +62,7 @@ class JournalContents:
         """The newest mission time of an event; 0 for an empty journal."""
         return max((it.at_ms for it in self.entries), default=MissionMs(0))
 
-    def events(self, *kinds: type[Kind]) -> Iterator[tuple[MissionMs, Kind]]:
+    def events(self, *kinds: type[OfKind]) -> Iterator[tuple[MissionMs, OfKind]]:
         """The events of these classes, each with its mission time, in the journal's order."""
         for at_ms, event in self.entries:
             if isinstance(event, kinds):

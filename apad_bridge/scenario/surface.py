@@ -32,7 +32,7 @@ _THRUSTERS = 2
 
 
 @dataclass(frozen=True, slots=True)
-class Flow:
+class SurfaceFlow:
     """The water and the air at one place and time."""
 
     current_m_s: Vector
@@ -50,11 +50,11 @@ class Surface:
         north_m_s, east_m_s = wind_m_s or (0.0, 0.0)
         self._leeway_m_s = leeway * north_m_s, leeway * east_m_s
 
-    def flow(self, place_m: Vector, at_ms: int) -> Flow:
+    def flow(self, place_m: Vector, at_ms: int) -> SurfaceFlow:
         """The current is that of the mission second, as for an aMussel that floats there."""
         north_um, east_um = (round(it * 1e6) for it in place_m)
         north_um_s, east_um_s = self._stream.velocity_um_s(north_um, east_um, 0, at_ms // 1000)
-        return Flow((north_um_s / 1e6, east_um_s / 1e6), self._wind_m_s)
+        return SurfaceFlow((north_um_s / 1e6, east_um_s / 1e6), self._wind_m_s)
 
     def of_float_m_s(self, place_m: Vector, at_ms: int) -> Vector:
         """The velocity of an aMussel that floats there."""
@@ -111,7 +111,7 @@ def top_speed_m_s(apad: APad, wind_n: float = 0.0) -> float:
     return min(apad.max_speed_m_s, math.sqrt(force_n / drag)) if drag else apad.max_speed_m_s
 
 
-def resistance_n(apad: APad, flow: Flow, velocity_m_s: Vector) -> Vector:
+def resistance_n(apad: APad, flow: SurfaceFlow, velocity_m_s: Vector) -> Vector:
     """The force (north, east) that keeps the hull at a velocity over ground: D |v - u| (v - u) - W |w - v| (w - v).
 
     u is the current's and w the wind's velocity, D the drag in water (`drag_n_per_m2_s2`) and W the one in air.
@@ -125,12 +125,12 @@ def resistance_n(apad: APad, flow: Flow, velocity_m_s: Vector) -> Vector:
     return in_water * water[0] - in_air * air[0], in_water * water[1] - in_air * air[1]
 
 
-def holding_effort(apad: APad, flow: Flow) -> float:
+def holding_effort(apad: APad, flow: SurfaceFlow) -> float:
     """The part of the thrust that holding a place takes, in [0, 1]; at 1 the flow takes the hull away."""
     return min(1.0, math.hypot(*resistance_n(apad, flow, (0.0, 0.0))) / weakest_force_n(apad))
 
 
-def free_drift_m_s(apad: APad, flow: Flow) -> Vector:
+def free_drift_m_s(apad: APad, flow: SurfaceFlow) -> Vector:
     """The velocity of the hull without thrust, at which D |e - u| (e - u) = W |w - e| (w - e).
 
     Both sides have one direction, so e = (u + k w) / (1 + k) with k = sqrt(W / D): k is about the hull's leeway. A hull
@@ -145,13 +145,13 @@ def free_drift_m_s(apad: APad, flow: Flow) -> Vector:
     return (north + k * wind_north) / (1 + k), (east + k * wind_east) / (1 + k)
 
 
-def made_good_m_s(apad: APad, flow: Flow, towards: Vector) -> float:
+def made_good_m_s(apad: APad, flow: SurfaceFlow, towards: Vector) -> float:
     """The highest speed over ground along the direction `towards` (a unit vector); 0 or less where there is none.
 
     With a speed V through the water the hull makes u_along + sqrt(V^2 - u_across^2). The wind on the hull at rest takes
     its part of the thrust in every direction, which is a little too much before the wind.
     """
-    wind_only = resistance_n(apad, Flow((0.0, 0.0), flow.wind_m_s), (0.0, 0.0))
+    wind_only = resistance_n(apad, SurfaceFlow((0.0, 0.0), flow.wind_m_s), (0.0, 0.0))
     through_m_s = top_speed_m_s(apad, math.hypot(*wind_only))
     if not apad.drag_n_per_m2_s2:
         return through_m_s
@@ -275,7 +275,7 @@ class LegForecast:
         return f"it would float away with {float_m_s:.2f} m/s, and the aPad goes after it with {speed_m_s:.2f} m/s"
 
 
-def strongest_flow(scenario: Scenario, surface: Surface) -> tuple[Flow, Vector, int]:
+def strongest_flow(scenario: Scenario, surface: Surface) -> tuple[SurfaceFlow, Vector, int]:
     """(flow, place, mission ms) where holding takes most, of the area's corners and the start, through the mission."""
     places = [scenario.apad.start_m, *scenario.area.polygon_m]
     looks = min(_MOST_LOOKS, max(1, math.ceil(scenario.duration_s / _LOOKED_S) + 1))
@@ -325,7 +325,7 @@ def doubt_about_legs(scenario: Scenario) -> str | None:
     )
 
 
-def _told(flow: Flow) -> str:
+def _told(flow: SurfaceFlow) -> str:
     texts = [f"a current of {math.hypot(*flow.current_m_s):.2f} m/s"] if any(flow.current_m_s) else []
     texts += [] if flow.wind_m_s is None else [f"a wind of {math.hypot(*flow.wind_m_s):.1f} m/s"]
     return " and ".join(texts)

@@ -54,7 +54,7 @@ class Wait:
     until_ms: int
 
 
-Request = Do | Wait
+CallRequest = Do | Wait
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +73,7 @@ class Rendezvous:
     def __init__(self, turns: TurnTimeouts) -> None:
         self._turns = turns
         self._lock = threading.Condition()
-        self._request: Request | ScriptFinished | None = None
+        self._request: CallRequest | ScriptFinished | None = None
         self._answer: Any = None
         self._closed: str | None = None
         self._tick_s = self._answered_s = time.monotonic()
@@ -82,7 +82,7 @@ class Rendezvous:
 
     # The script's side.
 
-    def request(self, request: Request) -> Any:
+    def request(self, request: CallRequest) -> Any:
         """Hands the request over and blocks until it is answered. Raises Aborted when the mission is over."""
         if threading.current_thread() is self._supervisor:
             if isinstance(request, Wait):
@@ -127,7 +127,7 @@ class Rendezvous:
             if self._request is not None:
                 self._answered_s = self._tick_s
 
-    def next(self) -> Request | ScriptFinished | None:
+    def next(self) -> CallRequest | ScriptFinished | None:
         """The script's next request; None when the script computes for longer than this tick waits."""
         with self._lock:
             self._lock.wait_for(lambda: self._request is not None, self._turns.tick_s)

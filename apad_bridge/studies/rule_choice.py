@@ -65,7 +65,7 @@ LONG_H = 80.0
 
 
 @dataclass(frozen=True, slots=True)
-class Choice:
+class ChosenRule:
     """The rule that is taken in one setting, and its mean differences to the better one of the `known` rules."""
 
     rule: str
@@ -87,7 +87,7 @@ def figure_for(hours: float) -> str:
     return UPTIME if hours >= LONG_H else EQUAL_CHARGE
 
 
-def choice_of(rows: Sequence[Row], known: Collection[str], figure: str) -> Choice:
+def choice_of(rows: Sequence[Row], known: Collection[str], figure: str) -> ChosenRule:
     """Chooses by the rows of one setting: of the rules that spare, the one that has most of `figure` on the mean.
 
     The better one of the `known` rules has most of these. A rule spares if it loses no more aMussels than that
@@ -121,7 +121,7 @@ def choice_of(rows: Sequence[Row], known: Collection[str], figure: str) -> Choic
 
     rule = max((it for it in by_rule if spares(it)), key=lambda it: mean(it, figure))
     gains = (fmean(differences(rule, it)) for it in (figure, UPTIME, LEAST, METRES))
-    return Choice(rule, better, figure, *gains)
+    return ChosenRule(rule, better, figure, *gains)
 
 
 def rules_study(path: Path, seeds: int = TRIALS, trust: Trust | None = None) -> StudyPlan:

@@ -41,7 +41,7 @@ _Value = bool | int | float | str | list[Any] | dict[str, Any] | None
 
 
 @dataclass(frozen=True, slots=True)
-class Strategy:
+class StudiedStrategy:
     """Keys of the scenario's block `mission`, under a name for the tables."""
 
     name: str
@@ -326,15 +326,15 @@ def _with_copies(given: str | dict[str, Any], directory: Path, folder: Path) -> 
     return _with_files(given, copy)
 
 
-def _strategy_of(given: str | dict[str, Any]) -> Strategy:
+def _strategy_of(given: str | dict[str, Any]) -> StudiedStrategy:
     if isinstance(given, str):
-        return Strategy(name=registry.label(given), mission={"collection": given})
+        return StudiedStrategy(name=registry.label(given), mission={"collection": given})
     mission = dict(given)
     name = mission.pop("name", None) or ", ".join(
         f"{key} {registry.label(value) if isinstance(value, str) else value}"
         for key, value in mission.items()
     )
-    return Strategy(name=str(name), mission=mission)
+    return StudiedStrategy(name=str(name), mission=mission)
 
 
 def _check_names(study: Study, names: Sequence[str], source: str) -> None:
@@ -353,7 +353,7 @@ def _check_names(study: Study, names: Sequence[str], source: str) -> None:
 
 
 def _changed(
-    scenario: Scenario, study: Study, parameters: Sequence[tuple[str, Any]], strategy: Strategy
+    scenario: Scenario, study: Study, parameters: Sequence[tuple[str, Any]], strategy: StudiedStrategy
 ) -> dict[str, Any]:
     """The scenario's data with the study's starts, one value of each parameter, and the strategy's keys."""
     data = resolve(scenario)
@@ -366,7 +366,7 @@ def _changed(
     return data
 
 
-def _check_draws(study: Study, strategies: Sequence[Strategy], source: str) -> None:
+def _check_draws(study: Study, strategies: Sequence[StudiedStrategy], source: str) -> None:
     """Refuses the keys that settings and strategies decide, and those that a cell and a parameter both decide."""
     decided = {"theta", "fleet.count", "seed", *study.parameters, *itertools.chain(*study.cells.values())}
     decided |= {f"mission.{key}" for strategy in strategies for key in strategy.mission}

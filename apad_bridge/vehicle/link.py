@@ -47,10 +47,10 @@ class APadSeen:
 LinkFact = VehicleFact | Carried | LetGo | APadSeen
 
 
-Outgoing = TypeVar("Outgoing")
+Sendable = TypeVar("Sendable")
 
 
-class Cleared(ABC, Generic[Outgoing]):
+class Cleared(ABC, Generic[Sendable]):
     """An order that the gate has let out: a vehicle's command, or what goes on the wire for one.
 
     Only `Gate` has a class that can be made, and a link takes nothing else: so a type check finds a road around the guards.
@@ -58,7 +58,7 @@ class Cleared(ABC, Generic[Outgoing]):
 
     @property
     @abstractmethod
-    def order(self) -> Outgoing: ...
+    def order(self) -> Sendable: ...
 
     @property
     @abstractmethod

@@ -155,7 +155,7 @@ def worst_case_of(case: Case) -> BoardConfig:
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class CaseReading:
     """Another way to read the paper than ours. A board that is right by it differs, and does not fail."""
 
     requirement: str
@@ -181,7 +181,7 @@ def judged(
     failures: type[Exception],
     waivers: dict[str, str],
     late_ms: int = 0,
-    readings: Sequence[Reading] = (),
+    readings: Sequence[CaseReading] = (),
 ) -> CaseResult:
     """Runs the case on both boards, and, where they differ, on a board of ours for each other reading of the paper.
 
@@ -214,7 +214,7 @@ def _reading(
     case: Case,
     theirs: Callable[[Case], Rig],
     found: RigHistory,
-    readings: Sequence[Reading],
+    readings: Sequence[CaseReading],
     failures: type[Exception],
     late_ms: int,
 ) -> str | None:

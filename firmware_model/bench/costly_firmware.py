@@ -11,7 +11,7 @@ from firmware_model.port import FirmwareLike, Level, Timer
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
 
-Turn = Callable[[int], list[Action]]
+FirmwareTurn = Callable[[int], list[Action]]
 
 
 class CostlyFirmware:
@@ -24,7 +24,7 @@ class CostlyFirmware:
         self.program = program
         self._cost_ms = cost_ms
         self._seed = seed
-        self._waiting: deque[tuple[int, Turn]] = deque()
+        self._waiting: deque[tuple[int, FirmwareTurn]] = deque()
         """The interrupts that no turn has taken yet, with the time of each."""
         self._turns = 0
         self._free_ms = 0
@@ -101,6 +101,6 @@ class CostlyFirmware:
     def clock_disturbed(self, now_ms: int) -> None:
         self.program.clock_disturbed(now_ms)
 
-    def _interrupt(self, now_ms: int, turn: Turn) -> list[Action]:
+    def _interrupt(self, now_ms: int, turn: FirmwareTurn) -> list[Action]:
         self._waiting.append((now_ms, turn))
         return []

@@ -13,7 +13,7 @@ from agents.mussel.board_link import SERIAL, serial_line
 from agents.mussel.firmware_failure import FirmwareFailed
 from apad_bridge.runs.exits import Exit, UserError
 from firmware_model.bench import Bench
-from firmware_model.bench.conformance import Case, Reading, worst_case_of
+from firmware_model.bench.conformance import Case, CaseReading, worst_case_of
 from firmware_model.bench.costly_firmware import CostlyFirmware
 from firmware_model.bench.rigs import BenchRig, Rig
 from firmware_model.bench.trace import clock, line, vcd
@@ -113,7 +113,7 @@ def our_rig(case: Case, release_wait_ms: int | None = None) -> Rig:
     return BenchRig(Bench(config, primary=case.primary))
 
 
-AT_THE_EDGE = Reading(
+AT_THE_EDGE = CaseReading(
     "V-A can be read so: it sinks at the falling edge, and waits for no packet",
     "3s permission 70s rises 1min falls 1s",
     lambda case: our_rig(case, release_wait_ms=0),

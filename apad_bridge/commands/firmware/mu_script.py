@@ -27,7 +27,7 @@ from firmware_model.power.rails import Rail, bits
 from firmware_model.stimuli import ResetCause
 from firmware_model.table_one import CYCLES, METERING, board, power
 
-Fact = Literal[
+BoardFact = Literal[
     "permission",
     "release",
     "sink",
@@ -72,7 +72,7 @@ class MuScript:
     """`in_use`: the board works on its secondary, too, when its primary is empty."""
     clock_drift_ppm: Annotated[float, Ge(-1000), Le(1000)] = 0.0
     """The gain of the board's clock; a beacon sets the clock."""
-    tell: tuple[tuple[NotNegative, Fact], ...] = field(default=())
+    tell: tuple[tuple[NotNegative, BoardFact], ...] = field(default=())
     """(hours, stimulus), in any order."""
 
     def __post_init__(self) -> None:
@@ -190,7 +190,7 @@ def _lives(script: MuScript, config: BoardConfig) -> float:
     return 2 - fraction(reserve)
 
 
-def _stimulate(bench: Bench, fact: Fact) -> None:
+def _stimulate(bench: Bench, fact: BoardFact) -> None:
     stimuli: dict[str, Callable[[], object]] = {
         "permission": lambda: bench.command(Kind.PERMISSION),
         "release": lambda: bench.command(Kind.RELEASE),

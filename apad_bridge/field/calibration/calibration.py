@@ -17,7 +17,7 @@ from apad_bridge.field.calibration.losses import Loss, by_range, of_sound, of_wi
 from apad_bridge.field.calibration.motion import LEAST_LEG_M, FlownLeg, drifts_m_s, legs_of
 from apad_bridge.field.calibration.reflight import Reflown, refly
 from apad_bridge.field.calibration.stopping import LEAST_STOPS, stopping_distance
-from apad_bridge.field.field_log.facts import Fact, Work
+from apad_bridge.field.field_log.facts import LoggedFact, Work
 from apad_bridge.field.field_log.reader import facts_of
 from apad_bridge.field.field_log.vehicle_log import VehicleLog, vehicle_log
 from apad_bridge.scenario.firmware_config import codec_of
@@ -75,7 +75,7 @@ class ReadBag:
     """A bag as read: its log, and its facts for what the log leaves out."""
 
     log: VehicleLog
-    facts: list[Fact]
+    facts: list[LoggedFact]
 
 
 def read_recording(path: Path, apad: str, namespace: str = "") -> ReadBag:

@@ -10,7 +10,7 @@ from math import dist
 import numpy as np
 
 from apad_bridge.field.calibration.intervals import Figure, share
-from apad_bridge.field.field_log.facts import Fact, PacketLogged, SoundEnded
+from apad_bridge.field.field_log.facts import LoggedFact, PacketLogged, SoundEnded
 from apad_bridge.field.field_log.vehicle_log import Track
 from firmware_model.packets import Status, basic_of
 from firmware_model.packets.codec import Codec
@@ -49,7 +49,7 @@ def of_sound(sounds: Iterable[SoundEnded]) -> Iterator[tuple[float, bool]]:
 
 
 def of_wifi(
-    facts: Iterable[Fact], track: Track, codec: Codec, period_s: float
+    facts: Iterable[LoggedFact], track: Track, codec: Codec, period_s: float
 ) -> Iterator[tuple[float, bool]]:
     """Reports of floating aMussels, which send one each `period_s`: a longer gap between two has lost those that were due.
 

@@ -24,7 +24,7 @@ from apad_bridge.runs.progress import WorkProgress
 from apad_bridge.runs.rich_console import Console
 
 if TYPE_CHECKING:
-    from apad_bridge.field.field_log.facts import EventTold, Fact
+    from apad_bridge.field.field_log.facts import EventTold, LoggedFact
     from apad_bridge.field.field_log.reader import FactReader
     from apad_bridge.field.shadow import ComparedDecision, Shadow, TheirMove
     from apad_bridge.scenario.schema import Scenario
@@ -141,7 +141,7 @@ def _listen(scenario: Scenario, shadow: Shadow, arguments: argparse.Namespace) -
     return code, list(reader.missing.values())
 
 
-def _heard(reader: FactReader, scenario: Scenario, for_s: float | None) -> Iterator[Fact]:
+def _heard(reader: FactReader, scenario: Scenario, for_s: float | None) -> Iterator[LoggedFact]:
     """The facts of the graph until the time is over, or a supervisor's mission ends."""
     from apad_bridge.field.field_log.facts import EventTold
     from apad_bridge.ros.graph_listener import GraphListener

@@ -144,7 +144,7 @@ class EventTold:
     data: Mapping[str, Any]
 
 
-Fact = (
+LoggedFact = (
     Posed
     | BatteryTold
     | WorkBegan

@@ -23,8 +23,8 @@ from apad_bridge.field.field_log.facts import (
     BatteryTold,
     BeliefsTold,
     EventTold,
-    Fact,
     Held,
+    LoggedFact,
     PacketLogged,
     PilotSteers,
     Posed,
@@ -56,7 +56,7 @@ _DEAF = frozenset(
 """Outcomes of a packet that say nothing of the range: the listener could not have heard it at any."""
 _PRE_EMPTED = frozenset({GoalCode.PREEMPTED, GoalCode.RECALLED, GoalCode.LOST})
 
-Take = Callable[[float, Any], Iterable[Fact]]
+Take = Callable[[float, Any], Iterable[LoggedFact]]
 
 
 class FactReader:
@@ -134,7 +134,7 @@ class FactReader:
     def reads(self, topic: str) -> bool:
         return topic in self._take or self._amussel_topic(topic) is not None
 
-    def read(self, message: RecordedMessage) -> list[Fact]:
+    def read(self, message: RecordedMessage) -> list[LoggedFact]:
         """The facts of one message, and those that silence tells. BagUnreadable as `RecordedTypes`."""
         topic, at_s = message.connection.topic, message.stamp_ns / 1e9
         facts = list(self._let_go_in_silence(at_s))
@@ -159,17 +159,17 @@ class FactReader:
 
     # The aPad, both generations.
 
-    def _position(self, at_s: float, told: Any) -> Iterator[Fact]:
+    def _position(self, at_s: float, told: Any) -> Iterator[LoggedFact]:
         place_m = _finite(told.position.north, told.position.east)
         yield Posed(at_s, Teller.VEHICLE, _stamp_s(told), place_m)
 
-    def _battery(self, at_s: float, told: Any) -> Iterator[Fact]:
+    def _battery(self, at_s: float, told: Any) -> Iterator[LoggedFact]:
         (percent,) = _finite(told.data)
         yield BatteryTold(at_s, Teller.VEHICLE, percent / 100)
 
     # Generation A.
 
-    def _goal(self, at_s: float, told: Any) -> Iterator[Fact]:
+    def _goal(self, at_s: float, told: Any) -> Iterator[LoggedFact]:
         goal, work = told.goal, _WORK_OF_GOAL.get(told.goal.id)
         if work is None:
             return
@@ -179,7 +179,7 @@ class FactReader:
         agent_id = None if number is None or work is Work.GO_TO else int(number[0])
         yield WorkBegan(at_s, Teller.VEHICLE, told.goal_id.id, work, goal_m, agent_id)
 
-    def _result(self, at_s: float, told: Any) -> Iterator[Fact]:
+    def _result(self, at_s: float, told: Any) -> Iterator[LoggedFact]:
         code = GoalCode(told.status.status)
         is_done = code is GoalCode.SUCCEEDED
         missed = not is_done and code not in _PRE_EMPTED
@@ -187,20 +187,20 @@ class FactReader:
 
     # Generation B.
 
-    def _go_to_goal(self, at_s: float, told: Any) -> Iterator[Fact]:
+    def _go_to_goal(self, at_s: float, told: Any) -> Iterator[LoggedFact]:
         point = told.goal.T2.point
         self._goal_m = _finite(point.x, point.y)
         return iter(())
 
-    def _goto_status(self, at_s: float, told: Any) -> Iterator[Fact]:
+    def _goto_status(self, at_s: float, told: Any) -> Iterator[LoggedFact]:
         yield from self._status(at_s, Work.GO_TO, Work.GO_TO, PrimitiveStatus(told.data))
 
-    def _docking_status(self, at_s: float, told: Any) -> Iterator[Fact]:
+    def _docking_status(self, at_s: float, told: Any) -> Iterator[LoggedFact]:
         for fact in self._status(at_s, Work.DOCK, Work.UNDOCK, PrimitiveStatus(told.data)):
             self._servo = fact if isinstance(fact, WorkBegan) else None
             yield fact
 
-    def _arms(self, at_s: float, told: Any) -> Iterator[Fact]:
+    def _arms(self, at_s: float, told: Any) -> Iterator[LoggedFact]:
         """Status and services' answers do not tell a docking from an undocking; but an arm opens at once for a docking,
         and for an undocking only after the camera's servo."""
         began = self._servo
@@ -224,7 +224,7 @@ class FactReader:
                 at_s, Teller.VEHICLE, key, status is PrimitiveStatus.DONE, status is PrimitiveStatus.IDLE
             )
 
-    def _manual(self, at_s: float, told: Any) -> Iterator[Fact]:
+    def _manual(self, at_s: float, told: Any) -> Iterator[LoggedFact]:
         yield PilotSteers(at_s, bool(told.data))
 
     # aMussels.
@@ -233,7 +233,7 @@ class FactReader:
         before = in_full(self._namespace, AMUSSEL).removesuffix(AMUSSEL)
         return _AMUSSEL_TOPIC.match(topic.removeprefix(before)) if topic.startswith(before) else None
 
-    def _of_amussel(self, topic: str, at_s: float, told: Any) -> Iterator[Fact]:
+    def _of_amussel(self, topic: str, at_s: float, told: Any) -> Iterator[LoggedFact]:
         found = self._amussel_topic(topic)
         assert found is not None
         agent_id = int(found[1])
@@ -246,7 +246,7 @@ class FactReader:
             case _:
                 yield from self._static(at_s, agent_id, is_held=told.status == 0)
 
-    def _static(self, at_s: float, agent_id: int, *, is_held: bool) -> Iterator[Fact]:
+    def _static(self, at_s: float, agent_id: int, *, is_held: bool) -> Iterator[LoggedFact]:
         if is_held and agent_id not in self._held_s:
             yield Held(at_s, Teller.VEHICLE, agent_id, True)
         elif not is_held and agent_id in self._held_s:
@@ -256,16 +256,16 @@ class FactReader:
         else:
             self._held_s.pop(agent_id, None)
 
-    def _let_go_in_silence(self, at_s: float) -> Iterator[Fact]:
+    def _let_go_in_silence(self, at_s: float) -> Iterator[LoggedFact]:
         for agent_id, heard_s in list(self._held_s.items()):
             if at_s - heard_s > _HELD_SILENT_S:
                 del self._held_s[agent_id]
                 yield Held(heard_s, Teller.VEHICLE, agent_id, False)
 
-    def _packet(self, at_s: float, told: Any) -> Iterator[Fact]:
+    def _packet(self, at_s: float, told: Any) -> Iterator[LoggedFact]:
         yield PacketLogged(at_s, told.agent, told.medium, bytes(told.data))
 
-    def _sound(self, at_s: float, told: Any) -> Iterator[Fact]:
+    def _sound(self, at_s: float, told: Any) -> Iterator[LoggedFact]:
         (range_m,) = _finite(told.range)
         outcome = told.message.partition(" ")[0]
         if outcome not in _DEAF:
@@ -273,10 +273,10 @@ class FactReader:
 
     # A supervisor of ours.
 
-    def _beliefs(self, at_s: float, told: Any) -> Iterator[Fact]:
+    def _beliefs(self, at_s: float, told: Any) -> Iterator[LoggedFact]:
         yield BeliefsTold(at_s, told.mission_time_ms, tuple(told.agents))
 
-    def _sample(self, at_s: float, told: Any) -> Iterator[Fact]:
+    def _sample(self, at_s: float, told: Any) -> Iterator[LoggedFact]:
         yield Posed(at_s, Teller.SUPERVISOR, None, _finite(told.north, told.east))
         if isfinite(told.battery_fraction):
             yield BatteryTold(at_s, Teller.SUPERVISOR, told.battery_fraction)
@@ -285,7 +285,7 @@ class FactReader:
             yield Held(at_s, Teller.SUPERVISOR, agent_id, agent_id in held)
         self._sample_held = held
 
-    def _event(self, at_s: float, told: Any) -> Iterator[Fact]:
+    def _event(self, at_s: float, told: Any) -> Iterator[LoggedFact]:
         data = json.loads(told.data)
         yield EventTold(at_s, told.mission_time_ms, told.kind, data)
         if told.kind != PrimitiveChanged.kind or (work := _WORK_OF_PRIMITIVE.get(data["name"])) is None:
@@ -302,13 +302,13 @@ class FactReader:
             yield WorkEnded(at_s, Teller.SUPERVISOR, key, phase == "succeeded", missed)
 
 
-def facts_of(path: Path, apad: str, namespace: str = "") -> tuple[list[Fact], list[str]]:
+def facts_of(path: Path, apad: str, namespace: str = "") -> tuple[list[LoggedFact], list[str]]:
     """The facts of a bag in the order recorded, and a line for each definition that lacks a field.
 
     BagUnreadable, one line, for a file that cannot be read or that has nothing of this aPad.
     """
     reader = FactReader(str(path), apad, namespace)
-    facts: list[Fact] = []
+    facts: list[LoggedFact] = []
     try:
         for message in recorded_messages(path):
             facts += reader.read(message)

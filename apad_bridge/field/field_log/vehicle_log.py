@@ -14,8 +14,8 @@ import numpy.typing as npt
 
 from apad_bridge.field.field_log.facts import (
     BatteryTold,
-    Fact,
     Held,
+    LoggedFact,
     Place,
     Posed,
     SoundEnded,
@@ -101,7 +101,7 @@ class VehicleLog:
         return np.where(place < 0, 0.0, sums[inside] + since_s * np.array(counts)[inside])
 
 
-def vehicle_log(name: str, facts: Sequence[Fact], missing: Iterable[str] = ()) -> VehicleLog:
+def vehicle_log(name: str, facts: Sequence[LoggedFact], missing: Iterable[str] = ()) -> VehicleLog:
     own, told = _works(facts)
     told_go_tos = [it for it in told if it.work is Work.GO_TO]
     go_tos = [_with_goal(it, told_go_tos) for it in own if it.work is Work.GO_TO] or told_go_tos
@@ -147,7 +147,7 @@ def _battery(told: list[BatteryTold]) -> BatteryReadings:
     return BatteryReadings(np.array([it.at_s for it in ordered]), np.array([it.fraction for it in ordered]))
 
 
-def _works(facts: Iterable[Fact]) -> tuple[list[Done], list[Done]]:
+def _works(facts: Iterable[LoggedFact]) -> tuple[list[Done], list[Done]]:
     """The vehicle's works by its own word, and those that a supervisor told.
 
     A work without a reported end ends when the next one of the same teller begins: a new order pre-empts.

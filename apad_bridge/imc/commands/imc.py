@@ -111,11 +111,11 @@ def _add_gateway_arguments(parser: Any, prefix: str) -> None:
 def run(arguments: argparse.Namespace) -> int:
     _require_imcpy()
     from apad_bridge.imc.gateway import GatewaySettings, ImcGateway, serve
-    from apad_bridge.imc.wire import Console
+    from apad_bridge.imc.wire import ImcConsole
     from apad_bridge.records.run_directory import RunDirectoryError
 
     try:
-        consoles = tuple(map(Console.parse, arguments.neptus or [f"{LOOPBACK}:{NEPTUS_PORT}"]))
+        consoles = tuple(map(ImcConsole.parse, arguments.neptus or [f"{LOOPBACK}:{NEPTUS_PORT}"]))
     except ValueError as error:
         raise UserError(f"--neptus {error}") from error
     host, port = _interface(arguments.host), arguments.port

@@ -43,7 +43,7 @@ from musselbed_msgs.srv import (  # noqa: E402
 from std_msgs.msg import Int32  # noqa: E402
 from std_srvs.srv import Trigger, TriggerResponse  # noqa: E402
 
-Act = Callable[[ManualMission], None]
+ServiceAct = Callable[[ManualMission], None]
 
 
 @contextmanager
@@ -121,7 +121,7 @@ class PrimitiveServices:
     def _undock(self, request: Any) -> Any:
         return self._answered(UndockResponse, docking_act(request, dock=False))
 
-    def _answered(self, response: Any, act: Act) -> Any:
+    def _answered(self, response: Any, act: ServiceAct) -> Any:
         try:
             self._command_source.call(act)
         except Refused as refused:

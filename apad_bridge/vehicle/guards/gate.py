@@ -43,7 +43,7 @@ from apad_bridge.vehicle.guards.position_watch import NEVER_MS, PositionLimits, 
 from apad_bridge.vehicle.guards.stops import Latch, Stops
 from apad_bridge.vehicle.guards.watchdog_watch import WatchdogWatch
 from apad_bridge.vehicle.guards.waters import OpenWaters, Waters
-from apad_bridge.vehicle.link import Cleared, LinkFact, Outgoing
+from apad_bridge.vehicle.link import Cleared, LinkFact, Sendable
 
 NAMES: dict[type, str] = {
     GoTo: "go to point",
@@ -69,8 +69,8 @@ RETURN_RADIUS_M = 1.0
 
 
 @dataclass(frozen=True, slots=True)
-class _LetOut(Cleared[Outgoing]):
-    order: Outgoing
+class _LetOut(Cleared[Sendable]):
+    order: Sendable
     under: int
     asks_guards: bool = True
     """False for a stop, and for a way that was judged as a whole: only the latch holds it up."""
@@ -236,8 +236,8 @@ class Gate:
         return self.refusal(command, now_ms) or _LetOut(command, self.latch.number)
 
     def clear_for_wire(
-        self, sent: Outgoing, command: GuardedOrder, before: Cleared[VehicleCommand], now_ms: int
-    ) -> Cleared[Outgoing] | None:
+        self, sent: Sendable, command: GuardedOrder, before: Cleared[VehicleCommand], now_ms: int
+    ) -> Cleared[Sendable] | None:
         """Clears what a link is about to send for the command `before`, maybe once more; `command` is what it does.
 
         None where a stop, a pilot or another party came since `before` was let out; None, and a line, if a guard refuses.
@@ -247,7 +247,7 @@ class Gate:
             return None
         return _LetOut(sent, before.under, asks_guards)
 
-    def lets_go(self, cleared: Cleared[Outgoing]) -> bool:
+    def lets_go(self, cleared: Cleared[Sendable]) -> bool:
         """True for an order that may still leave: no stop, pilot or other party came since. For any thread."""
         return cleared.under == self.latch.number
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 from apad_bridge.scenario.schema import APad
 from apad_bridge.scenario.surface import (
-    Flow,
+    SurfaceFlow,
     free_drift_m_s,
     made_good_m_s,
     resistance_n,
@@ -69,7 +69,7 @@ class Motion:
         self._config = config
         self.acceleration_m_s2 = min(config.max_acceleration_m_s2, weakest_force_n(config) / config.mass_kg)
         self.top_speed_m_s = top_speed_m_s(config)
-        self._flow: Flow | None = None
+        self._flow: SurfaceFlow | None = None
         north_m, east_m = config.start_m
         self.pose = Pose(north_m, east_m)
         self.forces_n = NO_FORCES
@@ -77,7 +77,7 @@ class Motion:
         self._steering: Steer | None = None
         self._planned = self.pose
 
-    def take_flow(self, flow: Flow) -> None:
+    def take_flow(self, flow: SurfaceFlow) -> None:
         """The water and the air around the vehicle, for the steps that are planned from now on."""
         if flow == self._flow:
             return
@@ -162,7 +162,7 @@ class Motion:
             wanted_m_s = wanted_velocity(pose, goal, distance_m, self.acceleration_m_s2)
             self._planned = moved(pose, self._push(wanted_m_s, speed_m_s), heading_rad)
 
-    def _speed_over_ground(self, goal: Goal, distance_m: float, flow: Flow) -> float:
+    def _speed_over_ground(self, goal: Goal, distance_m: float, flow: SurfaceFlow) -> float:
         """The ordered speed, or what the flow leaves of the top speed on the way to the goal."""
         pose = self.pose
         towards = (goal.north_m - pose.north_m) / distance_m, (goal.east_m - pose.east_m) / distance_m
@@ -230,7 +230,7 @@ class Motion:
             east_m=coasted.east_m + drift_east_m_s * STEP_S,
         )
 
-    def _set_adrift(self, flow: Flow) -> Pose:
+    def _set_adrift(self, flow: SurfaceFlow) -> Pose:
         pose, (north_m_s, east_m_s) = self.pose, free_drift_m_s(self._config, flow)
         own_north_m_s, own_east_m_s = pose.north_m_s - north_m_s, pose.east_m_s - east_m_s
         own_m_s = math.hypot(own_north_m_s, own_east_m_s)

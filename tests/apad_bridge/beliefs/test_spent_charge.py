@@ -5,7 +5,7 @@ import pytest
 
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.beliefs.spent_charge import (
-    Choice,
+    ChargeChoice,
     Load,
     Spent,
     merged,
@@ -31,8 +31,8 @@ HABITS = Habits(
 ROWS = ((0.7, 0.2, 0.1), (0.5, 0.4, 0.1), (0.3, 0.1, 0.6))
 
 
-def chain(_: int) -> Choice:
-    return Choice(ROWS, None, 0.0)
+def chain(_: int) -> ChargeChoice:
+    return ChargeChoice(ROWS, None, 0.0)
 
 
 def by_trial(hours: int, trials: int = 200_000) -> tuple[np.ndarray, np.ndarray]:
@@ -64,7 +64,7 @@ def test_moments_by_mode_are_those_of_the_chain() -> None:
 def test_a_mode_is_entered_from_where_the_rows_say() -> None:
     """Rows are [from][to]: a transposed matrix would swap the modes left and the modes entered."""
     leaves = ((0.0, 1.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-    load = Load.known(Mode.ASLEEP).choose(Choice(leaves, None, 0.0))
+    load = Load.known(Mode.ASLEEP).choose(ChargeChoice(leaves, None, 0.0))
     assert [row[0] for row in load.by_mode] == [0.0, 1.0, 0.0]
 
 
@@ -93,10 +93,10 @@ def test_cuts_do_not_show() -> None:
 def test_the_schedule_is_followed_but_for_the_unscheduled_share() -> None:
     schedule = Schedule((0, 2 * HOUR), (Mode.ASLEEP, Mode.HIGH_LOAD))
 
-    def commanded(decision_ms: int) -> Choice:
+    def commanded(decision_ms: int) -> ChargeChoice:
         mode = schedule.at(decision_ms)
         assert mode is not None
-        return Choice(scheduled_rows(HABITS, mode), mode, 0.0)
+        return ChargeChoice(scheduled_rows(HABITS, mode), mode, 0.0)
 
     load = propagated(Load.known(Mode.ASLEEP), 0, 4 * HOUR - 1, spending(PER_MIN, None), HOUR, commanded)
     assert load.expected[0] == pytest.approx(0.94**3)
@@ -113,8 +113,8 @@ def test_rows_without_a_schedule_add_up_and_remember() -> None:
 
 
 def test_an_unknown_plan_makes_the_deviation_grow_with_the_time() -> None:
-    def unknown(_: int) -> Choice:
-        return Choice(((1.0, 0.0, 0.0),) * 3, None, 0.002)
+    def unknown(_: int) -> ChargeChoice:
+        return ChargeChoice(((1.0, 0.0, 0.0),) * 3, None, 0.002)
 
     load = propagated(Load.known(Mode.ASLEEP), 0, 10 * HOUR, spending(PER_MIN, None), HOUR, unknown)
     assert load.total()[2] == pytest.approx((10 * 0.002) ** 2)

@@ -15,8 +15,8 @@ from apad_bridge.commands import main
 from apad_bridge.field.field_log.facts import (
     AmusselCharged,
     AmusselPlaced,
-    Fact,
     Held,
+    LoggedFact,
     PacketLogged,
     Posed,
     Teller,
@@ -144,7 +144,7 @@ def perch(at_s: float, agent_id: int) -> WorkBegan:
     return WorkBegan(at_s, Teller.VEHICLE, f"perch {at_s}", Work.DOCK, None, agent_id)
 
 
-def decided(facts: list[Fact], strategy: str = "greedy", scenario: Scenario = POOL) -> Shadow:
+def decided(facts: list[LoggedFact], strategy: str = "greedy", scenario: Scenario = POOL) -> Shadow:
     shadow = Shadow(with_overrides(scenario, strategy=strategy))
     for it in facts:
         shadow.take(it)
@@ -152,12 +152,12 @@ def decided(facts: list[Fact], strategy: str = "greedy", scenario: Scenario = PO
     return shadow
 
 
-HEARD: list[Fact] = [at(0.0), packet(0.0, 3, 0.2, 9.0), packet(0.0, 7, 0.6, 5.0)]
+HEARD: list[LoggedFact] = [at(0.0), packet(0.0, 3, 0.2, 9.0), packet(0.0, 7, 0.6, 5.0)]
 """3 is the emptier one, and 7 the nearer one."""
 
 
 def test_who_a_go_to_is_for_is_told_by_the_docking_after_it() -> None:
-    moved: list[Fact] = [
+    moved: list[LoggedFact] = [
         *HEARD,
         go_to(1.0, 5.0),
         at(2.0, 4.0),
@@ -169,20 +169,20 @@ def test_who_a_go_to_is_for_is_told_by_the_docking_after_it() -> None:
 
 
 def test_a_docking_without_a_go_to_is_judged_by_the_docks_before_it() -> None:
-    at_once: list[Fact] = [*HEARD, perch(5.0, 7), Held(5.05, Teller.VEHICLE, 7, True), at(6.0)]
+    at_once: list[LoggedFact] = [*HEARD, perch(5.0, 7), Held(5.05, Teller.VEHICLE, 7, True), at(6.0)]
     (decision,) = decided(at_once).decisions
     assert (decision.theirs, decision.ours) == (COLLECT_7, COLLECT_7)
 
 
 def test_who_a_go_to_without_a_docking_is_for_is_told_by_its_place() -> None:
-    facts: list[Fact] = [*HEARD, go_to(1.0, 9.4), at(5.0, 9.0), go_to(9.0, 20.0), at(10.0, 12.0)]
+    facts: list[LoggedFact] = [*HEARD, go_to(1.0, 9.4), at(5.0, 9.0), go_to(9.0, 20.0), at(10.0, 12.0)]
     first, second = decided(facts).decisions
     assert (first.theirs, first.agrees) == (COLLECT_3, False)
     assert second.theirs == TheirMove(ELSEWHERE)
 
 
 def test_another_try_and_another_teller_are_no_other_decision() -> None:
-    facts: list[Fact] = [
+    facts: list[LoggedFact] = [
         *HEARD,
         go_to(1.0, 5.0),
         go_to(1.0, 5.0, Teller.SUPERVISOR),
@@ -199,7 +199,7 @@ def test_another_try_and_another_teller_are_no_other_decision() -> None:
 def test_a_vehicle_that_falls_silent_about_a_dock_lets_nobody_go_while_a_supervisor_says_what_it_holds() -> (
     None
 ):
-    docked: list[Fact] = [
+    docked: list[LoggedFact] = [
         *HEARD,
         Posed(0.5, Teller.SUPERVISOR, None, (0.0, 0.0)),
         go_to(1.0, 5.0),
@@ -217,7 +217,7 @@ def test_a_vehicle_that_falls_silent_about_a_dock_lets_nobody_go_while_a_supervi
 
 
 def test_an_amussel_that_a_supervisors_first_sample_shows_docked_is_no_decision_until_it_leaves() -> None:
-    facts: list[Fact] = [
+    facts: list[LoggedFact] = [
         *HEARD,
         Posed(200.0, Teller.SUPERVISOR, None, (0.0, 0.0)),
         Held(200.0, Teller.SUPERVISOR, 7, True),
@@ -236,15 +236,15 @@ def test_an_amussel_that_a_supervisors_first_sample_shows_docked_is_no_decision_
 
 def test_an_amussel_that_is_in_a_dock_as_the_shadow_begins_is_no_decision() -> None:
     """The vehicle's topics of docks come in one after the other; a docking comes after its order."""
-    before: list[Fact] = [
+    before: list[LoggedFact] = [
         Held(0.0, Teller.VEHICLE, 3, True),
         *HEARD,
         Held(2.5, Teller.VEHICLE, 7, True),
         at(9.0),
     ]
     assert decided(before).decisions == []
-    ordered: list[Fact] = [*HEARD, perch(1.0, 7), Held(2.5, Teller.VEHICLE, 7, True), at(9.0)]
-    late: list[Fact] = [*HEARD, Held(60.0, Teller.VEHICLE, 7, True), at(70.0)]
+    ordered: list[LoggedFact] = [*HEARD, perch(1.0, 7), Held(2.5, Teller.VEHICLE, 7, True), at(9.0)]
+    late: list[LoggedFact] = [*HEARD, Held(60.0, Teller.VEHICLE, 7, True), at(70.0)]
     for facts in (ordered, late):
         assert [it.theirs for it in decided(facts).decisions] == [COLLECT_7]
 
@@ -252,7 +252,7 @@ def test_an_amussel_that_is_in_a_dock_as_the_shadow_begins_is_no_decision() -> N
 def test_what_we_would_do_is_judged_by_the_docks_that_were_full_before() -> None:
     """One dock, full of an aMussel that charges: ours waits, and does not collect into it."""
     one_dock = replace(POOL, apad=replace(POOL.apad, docks=1), mission=replace(POOL.mission, batch=1))
-    facts: list[Fact] = [
+    facts: list[LoggedFact] = [
         at(0.0),
         packet(0.0, 3, 0.2, 9.0),
         packet(0.0, 7, 0.6, 5.0),
@@ -266,13 +266,19 @@ def test_what_we_would_do_is_judged_by_the_docks_that_were_full_before() -> None
 
 
 def test_where_ours_would_wait_it_says_so() -> None:
-    high: list[Fact] = [at(0.0), packet(0.0, 7, 0.95, 5.0), go_to(1.0, 5.0), at(3.0, 4.0), perch(4.0, 7)]
+    high: list[LoggedFact] = [
+        at(0.0),
+        packet(0.0, 7, 0.95, 5.0),
+        go_to(1.0, 5.0),
+        at(3.0, 4.0),
+        perch(4.0, 7),
+    ]
     (decision,) = decided(high).decisions
     assert (decision.theirs, decision.ours) == (COLLECT_7, TheirMove(WAIT))
 
 
 def test_the_topics_of_amussels_without_packets_are_believed_too() -> None:
-    told: list[Fact] = [at(0.0)]
+    told: list[LoggedFact] = [at(0.0)]
     for agent_id, charge, north_m in ((3, 0.2, 9.0), (7, 0.6, 5.0)):
         told += [AmusselPlaced(0.0, agent_id, (north_m, 0.0)), AmusselCharged(0.0, agent_id, charge)]
     (decision,) = decided([*told, go_to(1.0, 5.0), at(2.0, 4.0), perch(3.0, 7)]).decisions
@@ -282,7 +288,7 @@ def test_the_topics_of_amussels_without_packets_are_believed_too() -> None:
 
 def test_a_later_packet_tells_how_far_the_estimate_was_wrong() -> None:
     """The last report holds for an estimator without a model: 0.6 at 5 m, and a minute later 0.5 at 8 m."""
-    facts: list[Fact] = [
+    facts: list[LoggedFact] = [
         *HEARD,
         go_to(30.0, 5.0),
         perch(40.0, 7),
@@ -305,7 +311,7 @@ def test_a_later_packet_tells_how_far_the_estimate_was_wrong() -> None:
 def test_twins_foretell_the_charge_of_silent_amussels_and_give_an_interval() -> None:
     scenario = load(SOUND_FILE)
     agent_id = scenario.fleet.ids[0]
-    facts: list[Fact] = [at(0.0), packet(0.0, agent_id, 0.9, 5.0, scenario), at(120.0)]
+    facts: list[LoggedFact] = [at(0.0), packet(0.0, agent_id, 0.9, 5.0, scenario), at(120.0)]
     facts.append(packet(120.0, agent_id, 0.9, 5.0, scenario))
     accuracy = decided(facts, scenario=scenario).accuracy
     assert accuracy.packets == 1

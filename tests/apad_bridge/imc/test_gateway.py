@@ -26,7 +26,7 @@ from apad_bridge.imc import messages
 from apad_bridge.imc.gateway import GatewaySettings, ImcGateway
 from apad_bridge.imc.protocol import packed, unpacked
 from apad_bridge.imc.systems import Systems
-from apad_bridge.imc.wire import Console, Received
+from apad_bridge.imc.wire import ImcConsole, Received
 from apad_bridge.records.sample_file import KeptSample
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.loader import load
@@ -48,7 +48,7 @@ def show(run_dir: Path) -> tuple[ImcGateway, list[bytes]]:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as console:
         console.bind(("127.0.0.1", 0))
         console.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 20)
-        asked = GatewaySettings(("127.0.0.1", 0), (Console(console.getsockname(), 0x4001),))
+        asked = GatewaySettings(("127.0.0.1", 0), (ImcConsole(console.getsockname(), 0x4001),))
         gateway = ImcGateway(run_dir, load(run_dir / "scenario.yaml"), asked, lambda _: None)
         assert gateway.run(lambda: False) == "mission time"
         packets = []
@@ -259,7 +259,7 @@ def test_each_shown_system_answers_for_its_entities_to_the_console_that_asked(
     ):
         for link in (console, stranger):
             link.bind(("127.0.0.1", 0))
-        asked = GatewaySettings(("127.0.0.1", 0), (Console(console.getsockname()),))
+        asked = GatewaySettings(("127.0.0.1", 0), (ImcConsole(console.getsockname()),))
         gateway = ImcGateway(flown, load(flown / "scenario.yaml"), asked, lambda _: None)
         apad, amussels = apad_and_amussels(gateway)
         for link, asked in (
@@ -297,7 +297,7 @@ def copy_of_run(flown: Path, tmp_path: Path) -> Callable[[str], Path]:
 @contextmanager
 def opened(run: Path, tell: Callable[[str], None] = pytest.fail) -> Iterator[ImcGateway]:
     """A gateway at the port that it chooses by itself."""
-    asked = GatewaySettings(("127.0.0.1", None), (Console(("127.0.0.1", 9)),))
+    asked = GatewaySettings(("127.0.0.1", None), (ImcConsole(("127.0.0.1", 9)),))
     gateway = ImcGateway(run, load(run / "scenario.yaml"), asked, tell)
     try:
         yield gateway
@@ -307,7 +307,7 @@ def opened(run: Path, tell: Callable[[str], None] = pytest.fail) -> Iterator[Imc
 
 def announced_by(run: Path, codec: Codec, tell: Callable[[str], None] = pytest.fail) -> dict[str, int]:
     """The ids by name of the systems that a gateway of the run announces from its beginning to its end."""
-    asked = GatewaySettings(("127.0.0.1", None), (Console(("127.0.0.1", 9)),))
+    asked = GatewaySettings(("127.0.0.1", None), (ImcConsole(("127.0.0.1", 9)),))
     gateway = ImcGateway(run, load(run / "scenario.yaml"), asked, tell)
     gateway.run(lambda: False)
     said = codec.read_log((gateway.log_folder / "Data.lsf").read_bytes())
@@ -385,7 +385,7 @@ def test_a_log_never_goes_back_in_time(
     readings = iter(clock_s)
     with pytest.MonkeyPatch.context() as patch, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as console:
         console.bind(("127.0.0.1", 0))
-        asked = GatewaySettings(("127.0.0.1", 0), (Console(console.getsockname(), 0x4001),))
+        asked = GatewaySettings(("127.0.0.1", 0), (ImcConsole(console.getsockname(), 0x4001),))
         gateway = ImcGateway(flown, load(flown / "scenario.yaml"), asked, lambda _: None)
         patch.setattr(time, "time", lambda: next(readings, clock_s[-1]))
         for sent_s in consoles_s:

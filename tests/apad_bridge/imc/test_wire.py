@@ -11,7 +11,7 @@ import imcpy
 import pytest
 from imc_codec import Codec
 
-from apad_bridge.imc.wire import ANNOUNCE_PORTS, GROUP, Console, Received, Wire
+from apad_bridge.imc.wire import ANNOUNCE_PORTS, GROUP, ImcConsole, Received, Wire
 
 NEPTUS, APAD = 0x4001, 0x2A01
 PATIENCE_S = 60.0
@@ -27,7 +27,7 @@ def console() -> Iterator[socket.socket]:
 
 @pytest.fixture
 def wire(console: socket.socket) -> Iterator[Wire]:
-    opened = Wire(("127.0.0.1", 0), (Console(console.getsockname(), NEPTUS),), multicast=False)
+    opened = Wire(("127.0.0.1", 0), (ImcConsole(console.getsockname(), NEPTUS),), multicast=False)
     yield opened
     opened.close()
 
@@ -101,7 +101,7 @@ def test_a_listed_console_gives_orders_from_its_other_interfaces_once_it_has_ann
 def test_a_console_without_an_id_is_shown_the_run_and_gives_no_orders(
     console: socket.socket, codec: Codec
 ) -> None:
-    wire = Wire(("127.0.0.1", 0), (Console(console.getsockname()),), multicast=False)
+    wire = Wire(("127.0.0.1", 0), (ImcConsole(console.getsockname()),), multicast=False)
     wire.send(imcpy.Heartbeat())
     assert isinstance(imcpy.Packet.deserialize(console.recv(1000)), imcpy.Heartbeat)
     console.sendto(codec.pack(codec.make("Abort"), NEPTUS, APAD), wire.address)
@@ -129,15 +129,15 @@ def test_what_is_no_imc_is_dropped_and_counted(wire: Wire, console: socket.socke
 
 
 def test_a_console_is_written_with_its_id_and_its_address() -> None:
-    assert Console.parse("0x4001@127.0.0.1:6001") == Console(("127.0.0.1", 6001), NEPTUS)
-    assert Console.parse("16385@127.0.0.1:6001").imc_id == NEPTUS
-    assert Console.parse("127.0.0.1:6001").imc_id is None
+    assert ImcConsole.parse("0x4001@127.0.0.1:6001") == ImcConsole(("127.0.0.1", 6001), NEPTUS)
+    assert ImcConsole.parse("16385@127.0.0.1:6001").imc_id == NEPTUS
+    assert ImcConsole.parse("127.0.0.1:6001").imc_id is None
 
 
 @pytest.fixture
 def group_wire(console: socket.socket) -> Iterator[Wire]:
     try:
-        opened = Wire(("127.0.0.1", 0), (Console(console.getsockname(), NEPTUS),), multicast=True)
+        opened = Wire(("127.0.0.1", 0), (ImcConsole(console.getsockname(), NEPTUS),), multicast=True)
     except OSError as error:
         pytest.skip(f"this machine has no multicast on its loopback: {error}")
     yield opened

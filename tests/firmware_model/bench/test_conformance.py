@@ -12,8 +12,8 @@ import pytest
 from firmware_model.bench import Bench
 from firmware_model.bench.conformance import (
     Case,
+    CaseReading,
     CaseResult,
-    Reading,
     RequirementSource,
     Verdict,
     captured,
@@ -128,7 +128,7 @@ def test_our_own_choice_differs_and_a_waived_case_names_its_reason() -> None:
 def test_another_reading_of_the_paper_differs() -> None:
     """V-A: "detects a falling edge [...] and reacts to this by using its buoyancy motors": before any packet."""
     at_the_edge = board(replace(worst_case_board(), release_wait_ms=0))
-    at_once = Reading("at the edge", "3s permission 70s rises 1min falls 1s", at_the_edge)
+    at_once = CaseReading("at the edge", "3s permission 70s rises 1min falls 1s", at_the_edge)
     sinks = board(replace(worst_case_board(), release_wait_ms=0))
     result = judged(DIVE, our_board, sinks, Died, {}, readings=[at_once])
     assert result.verdict is Verdict.DIFFERS

@@ -15,10 +15,10 @@ from hypothesis import strategies as st
 from agents.water.stream import STILL, CurrentConfig, TideConstituent
 from apad_bridge.scenario.schema import APad
 from apad_bridge.scenario.surface import (
-    Flow,
     FlowNow,
     LegForecast,
     Surface,
+    SurfaceFlow,
     Vector,
     free_drift_m_s,
     holding_effort,
@@ -136,20 +136,22 @@ def test_a_free_hull_slides_through_the_water_and_then_goes_with_it(config: APad
     assert apad.thruster_forces_n == (0.0,) * 4
 
 
-@pytest.mark.parametrize("flow", [Flow((0.2, -0.1), (3.0, 8.0)), Flow((0.0, 0.0), (10.0, 0.0))])
-def test_the_free_drift_is_the_velocity_at_which_water_and_air_push_alike(config: APad, flow: Flow) -> None:
+@pytest.mark.parametrize("flow", [SurfaceFlow((0.2, -0.1), (3.0, 8.0)), SurfaceFlow((0.0, 0.0), (10.0, 0.0))])
+def test_the_free_drift_is_the_velocity_at_which_water_and_air_push_alike(
+    config: APad, flow: SurfaceFlow
+) -> None:
     assert resistance_n(config, flow, free_drift_m_s(config, flow)) == pytest.approx((0.0, 0.0), abs=1e-12)
     # 4.3 % of the wind in still water; 3 % is the usual figure for what floats awash
-    assert free_drift_m_s(config, Flow((0.0, 0.0), (10.0, 0.0)))[0] == pytest.approx(0.428, abs=0.001)
+    assert free_drift_m_s(config, SurfaceFlow((0.0, 0.0), (10.0, 0.0)))[0] == pytest.approx(0.428, abs=0.001)
 
 
 def test_the_speed_made_good_is_that_of_the_triangle_of_velocities(config: APad) -> None:
-    assert made_good_m_s(config, Flow((-0.6, 0.0)), (1.0, 0.0)) == pytest.approx(0.4)
-    assert made_good_m_s(config, Flow((0.6, 0.0)), (1.0, 0.0)) == pytest.approx(1.6)
-    assert made_good_m_s(config, Flow((0.0, 0.6)), (1.0, 0.0)) == pytest.approx(0.8)
-    assert made_good_m_s(config, Flow((0.0, 1.1)), (1.0, 0.0)) <= 0.0
+    assert made_good_m_s(config, SurfaceFlow((-0.6, 0.0)), (1.0, 0.0)) == pytest.approx(0.4)
+    assert made_good_m_s(config, SurfaceFlow((0.6, 0.0)), (1.0, 0.0)) == pytest.approx(1.6)
+    assert made_good_m_s(config, SurfaceFlow((0.0, 0.6)), (1.0, 0.0)) == pytest.approx(0.8)
+    assert made_good_m_s(config, SurfaceFlow((0.0, 1.1)), (1.0, 0.0)) <= 0.0
     # 60 N in every direction, of which a wind of 25 m/s takes 50: sqrt(10 / 40) m/s are left
-    assert made_good_m_s(config, Flow((0.0, 0.0), (0.0, 25.0)), (1.0, 0.0)) == pytest.approx(0.5)
+    assert made_good_m_s(config, SurfaceFlow((0.0, 0.0), (0.0, 25.0)), (1.0, 0.0)) == pytest.approx(0.5)
 
 
 def test_a_leg_that_the_current_bars_anywhere_on_the_way_is_told_with_its_place(config: APad) -> None:
