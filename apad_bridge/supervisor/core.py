@@ -75,11 +75,11 @@ from apad_bridge.vehicle.outcomes import (
     PrimitiveFailed,
 )
 from firmware_model.packets import (
+    AnyStatus,
     CommandPacket,
     Kind,
     LogRecords,
     ShortStatus,
-    Status,
     StatusPacket,
     basic_of,
 )
@@ -253,7 +253,7 @@ class Supervisor:
                     return self._collect_samples(packet)
                 if isinstance(packet, ShortStatus):
                     return self._believe(packet, at_ms)
-                if isinstance(packet, Status):
+                if isinstance(packet, AnyStatus):
                     return self._believe(basic_of(packet), at_ms)
                 self.dropped["bytes that are no status packet"] += 1
                 return []

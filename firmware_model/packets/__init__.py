@@ -16,8 +16,8 @@ from firmware_model.packets.log_packets import LogRecords
 from firmware_model.packets.packets import Packet, decode
 from firmware_model.packets.status_packets import (
     AcousticStatus,
+    AnyStatus,
     ShortStatus,
-    Status,
     StatusPacket,
     WifiStatus,
     basic_of,
@@ -28,6 +28,7 @@ __all__ = [
     "EVERYONE",
     "PLAIN_KINDS",
     "AcousticStatus",
+    "AnyStatus",
     "Beacon",
     "Command",
     "CommandPacket",
@@ -40,7 +41,6 @@ __all__ = [
     "ShortStatus",
     "SleepSchedule",
     "SlotAssignment",
-    "Status",
     "StatusPacket",
     "Threshold",
     "WifiStatus",

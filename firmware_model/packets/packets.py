@@ -13,14 +13,14 @@ from firmware_model.packets.command_packets import Command
 from firmware_model.packets.log_packets import LogRecords
 from firmware_model.packets.status_packets import (
     AcousticStatus,
+    AnyStatus,
     ShortStatus,
-    Status,
     StatusPacket,
     WifiStatus,
 )
 from firmware_model.packets.wire import unsealed
 
-Packet = Status | ShortStatus | LogRecords | Command
+Packet = AnyStatus | ShortStatus | LogRecords | Command
 
 _BY_HEAD: dict[tuple[int, int], Callable[[bytes], Packet | None]] = {
     **{

@@ -217,10 +217,10 @@ class ShortStatus:
         return None if state is None else cls(agent_id, state, primary / 255, secondary / 255)
 
 
-Status = StatusPacket | AcousticStatus | WifiStatus
+AnyStatus = StatusPacket | AcousticStatus | WifiStatus
 """A status with a time and a place."""
 
 
-def basic_of(status: Status) -> StatusPacket:
+def basic_of(status: AnyStatus) -> StatusPacket:
     """The part that all of them have."""
     return status if isinstance(status, StatusPacket) else status.basic
