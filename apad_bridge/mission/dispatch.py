@@ -32,7 +32,7 @@ class Due:
     pool: Pool = ()
     """Those to collect from."""
     count: int = 0
-    """How many of these to collect."""
+    """The number of these to collect."""
 
 
 NOTHING_DUE = Due(())

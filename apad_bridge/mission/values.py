@@ -55,10 +55,10 @@ class ScriptEventKind(StrEnum):
 
     GOTO = "goto"
     DOCKING = "docking"
-    """As with `goto`, a primitive's status changed: see `status`, and `reason` when it failed."""
+    """A primitive's status changed, as with `goto`: see `status`, and `reason` when it failed."""
     DOCKED = "docked"
     UNDOCKED = "undocked"
-    """As with `docked`, a mechanism moved, ordered or not."""
+    """A mechanism moved, ordered or not, as with `docked`."""
     HEARD = "heard"
     """An aMussel was heard for the first time."""
     STATE = "state"
@@ -69,7 +69,7 @@ class ScriptEventKind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class ScriptEvent:
-    """What a script may wait for, at mission time `at_s`. The journal has its own events (`apad_bridge/events/`)."""
+    """An event for which a script may wait, at mission time `at_s`. The journal has its own events (`apad_bridge/events/`)."""
 
     at_s: float
     kind: ScriptEventKind

@@ -14,6 +14,7 @@ from apad_bridge.assembly.division import members
 from apad_bridge.events.mission import MissionEnd, StepGivenUp, Stuck
 from apad_bridge.events.run import EndReason
 from apad_bridge.events.union import event_of
+from apad_bridge.events.vehicle import DocksDisagree
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.summary import Ending, FailureCounts
@@ -275,12 +276,12 @@ def test_a_dock_that_never_closed_has_failed_and_one_that_missed_once_has_not() 
         failed(0),
     ]
     for kind, data in story:
-        counts.take(1000, kind, data)
+        counts.take(MissionMs(1000), event_of(kind, data))
     assert counts.figures()["failed_docks"] == [0]
 
 
 def test_a_charge_that_no_second_witness_proves_is_a_cause_with_its_count() -> None:
     counts, reason = FailureCounts(), "the vehicle reports it in a dock, the aMussel is not heard in it"
     for agent_id in (3, 4):
-        counts.take(1000, "docks_disagree", {"id": agent_id, "reason": reason})
+        counts.take(MissionMs(1000), DocksDisagree(agent_id, reason))
     assert counts.figures()["causes"] == {reason: 2}

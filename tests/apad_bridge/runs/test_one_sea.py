@@ -125,8 +125,8 @@ def test_a_current_beyond_the_hull_is_told_before_and_in_the_mission(pool: Scena
     assert first_ms <= 2000 and beyond == expected and 0 < len(expected) < 12
 
     counts = FailureCounts()
-    for event in facts_of(recorder):
-        counts.take(*event)
+    for at_ms, event in recorder.journal.entries:
+        counts.take(at_ms, event)
     assert set(counts.figures()["beyond_reach"]) >= expected
 
 

@@ -82,7 +82,7 @@ def fly_until_a_stimulus(flying: PreparedFlight, directory: RunDirectory, due_ms
         queued = False
         while not (queued and flying.flight.now_ms > due_ms):
             assert not flying.flight.step(), "the flight ended before"
-            queued = any(it["kind"] == "stimulus" for it in tail.read_new().lines)
+            queued = any(it.event.kind == "stimulus" for it in tail.read_new().entries)
 
 
 @pytest.fixture

@@ -90,7 +90,7 @@ def test_the_mission_is_flown_by_sound_alone() -> None:
 
 def test_the_same_seed_gives_the_same_packets_and_another_seed_others() -> None:
     noisy = {"sound": {"noise_db_per_hz": 110.0, "fading_db": 4.0}}
-    first, second = (fly_in_memory(in_water(370, noisy))[1].events for _ in range(2))
+    first, second = (facts_of(fly_in_memory(in_water(370, noisy))[1]) for _ in range(2))
     assert first == second
     lost = [row[1] for packet in packets(fly_in_memory(in_water(370, noisy))[1]) for row in packet["heard"]]
     assert {"noise", "received"} <= set(lost)

@@ -8,6 +8,7 @@ import shutil
 from dataclasses import replace
 
 import pytest
+from journals import journal_of
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from apad_bridge.analysis.report import figures
@@ -95,7 +96,7 @@ def test_a_fault_is_told_with_what_followed_for_its_amussel():
         {"t": 701_000, "kind": "vehicle_silent", "name": "apad1", "since_ms": 700_000},
         {"t": 702_000, "kind": "end", "reason": "mission time"},
     ]
-    fault, given_up, left, silent = troubles_in(lines)
+    fault, given_up, left, silent = troubles_in(journal_of(lines).entries)
     assert fault.fault.text == "fault of aMussel 3: brown_out"
     assert [it.at_ms for it in fault.followed] == [3000]  # not 4's, and not later than ten minutes
     assert given_up.followed == () and left.followed == ()
