@@ -174,7 +174,7 @@ class GoingHome:
         self._next_step = next_step
         self._end = end
         self.for_good = False
-        """The docked aMussels are brought back as they are, and the aPad goes home. A resumed mission finds it out again."""
+        """The docked aMussels go back as they are, and the aPad goes home. A resumed mission finds it out again."""
         self._failed_ms: int | None = None
         """The time at which a way home failed; it is not tried again for a while."""
 

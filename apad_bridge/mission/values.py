@@ -69,7 +69,7 @@ class ScriptEventKind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class ScriptEvent:
-    """An event for which a script may wait, at mission time `at_s`. The journal has its own events (`apad_bridge/events/`)."""
+    """An event for which a script may wait, at `at_s`. The journal has its own events (`apad_bridge/events/`)."""
 
     at_s: float
     kind: ScriptEventKind

@@ -71,14 +71,24 @@ class LineServer(socketserver.ThreadingUnixStreamServer):
                     oldest.shutdown(socket.SHUT_RDWR)  # its thread then closes it
         super().process_request(request, client_address)
 
-    def spoke(self, client: socket.socket) -> None:
-        """Notes that the client has written its line, or has left."""
-        with self._lock:
-            self._silent.pop(client, None)
+    def read_line(self, client: socket.socket) -> bytes:
+        """The client's line, at most `LONGEST_LINE` long; empty for one that wrote none in `CLIENT_S`, or has left."""
+        line, is_whole, end_s = b"", False, time.monotonic() + CLIENT_S
+        while not is_whole and readable(client.fileno(), max(0.0, end_s - time.monotonic())):
+            # Whoever looks for silent clients finds the line unread, or its client gone from among them.
+            with self._lock:
+                data = client.recv(LONGEST_LINE - len(line), socket.MSG_DONTWAIT)
+                line += data
+                is_whole = not data or b"\n" in data or len(line) == LONGEST_LINE
+                if is_whole:
+                    self._silent.pop(client, None)
+        head, newline, _ = line.partition(b"\n")
+        return head + newline if is_whole else b""
 
     def shutdown_request(self, request: Any) -> None:
         """Closes a client's link, also where no thread could begin for it."""
-        self.spoke(request)
+        with self._lock:
+            self._silent.pop(request, None)
         super().shutdown_request(request)
 
     def service_actions(self) -> None:
@@ -91,15 +101,12 @@ class LineServer(socketserver.ThreadingUnixStreamServer):
         self._reserve.close()
 
 
-class _Handler(socketserver.StreamRequestHandler):
-    timeout = CLIENT_S
+class _Handler(socketserver.BaseRequestHandler):
     server: LineServer
 
     def handle(self) -> None:
         with suppress(OSError):  # the client left: its order stands
-            try:
-                line = self.rfile.readline(LONGEST_LINE)
-            finally:
-                self.server.spoke(self.request)
+            line = self.server.read_line(self.request)
             if line:  # without one it looked whether anybody listens
-                self.wfile.write(self.server.answered(line) + b"\n")
+                self.request.settimeout(CLIENT_S)
+                self.request.sendall(self.server.answered(line) + b"\n")
