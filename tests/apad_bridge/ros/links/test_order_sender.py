@@ -108,7 +108,8 @@ def test_a_server_whose_connection_ends_has_not_taken_the_stop(bench: Bench) -> 
     bench.off()
     bench.topic.readers[OBSERVER].read()
     assert bench.answers.empty()
-    server = bench.topic.readers.pop(SERVER)
+    server = bench.topic.readers[SERVER]
+    bench.topic.readers = {it: reader for it, reader in bench.topic.readers.items() if it != SERVER}
     assert bench.answer() == LOST
     assert bench.line.readers() == []
     bench.off()
