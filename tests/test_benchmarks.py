@@ -1,6 +1,5 @@
 """The command that runs benchmarks: one, or all with a page of their results."""
 
-import ast
 import json
 import os
 import shutil
@@ -18,17 +17,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from shapely import Point, Polygon
 
 from apad_bridge.planning.registry import collection
-from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Dispatch, DriftMode
-from apad_bridge.studies.figures import COLUMNS
 from apad_bridge.studies.models import Model, fly
-from apad_bridge.studies.specification import load_study
-from benchmarks import bounds, planner, plans, second_model, ten_days
+from benchmarks import plans
 from benchmarks.instances import check
-from benchmarks.mutations import first_changes, fresh_changes, held_out_changes
 from benchmarks.plan_study import route
 from benchmarks.plan_study.exact import ExactSearch
 from benchmarks.plan_study.nearest_job import (
@@ -122,83 +116,25 @@ def test_one_prints_json_and_refuses_what_it_has_no_use_for(run: Path) -> None:
     assert flown(run, "all").returncode == 2
 
 
-@pytest.mark.parametrize("file", ["pool-12.yaml", "bay-24.yaml"])
-def test_held_out_configurations_have_other_shapes_and_charges_for_all_strategies_alike(file: str) -> None:
-    plan = planner.plan_for(planner.CONDITIONS["free surfacing"], file, 40)
-    own = load(planner.SCENARIOS / file).area.polygon_m
-    scenarios = [plan.scenario(0, 0, seed) for seed in plan.seeds]
-    assert min(plan.seeds) >= planner.FIRST_HELD_OUT
-    assert all(
-        Polygon(it.area.polygon_m).area == pytest.approx(Polygon(own).area, rel=2e-3) for it in scenarios
-    )
-    assert all(Polygon(it.area.polygon_m).contains(Point(it.apad.start_m)) for it in scenarios)
-    assert len({it.area.polygon_m for it in scenarios}) == 4 and own in {
-        it.area.polygon_m for it in scenarios
-    }
-    assert len({it.fleet.start for it in scenarios}) == len(planner.CHARGES)
-    last = len(plan.strategies) - 1
-    assert all(plan.scenario(0, last, it.seed).area == it.area for it in scenarios)
-
-
-def test_a_comparison_by_hand() -> None:
-    """Two configurations: a strategy with 3 and 5 points more than Cautious on 10 m less than Greedy's 100 and 110."""
-    plan = planner.plan_for(planner.CONDITIONS["2 % a surfacing"], "pool-12.yaml", 2)
-    rows = [
-        dict.fromkeys(COLUMNS, 0.0)
-        | {"strategy": name, "seed": seed, "uptime_paper_mean": uptime, "metres": metres}
-        for name, uptimes, ways_m in (
-            ("cautious", (70.0, 72.0), (200.0, 200.0)),
-            ("greedy", (60.0, 60.0), (100.0, 110.0)),
-            ("rollout-fair", (73.0, 77.0), (90.0, 100.0)),
-        )
-        for seed, uptime, metres in zip(plan.seeds, uptimes, ways_m, strict=True)
-    ]
-    flown = replace(plan, strategies=("cautious", "greedy", "rollout-fair"))
-    found = planner.compared(flown, rows)
-    assert found["services_of_greedys_way"] == pytest.approx(
-        105 / (0.7124 * 7), rel=1e-3
-    )  # 588 square metres
-    ours = found["strategies"]["rollout-fair"]
-    mean, low, high = ours["differences"]["uptime_paper_mean"]
-    assert mean == pytest.approx(4) and (high - low) / 2 == pytest.approx(
-        12.706, rel=1e-3
-    )  # t for one degree
-    assert ours["metres_of_greedy"] == pytest.approx(95 / 105)
-    assert ours["metres_more_than_greedy"][0] == pytest.approx(-10)
-
-
-def test_a_fleet_that_sleeps_is_measured_just_below_its_law(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A day of boards that process for 4 min an hour. Their law counts all but ways, the time afloat and empty docks."""
-    monkeypatch.setattr(ten_days, "DOCKS", 1)
-    monkeypatch.setattr(ten_days, "TIMESLOTS", 12)
-    found = ten_days.duty_cycle(240, 1)
-    assert found["amussels"] <= found["law"] < found["amussels"] + 1
-    assert 0.95 < found["of_law"] < 1
-    assert found["dead_time_h"] == 0
-
-
-NAMES = sorted(path.stem for path in RUN.parent.glob("*.py"))
-QUICK = {"board"}
+QUICK = ("board",)
 """Their short tiers take a second or two."""
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_each_benchmark_has_a_short_tier(name: str) -> None:
-    (measure,) = (
-        it
-        for it in ast.parse((RUN.parent / f"{name}.py").read_text()).body
-        if isinstance(it, ast.FunctionDef) and it.name == "measure"
-    )
-    assert "short" in {it.arg for it in measure.args.args}
+CAMPAIGNS = RUN.parents[1] / "tests" / "campaigns"
+SHORT = [(RUN, path.stem) for path in sorted(RUN.parent.glob("*.py"))]
+SHORT += [
+    (CAMPAIGNS / "run", path.parent.name)
+    for path in sorted(CAMPAIGNS.glob("*/campaign.py"))
+    if path.parent.name not in ("kills", "safety")  # these fly whole minutes
+]
 
 
 @pytest.mark.parametrize(
-    "name", [it if it in QUICK else pytest.param(it, marks=pytest.mark.short_tiers) for it in NAMES]
+    ("command", "name"),
+    [pytest.param(*it, id=it[1], marks=() if it[1] in QUICK else pytest.mark.short_tiers) for it in SHORT],
 )
-def test_a_short_tier_shows_its_rows_as_they_come(name: str) -> None:
+def test_a_short_tier_shows_its_rows_as_they_come(command: Path, name: str) -> None:
     """Both outputs are one pipe, so a row that is told with the result would stand behind it."""
     done = subprocess.run(
-        [sys.executable, str(RUN), name, "--short", "--json"],
+        [sys.executable, str(command), name, "--short", "--json"],
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
@@ -219,53 +155,6 @@ def test_a_short_tier_has_the_old_keys_and_its_rows_stand_on_standard_error() ->
     rows = [json.loads(it) for it in done.stderr.splitlines() if it.startswith("{")]
     assert len(rows) == result["repeats"] == 5
     assert min(it["ms_per_20_hours"] for it in rows) <= result["ms_per_20_hours"]
-
-
-def test_a_search_for_missions_that_beat_a_bound_goes_on_where_it_was_ended(tmp_path: Path) -> None:
-    whole = bounds.measure(tries=4)
-    bounds.measure(tries=2, resume=tmp_path)
-    assert bounds.measure(tries=4, resume=tmp_path) == whole
-    flown = [it for it in (tmp_path / "tries.jsonl").read_text().splitlines() if json.loads(it)["held"]]
-    assert len(flown) == whole["tries"] == 4
-
-
-SOURCE = """\
-enum colour { RED, GREEN, BLUE };
-int paint(int from, int until) {
-    if (from < until)
-        spray(from, until);
-    else
-        mu_refuse("nothing to paint");
-    colour = GREEN;
-    done = 10;
-    return from - 1;
-}
-"""
-
-
-def test_a_held_out_mutant_has_a_mistake_of_another_kind_than_the_first_ones(tmp_path: Path) -> None:
-    (tmp_path / "paint.c").write_text(SOURCE)
-    files = (tmp_path / "paint.c",)
-    held_out = {it.key for it in held_out_changes(files, ())}
-    assert held_out == {
-        ("if (from < until)", "if (!(from < until))"),
-        ("if (from < until)", "if (from <= until)"),
-        ("else", ""),
-        ("spray(from, until);", "spray(until, from);"),
-        ("int paint(int from, int until) {", "int paint(int until, int from) {"),
-        ("done = 10;", "done = 100;"),
-        ("return from - 1;", "return from;"),
-        ("return from - 1;", "return 1 - from;"),
-        ("colour = GREEN;", "colour = BLUE;"),
-        ("colour = GREEN; done = 10;", "done = 10; colour = GREEN;"),
-    }
-    assert not held_out & {it.key for it in first_changes(files)}
-    (swapped,) = [it for it in held_out_changes(files, ()) if it.key[1] == "spray(until, from);"]
-    assert swapped.applied() == SOURCE.replace("spray(from, until)", "spray(until, from)")
-    assert str(swapped) == "paint.c:4: spray(from, until);  ->  spray(until, from);"
-    fresh = [it.key for it in fresh_changes(files, ())]
-    assert len(set(fresh)) == len(fresh)
-    assert set(fresh) == held_out | {it.key for it in first_changes(files)}
 
 
 INSTANCES = sorted(it for it in plans.FOLDER.glob("*.json") if not it.stem.endswith("-best"))
@@ -504,28 +393,3 @@ def test_who_is_docked_at_the_end_still_owes_its_way_down() -> None:
 def test_a_plan_that_cannot_be_flown_is_an_error(steps: list[list[object]], mistake: str) -> None:
     with pytest.raises(ValueError, match=mistake):
         check.scored(small_instance(), {"steps": steps})
-
-
-def test_the_second_model_of_a_mission_comes_near_to_the_flight() -> None:
-    """Three configurations of the cell that leaves most to chance: 20 aMussels, and docks that hold seven."""
-    plan = load_study(second_model.STUDY)
-    cell = {"cell": "60 x 20 m, 20 aMussels, 2 docks", "duration_s": 9600}
-    (setting,) = (
-        index for index, it in enumerate(plan.settings) if cell.items() <= dict(it.parameters).items()
-    )
-    flies = second_model.rules_of(plan)
-    modelled = {}
-    for name in ("cautious", "greedy", "from 0.2 when one is empty", "0.62 to 0.95"):
-        seeds = (101, 102, 103)
-        ours = [flies[name](second_model.missions(plan, setting, seed)) for seed in seeds]
-        index = plan.strategies.index(name)
-        flights = [fly(plan.scenario(setting, index, seed), Model.EVENT_DRIVEN) for seed in seeds]
-        for own, flight in zip(ours, flights, strict=True):
-            assert own["uptime_paper_mean"] == pytest.approx(flight.uptime_paper_mean, abs=1.5), name
-        # One release at a far place doubles the way of a compact core, so the metres are those of all three.
-        metres = fmean(it.metres for it in flights)
-        assert fmean(own["metres"] for own in ours) == pytest.approx(metres, rel=0.35), name
-        modelled[name] = [it["uptime_paper_mean"] for it in ours]
-    assert all(
-        core > greedy + 2 for core, greedy in zip(modelled["0.62 to 0.95"], modelled["greedy"], strict=True)
-    )

@@ -139,17 +139,43 @@ def in_cells(chosen: list[Job], kept: Kept) -> dict[tuple[str, str], list[Result
     return cells
 
 
-def show(result: dict[str, Any], console: Console) -> None:
-    """Prints a line of a table for each of `rows`. A cell's lists stand below it, and so do those that were not tried."""
-    rows: list[Result] = result["rows"]
-    names = [name for name in rows[0] if not isinstance(rows[0][name], list)]
-    table = Table(*(name.replace("_", " ") for name in names))
+def show(result: dict[str, Any], console: Console, under: str = "") -> None:
+    """Prints a result: a list of rows as a table, all else as a line each. A row's lists stand below its table."""
+    for name, value in result.items():
+        title = f"{under}{_in_words(name)}"
+        if isinstance(value, dict):
+            show(value, console, f"{title}: ")
+        elif isinstance(value, list) and value and isinstance(value[0], dict):
+            _show_rows(title, value, console)
+        else:
+            console.print(f"{title}: {_in_short(value)}", markup=False)
+
+
+def _show_rows(title: str, rows: list[Result], console: Console) -> None:
+    names = [name for name, cell in rows[0].items() if not isinstance(cell, list | dict)]
+    table = Table(*map(_in_words, names), title=title)
     for row in rows:
-        table.add_row(*("-" if row[name] is None else str(row[name]) for name in names))
+        table.add_row(*(_in_short(row[name]) for name in names))
     console.print(table)
     for row in rows:
-        for name, lines in row.items():
-            for line in lines if isinstance(lines, list) else ():
-                console.print(f"{row['row']}, {row['generation']}: {name}: {line}", markup=False)
-    for what, why in result["not_tried"].items():
-        console.print(f"not tried: {what}: {why}")
+        head = ", ".join(cell for cell in row.values() if isinstance(cell, str))
+        for name, cell in row.items():
+            lines = cell if isinstance(cell, list) else _short_items(cell) if isinstance(cell, dict) else []
+            for line in lines:
+                console.print(f"{head}: {_in_words(name)}: {_in_short(line)}", markup=False)
+
+
+def _short_items(cell: dict[str, Any]) -> list[str]:
+    return [", ".join(f"{_in_words(str(name))} {_in_short(value)}" for name, value in cell.items())]
+
+
+def _in_words(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def _in_short(value: Any) -> str:
+    if isinstance(value, dict):
+        return "; ".join(_short_items(value))
+    if isinstance(value, list | tuple):
+        return ", ".join(map(_in_short, value)) or "none"
+    return "-" if value is None else f"{value:.4g}" if isinstance(value, float) else str(value)

@@ -8,10 +8,10 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
+from mutants import campaign as mutants
 from native_boards import NATIVE, compiled, compiled_with, script
 
 from apad_bridge.commands.main import main
-from benchmarks import mutants
 from firmware_model.bench.conformance_cases import CASES
 
 pytestmark = pytest.mark.system
@@ -519,7 +519,7 @@ def test_a_mutant_of_the_whole_board_is_caught(
 
 
 def test_generated_mutants_of_both_boards_are_caught() -> None:
-    """A short form of `benchmarks/run mutants`."""
+    """A short form of `tests/campaigns/run mutants`."""
     rows = mutants.measure(tries=2, row=["first"])["boards"]
     assert [(it["board"], it["mutants"], it["caught"]) for it in rows] == [
         ("worst case", 2, 2),

@@ -25,8 +25,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-from rich.table import Table
 from two_machines import (
     Link,
     Lose,
@@ -50,7 +48,7 @@ from apad_bridge.ros.types.messages import generated_folder
 from apad_bridge.scenario.loader import from_data, load, resolve, write_resolved
 from benchmarks.rows import told
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[3]
 MUSSELBED = [sys.executable, "-m", "apad_bridge.commands.main"]
 LINK = Link(loss=0.05, delay_s=0.2)
 CALM = Link(loss=0.0, delay_s=0.0)
@@ -257,31 +255,3 @@ def merged(bags: tuple[Path, Path], out: Path) -> dict[str, Any]:
 def contents(bag: Path) -> Counter[tuple[str, int]]:
     """Each message by topic and bytes, and how often it is there: counted beside the merging code, from the bag alone."""
     return Counter((it.connection.topic, hash(bytes(it.data))) for it in recorded_messages(bag))
-
-
-def show(result: dict[str, Any], console: Console) -> None:
-    table = Table(
-        title=f"{result['minutes']:g} min at theta {result['theta']}: {100 * result['loss']:g} % of packets lost, "
-        f"{1000 * result['delay_s']:g} ms each way, a clock {result['clock_ahead_s']:g} s ahead"
-    )
-    for column in ("", "services", "way [m]", "uptime %", "lost", "given up"):
-        table.add_column(column, justify="left" if not column else "right")
-    for name in ("flight", "virtual_time"):
-        it = result[name]
-        cells = (it["services"], f"{it['cost_m']:.1f}", f"{it['uptime']['mean']:.2f}", it["amussels_lost"])
-        table.add_row(name.replace("_", " "), *map(str, cells), str(it["steps_given_up"]))
-    console.print(table)
-    run, logs = result["run"], result["logs"]
-    console.print(f"red at the preflight, and overridden: {', '.join(result['red']) or 'nothing'}")
-    console.print(
-        f"guards {dict(run['guards'])}, the vehicle silent {run['vehicle_silent']} times, "
-        f"a person asked {run['person_asked']} times"
-    )
-    console.print(
-        f"logs: {logs['first']} messages on the aPad, {logs['second']} at the bench, {logs['both']} in both, "
-        f"{logs['merged']} merged, of which {logs['lacking']} lack"
-    )
-    console.print(
-        f"the bench's clock is {logs['offset_s']:+.3f} s from the aPad's (median), with {logs['steps']} steps "
-        "that no clock made"
-    )

@@ -11,7 +11,7 @@ from agents.time_scale import MissionMs, TimeScale
 from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.measurement import TimeslotSilent
 from apad_bridge.beliefs.twin import Twin
-from benchmarks.belief_study.filters import MINUTE, NOMINAL
+from beliefs.filters import MINUTE, NOMINAL
 from firmware_model.packets import StatusPacket
 from firmware_model.states import State
 

@@ -1,14 +1,14 @@
-"""Some of the inputs of the fuzz benchmark to each door, and failures that the benchmark would find."""
+"""Some of the inputs of the campaign to each door, and failures that it would find."""
 
 from __future__ import annotations
 
-import importlib.util
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import pytest
+from fuzz import campaign as fuzz
 
 from agents.modem import command_handler
 from agents.modem.modem import Modem, ModemTimer
@@ -16,7 +16,6 @@ from firmware_model.packets import StatusPacket
 
 pytestmark = pytest.mark.slow
 
-BENCHMARK = Path(__file__).parents[1] / "benchmarks" / "fuzz.py"
 DOORS = (
     "modem",
     "packets",
@@ -30,16 +29,7 @@ DOORS = (
 )
 
 
-@pytest.fixture(scope="module")
-def fuzz() -> Any:
-    spec = importlib.util.spec_from_file_location("fuzz", BENCHMARK)
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-def test_no_input_of_the_modem_or_the_packets_loses_anything(fuzz: Any) -> None:
+def test_no_input_of_the_modem_or_the_packets_loses_anything() -> None:
     modems = fuzz.tried("modem", 6_000, seed=1)["came"]
     assert modems["modem: answered afterwards"] == 6_000
     assert min(modems[f"modem: {kind}"] for kind in ("bytes", "frame", "power")) > 500
@@ -48,16 +38,16 @@ def test_no_input_of_the_modem_or_the_packets_loses_anything(fuzz: Any) -> None:
 
 
 @pytest.mark.parametrize("door", DOORS)
-def test_every_door_stands_some_inputs_and_the_same_ones_for_a_seed(fuzz: Any, door: str) -> None:
+def test_every_door_stands_some_inputs_and_the_same_ones_for_a_seed(door: str) -> None:
     first, again = (fuzz.tried(door, 60, seed=1) for _ in range(2))
     assert first["inputs"] == 60 and first["came"] == again["came"]
 
 
-def test_there_is_no_other_door(fuzz: Any) -> None:
+def test_there_is_no_other_door() -> None:
     assert tuple(fuzz.DOORS) == DOORS
 
 
-def test_a_modem_that_forgets_its_address_is_seen(fuzz: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_modem_that_forgets_its_address_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     start_up = Modem._start_up
 
     def forgetful(modem: Modem) -> None:
@@ -69,7 +59,7 @@ def test_a_modem_that_forgets_its_address_is_seen(fuzz: Any, monkeypatch: pytest
         fuzz.tried("modem", 10_000, seed=1)
 
 
-def test_a_modem_that_hangs_is_seen(fuzz: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_modem_that_hangs_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     handle = command_handler.handle
     monkeypatch.setattr(
         command_handler,
@@ -88,14 +78,14 @@ def test_a_modem_that_hangs_is_seen(fuzz: Any, monkeypatch: pytest.MonkeyPatch) 
 _TIMERS = Modem._timers
 
 
-def test_a_packet_that_changes_is_seen(fuzz: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_packet_that_changes_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     encode = StatusPacket.encode
     monkeypatch.setattr(StatusPacket, "encode", lambda packet: encode(packet)[:-1] + b"\0")
     with pytest.raises(fuzz.Broken, match="does not decode"):
         fuzz.tried("packets", 1_000, seed=1)
 
 
-def test_an_input_that_takes_for_ever_is_seen(fuzz: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_input_that_takes_for_ever_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     def endless(rng: Any, counts: Any) -> None:
         while True:
             pass

@@ -13,8 +13,8 @@ import numpy.typing as npt
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.mixture import Gaussian, below, below_strictly, normal_cdf
 from apad_bridge.beliefs.modes import DOCKED, Mode
-from benchmarks.belief_study import filters, peers
-from benchmarks.belief_study.truth import Array, Doing, Life, live
+from beliefs import filters, peers
+from beliefs.truth import Array, Doing, Life, live
 
 REPORTED = (11, 12, 13)
 TUNED_ON = 901

@@ -1,4 +1,4 @@
-"""The study's functions on a small fleet; `benchmarks/run beliefs` runs the whole study."""
+"""The study's functions on a small fleet; `tests/campaigns/run beliefs` runs the whole study."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[3]))
 
-from benchmarks.belief_study import filters, peers, study
-from benchmarks.belief_study.score import score
-from benchmarks.belief_study.truth import Doing, Life, live
+from beliefs import filters, peers, study
+from beliefs.score import score
+from beliefs.truth import Doing, Life, live
 
 AGENTS, HOURS = 12, 144
 

@@ -31,8 +31,6 @@ from typing import Any
 
 import numpy as np
 import yaml
-from rich.console import Console
-from rich.table import Table
 
 from apad_bridge.commands.look.check import broken_rules
 from benchmarks.console import Clients, Flight, end_program
@@ -45,7 +43,7 @@ SHORT_MINUTES, SHORT_DAYS = 0.5, 0.1
 WARM_PART = 0.25
 PROC = Path("/proc")
 MUSSELBED = [sys.executable, "-m", "apad_bridge.commands.main"]
-SEVERAL = Path(__file__).parents[1] / "launch_scripts/scenarios/bay-120.yaml"
+SEVERAL = Path(__file__).parents[3] / "launch_scripts/scenarios/bay-120.yaml"
 UNLIMITED_WH = 1e6
 COUNTED = {"private_mb": ".1f", "descriptors": "d", "threads": "d"}
 """The counted quantities, each with the format of its cells."""
@@ -232,36 +230,3 @@ def _row(kind: str, used: list[Used], unit: str, unit_s: float) -> dict[str, Any
         row[key] = _three(values)
         row[f"{key}_per_{unit}"] = float(np.polyfit(times, values, 1)[0]) if len(set(times)) > 1 else None
     return row
-
-
-def show(result: dict[str, Any], console: Console) -> None:
-    real, virtual = result["real_time"], result["virtual_time"]
-    console.print(_table(real, "hour"))
-    console.print(
-        f"{real['minutes']:g} minutes, {real['agents']} aMussels, {real['ticks']} ticks, {real['broken_rules']} broken laws"
-    )
-    console.print(
-        f"docked so far after a quarter, in the middle and at the end: {', '.join(map(str, real['docked_so_far']))}"
-    )
-    console.print(_table(virtual, "day"))
-    console.print(
-        f"{virtual['days']:g} days, {virtual['agents']} aMussels, {virtual['apads']} aPads, in {virtual['took_s']:.0f} s; "
-        f"{virtual['broken_rules']} broken laws"
-    )
-
-
-def _table(flight: dict[str, Any], unit: str) -> Table:
-    a_unit = f"in {'an' if unit == 'hour' else 'a'} {unit}"
-    table = Table(
-        "process", "MB after a quarter, middle, end", a_unit, "descriptors", a_unit, "threads", a_unit
-    )
-    for row in flight["rows"]:
-        cells = [f"{row['process']} ({row['processes']})"]
-        for key, form in COUNTED.items():
-            slope = row[f"{key}_per_{unit}"]
-            cells += [
-                ", ".join(format(it, form) for it in row[key]),
-                "unknown" if slope is None else f"{slope:+.2f}",
-            ]
-        table.add_row(*cells)
-    return table

@@ -20,9 +20,6 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
-from rich.console import Console
-from rich.table import Table
-
 from apad_bridge.assembly.capacity import (
     Bounds,
     bounds_of,
@@ -38,7 +35,7 @@ from apad_bridge.studies.figures import Figures
 from apad_bridge.studies.models import Model, fly
 from benchmarks.rows import told
 
-POOL = Path(__file__).parents[1] / "launch_scripts/scenarios/pool-12.yaml"
+POOL = Path(__file__).parents[3] / "launch_scripts/scenarios/pool-12.yaml"
 TRIES, SHORT_TRIES = 2000, 20
 SEED = 34
 KEPT = 12
@@ -272,15 +269,3 @@ def _next(random: Random, nearest: dict[str, list[tuple[float, int, Drawn]]]) ->
         return {key: draw(random) for key, draw in DRAWS.items()}
     close = random.choice(nearest[random.choice(sorted(nearest))])[2]
     return {key: draw(random) if random.random() < CHANGED else close[key] for key, draw in DRAWS.items()}
-
-
-def show(result: dict[str, Any], console: Console) -> None:
-    table = Table(title=f"{result['tries']} missions against each printed bound")
-    for heading in ("bound", "flights", "greatest figure / bound", "beaten"):
-        table.add_column(heading, justify="right" if heading != "bound" else "left")
-    for row in result["rows"]:
-        count = sum(it["bound"] == row["bound"] for it in result["beaten"])
-        table.add_row(row["bound"], str(row["flights"]), f"{row['ratio']:.4f}", str(count))
-    console.print(table)
-    for it in result["beaten"][:10]:
-        console.print(f"{it['bound']}: {it['figure']:.4f} flown, {it['limit']:.4f} printed: {it['keys']}")

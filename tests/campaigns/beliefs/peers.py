@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 from filterpy.kalman import IMMEstimator, KalmanFilter
 
-from benchmarks.belief_study.truth import NOISE, Array, Doing, Life
+from beliefs.truth import NOISE, Array, Doing, Life
 
 RATES = np.array([-0.004, -0.063, -0.108, 0.16])
 """An hour asleep, idle, under high load, docked."""

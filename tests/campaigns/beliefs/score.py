@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.belief_study.truth import Array
+from beliefs.truth import Array
 
 AGES = (
     ("now", 0, 0),

@@ -23,9 +23,6 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any, TypeVar
 
-from rich.console import Console
-from rich.table import Table
-
 from agents.fleet import Spread
 from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Truth
@@ -51,7 +48,7 @@ from firmware_model.power.charge import ChargeModel, fraction
 from firmware_model.states import State
 
 Packet = TypeVar("Packet", StatusPacket, ShortStatus)
-SCENARIO = Path(__file__).parents[1] / "launch_scripts/scenarios/sound-12.yaml"
+SCENARIO = Path(__file__).parents[3] / "launch_scripts/scenarios/sound-12.yaml"
 MISSION_S = 36_000
 """More than the aPad's battery lasts, which ends a flight after 4.5 to 5.1 h: three rounds of charge and more for most
 aMussels."""
@@ -400,25 +397,3 @@ def _binned_scores(head: dict[str, Any], flights: list[list[Row]]) -> Iterator[d
         some = [row for rows in flights for row in rows if (row.rounds >= ROUNDS) is bool(after)]
         for name, here in binned(some):
             yield {**head, "rounds": after, "bin": name, **score(here)}
-
-
-def show(result: dict[str, Any], console: Console) -> None:
-    for title, rows in (
-        (f"Twins told nothing of their boards, populations {result['seeds']}", result["bins"]),
-        ("Twins that learn nothing of their boards", result["before"]),
-        ("Twins that assume another share of permissions to arrive", result["assumed"]),
-        (f"Ageing, at the begin of round {ROUNDS + 1}", result["ageing"]),
-        ("Suspects", [it for it in result["suspects"] if "suspects" in it]),
-        (
-            f"aMussel {LIAR}, whose codec takes {-LIE} off",
-            [it for it in result["suspects"] if "suspect" in it],
-        ),
-    ):
-        if not rows:
-            continue
-        table = Table(title=title)
-        for name in rows[0]:
-            table.add_column(name, justify="left" if name in ("boards", "bin") else "right")
-        for row in rows:
-            table.add_row(*(f"{it:.3f}" if isinstance(it, float) else str(it) for it in row.values()))
-        console.print(table)

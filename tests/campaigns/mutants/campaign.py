@@ -1,6 +1,6 @@
 """Mutants of the boards in C, judged by the conformance kit: the changes that its cases catch, and those that they miss.
 
-A mutant is a board with one change, at `tries` places of each board on each route of `benchmarks.mutations` (`--row`: on
+A mutant is a board with one change, at `tries` places of each board on each route of `mutations.py` (`--row`: on
 this one alone). Cases were added for what the first route found, and a few for the held out one. The fresh one was
 chosen before a run, from places that no other route has judged, and no case was added for it. `caught` ones fail a case
 of `musselbed mu conform`. `differing` ones only differ in a case that cites our own choice, and `by_chance` ones in a
@@ -19,17 +19,15 @@ from pathlib import Path
 from typing import Any
 
 from native_boards import NATIVE
-from rich.console import Console
-from rich.table import Table
 
 from agents.mussel.firmware_failure import FirmwareFailed
 from apad_bridge.commands.firmware.mu_program import our_rig, rig_of
-from benchmarks.mutations import Change, first_changes, fresh_changes, held_out_changes
 from benchmarks.rows import told
 from firmware_model.bench.conformance import Case, RequirementSource, Verdict, history, judged, random_cases
 from firmware_model.bench.conformance_cases import CASES
 from firmware_model.bench.rigs import RigHistory, lasts_ms
 from firmware_model.bench.whole_conformance_cases import WHOLE_CASES
+from mutants.mutations import Change, first_changes, fresh_changes, held_out_changes
 
 TRIES, SHORT_TRIES = 42, 1
 RANDOM = 150
@@ -244,37 +242,6 @@ def measure(tries: int = TRIES, short: bool = False, row: Sequence[str] | None =
                 for name, board in BOARDS.items()
             ]
         }
-
-
-def show(result: dict[str, Any], console: Console) -> None:
-    table = Table(title="Mutants of the boards in C, judged by the conformance kit")
-    for name in (
-        "board",
-        "route",
-        "mutants",
-        "caught",
-        "differ",
-        "by random scripts",
-        "equivalent",
-        "missed",
-    ):
-        table.add_column(name, justify="left" if name in ("board", "route") else "right")
-    for row in result["boards"]:
-        figures = (
-            row["mutants"],
-            row["caught"],
-            row["differing"],
-            row["by_chance"],
-            len(row["equivalent"]),
-            len(row["survivors"]),
-        )
-        table.add_row(row["board"], row["route"], *map(str, figures))
-    console.print(table)
-    for row in result["boards"]:
-        for survivor in (*(f"missed: {it}" for it in row["survivors"]), *row["equivalent"]):
-            console.print(
-                f"  {row['board']}, {row['route']}, {survivor}", markup=False, highlight=False, soft_wrap=True
-            )
 
 
 def _judge_mutants(board: Board, route: str, folder: Path, tries: int) -> dict[str, Any]:

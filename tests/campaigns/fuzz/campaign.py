@@ -23,8 +23,6 @@ from pathlib import Path
 from typing import Any
 
 import msgpack
-from rich.console import Console
-from rich.table import Table
 
 from agents.fleet import resting_on_bottom
 from agents.hosting import agent_links, link_protocol
@@ -69,7 +67,7 @@ from firmware_model.states import State
 INPUTS = 1_000_000
 MINUTES, SHORT_MINUTES = 5.0, 0.05
 SEED = 20260101
-SCENARIO = Path(__file__).parents[1] / "launch_scripts" / "scenarios" / "pool-12.yaml"
+SCENARIO = Path(__file__).parents[3] / "launch_scripts" / "scenarios" / "pool-12.yaml"
 _KINDS = [*(int(kind) for kind in Kind), 0, 255]
 _STATES = [int(state) for state in State]
 _SIZES = (2, 4, 5, 6, 7, 8, 12, 13, 20, 29, 41, 43, AcousticStatus.SIZE, WifiStatus.SIZE, 130)
@@ -694,19 +692,3 @@ DOORS: Mapping[str, Callable[[Path], Any]] = {
     "bag": _bags,
     "console": _console,
 }
-
-
-def show(result: dict[str, Any], console: Console) -> None:
-    table = Table("door", "inputs", "inputs a processor second", "slowest, ms", "growth, kB", "came")
-    for row in result["rows"]:
-        came = ", ".join(f"{what} {count}" for what, count in row["came"].items())
-        table.add_row(
-            row["door"],
-            str(row["inputs"]),
-            f"{row['inputs_per_processor_s']:.0f}",
-            f"{row['slowest_ms']:.0f}",
-            str(row["growth_kb"]),
-            came,
-        )
-    console.print(f"seed {result['seed']}: no exception, no hang, no state lost")
-    console.print(table)

@@ -28,8 +28,6 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, TypeVar
 
-from rich.console import Console
-from rich.table import Table
 from rosbags.rosbag1 import Reader
 from rosbags.rosbag1.reader import ReaderError
 
@@ -39,7 +37,7 @@ from apad_bridge.scenario.schema import Fleet
 from apad_bridge.scenario.timed_faults import Faults
 from benchmarks.rows import told
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[3]
 SCENARIO = ROOT / "launch_scripts" / "scenarios" / "pool-12.yaml"
 SEVERAL = ROOT / "launch_scripts" / "scenarios" / "bay-120.yaml"
 MUSSELBED = Path(sys.executable).with_name("musselbed")
@@ -437,10 +435,3 @@ def _measured(fault: Fault, tries: int) -> dict[str, Any]:
         row[key] = sum(getattr(it, key) for it in results)
     row["notes"] = [note for it in results for note in it.notes]
     return told(row)
-
-
-def show(result: dict[str, Any], console: Console) -> None:
-    table = Table("fault", "tries", *(key.replace("_", " ") for key in _COUNTS))
-    for row in result["rows"]:
-        table.add_row(row["fault"], str(row["tries"]), *(str(row[key]) for key in _COUNTS))
-    console.print(table)

@@ -15,8 +15,8 @@ from agents.time_scale import MissionMs, TimeScale
 from apad_bridge.beliefs.measurement import TimeslotSilent
 from apad_bridge.beliefs.twin import Twin
 from apad_bridge.beliefs.twin_parameters import WaterParameters
-from benchmarks.belief_study.filters import NOMINAL
-from benchmarks.belief_study.truth import Array
+from beliefs.filters import NOMINAL
+from beliefs.truth import Array
 from firmware_model.packets import StatusPacket
 from firmware_model.states import State
 

@@ -11,11 +11,10 @@ import numpy as np
 import numpy.typing as npt
 from rich.console import Console
 from rich.progress import Progress
-from rich.table import Table
 
-from benchmarks.belief_study import cost, places, study
-from benchmarks.belief_study.score import score
-from benchmarks.belief_study.truth import AGENTS, DAYS
+from beliefs import cost, places, study
+from beliefs.score import score
+from beliefs.truth import AGENTS, DAYS
 from benchmarks.rows import told
 
 PEERS = ("kalman", "imm")
@@ -101,36 +100,3 @@ def measure(
 def _rows(job: tuple[str, int, int, bool, float]) -> tuple[npt.NDArray[Any], list[int]]:
     name, seed, agents, knows, heard = job
     return study.rows_of(name, seed, agents, knows, heard)
-
-
-def show(result: dict[str, Any], console: Console) -> None:
-    table = Table(title=f"{result['agents']} aMussels, {result['days']} days, seeds {result['seeds']}")
-    for name in ("knows", "heard", "filter", "rmse", "coverage", "nees", "mode"):
-        table.add_column(name, justify="left" if name in ("knows", "filter") else "right")
-    ages = list(result["rows"][0]["samples_by_age"])
-    for age in ages:
-        table.add_column(f"{age} h" if age != "now" else age, justify="right")
-    for row in result["rows"]:
-        by_age = row["coverage_by_age"] or {}
-        table.add_row(
-            row["knows"],
-            f"{row['heard']:g}",
-            row["filter"],
-            f"{row['rmse']:.4f}",
-            *(_or_dash(row[key]) for key in ("coverage", "nees", "mode_share")),
-            *(_or_dash(by_age.get(age)) for age in ages),
-        )
-    console.print(table)
-    for place in result["place"]:
-        where = "in a current" if place["currents"] else "on the bottom"
-        console.print(f"place, theta {place['theta']}, {where}: coverage {place['coverage']:.3f}")
-    console.print(
-        f"a packet in time {result['us_per_event']:.0f} us, a silent slot {result['us_per_silent_slot']:.0f} us, a packet "
-        f"after a day {result['us_per_mixture_event']:.0f} us"
-    )
-    for tick in result["tick_ms"]:
-        console.print(f"{tick['agents']} aMussels at theta {tick['theta']}: {tick['median']:.1f} ms a tick")
-
-
-def _or_dash(number: float | None) -> str:
-    return "-" if number is None else f"{number:.3f}"

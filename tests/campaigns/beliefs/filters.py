@@ -24,7 +24,7 @@ from apad_bridge.beliefs.twin_parameters import (
     TwinParameters,
     WaterParameters,
 )
-from benchmarks.belief_study.truth import Array, Doing, Event, Life
+from beliefs.truth import Array, Doing, Event, Life
 from firmware_model.config import BoardConfig
 from firmware_model.packets import StatusPacket
 from firmware_model.sinking import Sinking

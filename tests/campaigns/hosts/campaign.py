@@ -23,8 +23,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-from rich.table import Table
+from network.campaign import MUSSELBED, ON_RED, ROOT
+from soak.campaign import children_of_all
 from two_machines import (
     Link,
     Machine,
@@ -41,9 +41,7 @@ from apad_bridge.records.bag_messages import BELIEFS
 from apad_bridge.records.bag_samples import definitions_in, open_bag
 from apad_bridge.records.journal import JournalTail
 from apad_bridge.scenario.loader import from_data, load, resolve, write_resolved
-from benchmarks.network import MUSSELBED, ON_RED, ROOT
 from benchmarks.rows import told
-from benchmarks.soak import children_of_all
 
 
 @dataclass(frozen=True, slots=True)
@@ -269,29 +267,3 @@ def used_s(root: int) -> float:
     """The processor time of a process and all that it started and that is there yet."""
     fields = [text.rpartition(")")[2].split() for text in read_of_all(root, "stat")]
     return sum(int(it[11]) + int(it[12]) for it in fields) / os.sysconf("SC_CLK_TCK")
-
-
-def show(result: dict[str, Any], console: Console) -> None:
-    table = Table(
-        title=f"{result['on_each']} aMussels on each of two machines, one mission, theta {result['theta']}"
-    )
-    columns = (
-        "",
-        "memory [MB]",
-        "processors",
-        "services",
-        f"silent after a cut of {result['cut_s']:g} s",
-        "services after",
-    )
-    for column in columns:
-        table.add_column(column, justify="left" if not column else "right")
-    for name, memory_mb in result["memory_mb"].items():
-        services = result["services"].get(name, {"before": "", "after": ""})
-        counts = (services["before"], result["silent"].get(name, ""), services["after"])
-        table.add_row(name, f"{memory_mb:.0f}", f"{result['processors'][name]:.2f}", *map(str, counts))
-    console.print(table)
-    console.print(
-        f"all heard after {result['heard_s']:.0f} s; {result['rate']:.2f} s of mission time in a second; "
-        f"the second machine's all heard again {result['again_s']:.0f} s after the link healed; "
-        f"ended by themselves: {', '.join(result['ended']) or 'none'}"
-    )
