@@ -23,7 +23,7 @@ from apad_bridge.scenario.firmware_config import clock_drift_ppb, spread_of
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start
 from apad_bridge.scenario.surface import current_config
-from apad_bridge.supervisor.fleet import FlightFleet, InSea, LinksFile, WithoutWater
+from apad_bridge.world.fleet import FlightFleet, InSea, LinksFile, WithoutWater
 
 _START_MS = MissionMs(0)
 

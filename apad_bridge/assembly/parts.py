@@ -36,8 +36,6 @@ from apad_bridge.scenario.surface import LegForecast, holding_effort, surface_of
 from apad_bridge.scenario.timed_faults import planned
 from apad_bridge.supervisor.context import FlightContext, Watcher
 from apad_bridge.supervisor.core import LearnedState, Supervisor
-from apad_bridge.supervisor.fault_injection import FaultInjection, Ongoing
-from apad_bridge.supervisor.fleet import FlightFleet, NoFleet
 from apad_bridge.supervisor.loop import START_MS, Flight
 from apad_bridge.supervisor.recorder_interface import FlightRecorder
 from apad_bridge.supervisor.sample_collection import NoSampleCollection, SampleCollection
@@ -45,8 +43,10 @@ from apad_bridge.vehicle.capabilities import of_simulated_apad
 from apad_bridge.vehicle.docking import DockingPort
 from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.outcomes import PrimitiveFailed
-from apad_bridge.vehicle.simulated.apad import SimulatedAPad
-from apad_bridge.vehicle.simulated.misses import Misses
+from apad_bridge.world.apad.apad import SimulatedAPad
+from apad_bridge.world.apad.misses import Misses
+from apad_bridge.world.fault_injection import FaultInjection, Ongoing
+from apad_bridge.world.fleet import FlightFleet, NoFleet
 
 
 def fault_injection(

@@ -53,11 +53,8 @@ from apad_bridge.scenario.lab_interface.names import DEFAULT, load_names
 from apad_bridge.scenario.run_options import APadKind, BenchPart, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.clock import Pace, WallClock
-from apad_bridge.supervisor.contacts import Contacts
 from apad_bridge.supervisor.context import FlightContext, Watcher
 from apad_bridge.supervisor.core import Supervisor
-from apad_bridge.supervisor.fault_injection import FaultInjection
-from apad_bridge.supervisor.fleet import FlightFleet, NoFleet
 from apad_bridge.supervisor.packet_relay import (
     FLEET_ALONE,
     FLEET_TOLD_OF_DOCKS,
@@ -68,12 +65,15 @@ from apad_bridge.supervisor.packet_relay import (
     one_of_several,
     whole_flight,
 )
-from apad_bridge.supervisor.roster import NoRoster, Presences, Roster
 from apad_bridge.vehicle.errors import PeerFailed, VehicleNotReady
 from apad_bridge.vehicle.guards.gate import Gate, Safety, plain_safety
 from apad_bridge.vehicle.guards.orders import BodyInWater
 from apad_bridge.vehicle.link import ListeningLink
 from apad_bridge.vehicle.telemetry import SilenceWatch
+from apad_bridge.world.contacts import Contacts
+from apad_bridge.world.fault_injection import FaultInjection
+from apad_bridge.world.fleet import FlightFleet, NoFleet
+from apad_bridge.world.roster import NoRoster, Presences, Roster
 from firmware_model.state_groups import UP_AND_UNDOCKED
 
 APadLink = LegacyLink[Any]

@@ -48,14 +48,14 @@ from apad_bridge.scenario.starts import Start
 from apad_bridge.supervisor.clock import AsFastAsPossible, ClockLost
 from apad_bridge.supervisor.context import Announce, FlightContext
 from apad_bridge.supervisor.core import TICK_MS, LearnedState, Supervisor
-from apad_bridge.supervisor.fleet import FlightFleet
 from apad_bridge.supervisor.forecast import Forecast, Forecaster
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.supervisor.sample_collection import NoSampleCollection, SampleCollection
 from apad_bridge.vehicle.errors import PeerFailed
 from apad_bridge.vehicle.guards.stops import NO_STOPS, RestoredStops
-from apad_bridge.vehicle.link import InProcessVehicle
 from apad_bridge.vehicle.outcomes import PrimitiveFailed
+from apad_bridge.world.apad.in_process import InProcessVehicle
+from apad_bridge.world.fleet import FlightFleet
 
 _COMMAND_IDS_PER_EPOCH = 1_000_000
 _EPOCH = 1

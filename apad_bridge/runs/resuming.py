@@ -34,9 +34,9 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.scenario.timed_faults import injection
 from apad_bridge.supervisor.core import TICK_MS, LearnedState
-from apad_bridge.supervisor.fault_injection import Ongoing
-from apad_bridge.supervisor.roster import Presences
 from apad_bridge.vehicle.errors import PeerFailed
+from apad_bridge.world.fault_injection import Ongoing
+from apad_bridge.world.roster import Presences
 
 _LARGE_BYTES = 100_000_000
 """Size of bags; the repair of a gigabyte takes about ten seconds."""

@@ -49,8 +49,8 @@ from apad_bridge.supervisor.amussel_orders import AMusselOrders
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.control import control_offered
 from apad_bridge.supervisor.core import TICK_MS
-from apad_bridge.supervisor.fleet import FlightFleet, NoFleet
 from apad_bridge.vehicle.errors import PeerFailed
+from apad_bridge.world.fleet import FlightFleet, NoFleet
 
 
 def command_sources_of(

@@ -50,13 +50,13 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.scenario.surface import surface_of
 from apad_bridge.supervisor.clock import AsFastAsPossible
-from apad_bridge.supervisor.contacts import Contacts
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.core import TICK_MS, LearnedState
-from apad_bridge.supervisor.fleet import FlightFleet
 from apad_bridge.supervisor.sample_collection import SampleCollection
-from apad_bridge.vehicle.link import InProcessVehicle
-from apad_bridge.vehicle.simulated.apad import SimulatedAPad
+from apad_bridge.world.apad.apad import SimulatedAPad
+from apad_bridge.world.apad.in_process import InProcessVehicle
+from apad_bridge.world.contacts import Contacts
+from apad_bridge.world.fleet import FlightFleet
 from firmware_model.stimuli import ResetCause
 
 CHANGEABLE = (

@@ -13,7 +13,7 @@ from apad_bridge.records.summary import uptime_figures
 from apad_bridge.records.uptime import UptimeMeter
 from apad_bridge.scenario.firmware_config import charge_models, takes_samples, works_on_secondary
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.vehicle.simulated.power import Ledger
+from apad_bridge.world.apad.power import Ledger
 from firmware_model.state_groups import AT_WORK
 
 _MS_PER_HOUR = 3_600_000

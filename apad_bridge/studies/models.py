@@ -15,7 +15,7 @@ from apad_bridge.studies.event_driven import fly_event_driven
 from apad_bridge.studies.figures import FigureMeter, Figures
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.loop import Flight
-from apad_bridge.vehicle.link import InProcessVehicle
+from apad_bridge.world.apad.in_process import InProcessVehicle
 
 
 class Model(StrEnum):

@@ -18,7 +18,7 @@ from apad_bridge.mission.flight_mission import FlightMission
 from apad_bridge.mission.orders import Order, PermitSurfacing, PingAgent
 from apad_bridge.mission.values import Refused
 from apad_bridge.scenario.timed_faults import TABLE, TimedFault
-from apad_bridge.supervisor.roster import (
+from apad_bridge.world.roster import (
     FaultRequest,
     NoRoster,
     PresenceRequest,

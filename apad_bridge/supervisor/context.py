@@ -14,16 +14,16 @@ from apad_bridge.events.mission import MissionEnd
 from apad_bridge.mission.breakdown import NeverStandsDown, StandDownRule
 from apad_bridge.mission.plans import Planning, untold
 from apad_bridge.supervisor.clock import Pace
-from apad_bridge.supervisor.contacts import Contacts
 from apad_bridge.supervisor.core import Supervisor
-from apad_bridge.supervisor.fault_injection import FaultInjection, NoFaults
-from apad_bridge.supervisor.fleet import FlightFleet, NoFleet
 from apad_bridge.supervisor.forecast import Forecast
 from apad_bridge.supervisor.packet_relay import PacketRelay, no_relay
-from apad_bridge.supervisor.roster import NoRoster, Roster
 from apad_bridge.vehicle.capabilities import Capabilities
 from apad_bridge.vehicle.guards.gate import Safety, plain_safety
 from apad_bridge.vehicle.link import VehicleLink
+from apad_bridge.world.contacts import Contacts
+from apad_bridge.world.fault_injection import FaultInjection, NoFaults
+from apad_bridge.world.fleet import FlightFleet, NoFleet
+from apad_bridge.world.roster import NoRoster, Roster
 
 Watcher = Callable[[MissionMs], None]
 """Called after each tick with the mission time: progress, publishing."""

@@ -8,14 +8,14 @@ Four sources tell of a dock, and may disagree:
 
 - the mechanism's report, which a vehicle's link gives as `DockClosed` and `DockOpened`. It alone decides, a later one over
   an earlier one. What counts as a report is the affair of each generation: the mechanism's own answer, or what the bench
-  commanded (`generation_b/docks.py`).
+  commanded (`world/generation_b/docks.py`).
 - radio silence of a docked aMussel. It becomes a report in `generation_a/docks.py` alone: after an order to open, or after
   the aPad was asked what it holds.
 - the aMussel's charge edge. It decides nothing here: it changes the belief of the aMussel's state, by which the mission
   charges, and gives up one that does not gain.
 - the mission's order. It decides nothing: it ends when the report comes, or fails at its time-out.
 
-The bodies' contacts (`Contacts` in `supervisor/loop.py`) are the world's, and follow the vehicle's link.
+The bodies' contacts (`world/contacts.py`) are the world's, and follow the vehicle's link.
 """
 
 from __future__ import annotations

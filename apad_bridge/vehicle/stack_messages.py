@@ -7,8 +7,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from apad_bridge.vehicle.simulated.kinematics import Pose
-
 UNSTAMPED = -1
 """Replaces a missing stamp: the reader of the inbox knows the time."""
 
@@ -42,9 +40,3 @@ class BatteryReceived:
 
     at_ms: int
     percent: float
-
-
-@dataclass(frozen=True, slots=True)
-class PosePublished:
-    at_ms: int
-    pose: Pose

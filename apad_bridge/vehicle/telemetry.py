@@ -1,14 +1,9 @@
-"""Telemetry that both generations share: position, battery, silence, and messages stamped ahead of time.
-
-`why_out_of_reach` is here too, because no stack checks that an aMussel is near before it docks: a perch of
-generation A succeeds from a hundred metres away, and nothing in generation B looks for a simulated aMussel.
-"""
+"""Telemetry that both generations share: position, battery, silence, and messages stamped ahead of time."""
 
 from __future__ import annotations
 
-import math
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
 
@@ -26,8 +21,8 @@ AHEAD_MS = 10_000
 """An aPad on our clock stamps its messages with ticks that it has reached: a stamp so far ahead is somebody else's."""
 FAR_M = 5.0
 """More than a mission's victory radius plus the drift meanwhile; a docking from here is a mistake."""
-FloatingPlaces = Callable[[int], Mapping[int, tuple[float, float]]]
-"""Places of floating simulated aMussels at a mission time: (north, east) in metres by id; empty when unknown."""
+OutOfReach = Callable[[int, PoseReported | None, int], str | None]
+"""The reason to refuse a docking from afar, by aMussel, pose and mission time; None for one that is near or unknown."""
 
 
 class Readings:
@@ -181,15 +176,3 @@ class DeferredMessages(Generic[StampedMessage]):
         self._now_ms = now_ms
         deferred, self._deferred = self._deferred, []
         return deferred
-
-
-def why_out_of_reach(
-    agent_id: int, pose: PoseReported | None, sight: FloatingPlaces, now_ms: int
-) -> str | None:
-    """The reason to refuse a docking from afar; None when the aMussel is near or its place is unknown."""
-    if pose is None or (there_m := sight(now_ms).get(agent_id)) is None:
-        return None
-    distance_m = math.dist((pose.north_m, pose.east_m), there_m)
-    if distance_m <= FAR_M:
-        return None
-    return f"aMussel {agent_id} floats {distance_m:.1f} m away: go nearer than {FAR_M:g} m before docking it"

@@ -20,7 +20,7 @@ from apad_bridge.imc.orders import ConsoleOrder, ConsoleOrders
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.loader import load
 from apad_bridge.supervisor.control import Act
-from apad_bridge.vehicle.simulated.motion import Motion
+from apad_bridge.world.apad.motion import Motion
 
 REAL_APAD = Path(__file__).parents[2] / "launch_scripts" / "scenarios" / "real-apad.yaml"
 TENTHS = 100

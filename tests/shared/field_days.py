@@ -17,13 +17,16 @@ from rosbags.typesys.store import Typestore
 from apad_bridge.records.bag import RecordedConnection, RecordedMessage
 from apad_bridge.records.bag_messages import typestore
 from apad_bridge.scenario.schema import APad
-from apad_bridge.vehicle.generation_a import messages as of_a
-from apad_bridge.vehicle.generation_a.simulated import GenerationAVehicle
-from apad_bridge.vehicle.generation_b import messages as of_b
-from apad_bridge.vehicle.generation_b.simulated import GenerationBVehicle
-from apad_bridge.vehicle.simulated.apad import SimulatedAPad
-from apad_bridge.vehicle.simulated.misses import Misses
-from apad_bridge.vehicle.stack_messages import BatteryReceived, PosePublished
+from apad_bridge.vehicle.generation_a.messages import GO_TO, PERCH, RELEASE
+from apad_bridge.vehicle.generation_b.messages import DockingOrder, GoToOrder, PositionOrder, PrimitiveStatus
+from apad_bridge.vehicle.stack_messages import BatteryReceived
+from apad_bridge.world.apad.apad import SimulatedAPad
+from apad_bridge.world.apad.misses import Misses
+from apad_bridge.world.generation_a import messages as of_a
+from apad_bridge.world.generation_a.vehicle import GenerationAVehicle
+from apad_bridge.world.generation_b import messages as of_b
+from apad_bridge.world.generation_b.vehicle import GenerationBVehicle
+from apad_bridge.world.simulated_stack import PosePublished
 
 EPOCH_S = 1.7e9
 RADIUS_M = 0.5
@@ -219,13 +222,13 @@ def of_generation_a(
             recorder.take(apad.advance(now_ms))
 
     for n in range(go_tos):
-        order(of_a.GO_TO, *_goal(draw, apad.pose.north_m, apad.pose.east_m))
+        order(GO_TO, *_goal(draw, apad.pose.north_m, apad.pose.east_m))
         wait(draw.uniform(10, 40))
-        while len(apad.held) < 2 and n % 2 and not order(of_a.PERCH, name=f"amussel{n}"):
+        while len(apad.held) < 2 and n % 2 and not order(PERCH, name=f"amussel{n}"):
             wait(2)
         if len(apad.held) == 2 and n % 4 == 1:
             for name in apad.held:
-                order(of_a.RELEASE, name=name)
+                order(RELEASE, name=name)
                 wait(2)
     return recorder.messages
 
@@ -249,22 +252,22 @@ def of_generation_b(
             if ended is not None and any(
                 isinstance(it, of_b.StatusPublished)
                 and it.docking == ended
-                and it.status != of_b.PrimitiveStatus.RUNNING
+                and it.status != PrimitiveStatus.RUNNING
                 for it in told
             ):
                 return
 
     def hold() -> None:
-        recorder.take(apad.receive(of_b.PositionOrder(apad.pose.north_m, apad.pose.east_m), now_ms))
+        recorder.take(apad.receive(PositionOrder(apad.pose.north_m, apad.pose.east_m), now_ms))
 
     for n in range(go_tos):
-        goal = of_b.GoToOrder(*_goal(draw, apad.pose.north_m, apad.pose.east_m), vehicle.speed_m_s, RADIUS_M)
+        goal = GoToOrder(*_goal(draw, apad.pose.north_m, apad.pose.east_m), vehicle.speed_m_s, RADIUS_M)
         recorder.take(apad.receive(goal, now_ms))
         until(False, 300)
         hold()
         until(None, draw.uniform(10, 40))
         if n % 3 == 0:
-            recorder.take(apad.receive(of_b.DockingOrder(True, 0, 0.2, 0.3, 0.3, 0.2), now_ms))
+            recorder.take(apad.receive(DockingOrder(True, 0, 0.2, 0.3, 0.3, 0.2), now_ms))
             until(None, 27.5)
             recorder.take(apad.detect(0.0, 0.85, now_ms))
             until(True, 10)

@@ -23,7 +23,6 @@ from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle.commands import CloseDock, GoTo, Hold, OpenDock, Primitive, VehicleCommand
 from apad_bridge.vehicle.docking import DockingPort
-from apad_bridge.vehicle.generation_a import messages as shown_a
 from apad_bridge.vehicle.generation_a.core import GenerationACore
 from apad_bridge.vehicle.generation_a.messages import (
     GO_TO,
@@ -35,29 +34,34 @@ from apad_bridge.vehicle.generation_a.messages import (
     HeldPositionReceived,
     OffAnswered,
 )
-from apad_bridge.vehicle.generation_a.simulated import GenerationAVehicle
-from apad_bridge.vehicle.generation_b import messages as shown_b
 from apad_bridge.vehicle.generation_b.core import GenerationBCore
 from apad_bridge.vehicle.generation_b.messages import (
     ArmReceived,
+    Go2pointGoalSeen,
     GoToOrder,
     ManualReceived,
     PositionOrder,
+    PrimitiveStatus,
     ServiceAnswered,
     ServiceOrder,
     StatusReceived,
     StopOrder,
 )
-from apad_bridge.vehicle.generation_b.simulated import GenerationBVehicle
 from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.guards.guarded_vehicle import GuardedVehicle
 from apad_bridge.vehicle.link import Cleared, LinkFact
 from apad_bridge.vehicle.outcomes import Outcome, PrimitiveFailed
-from apad_bridge.vehicle.simulated.apad import SimulatedAPad
-from apad_bridge.vehicle.simulated.kinematics import Pose
-from apad_bridge.vehicle.simulated.misses import Misses
-from apad_bridge.vehicle.simulated.motion import Coast, Steer
-from apad_bridge.vehicle.stack_messages import BatteryReceived, PosePublished, PoseReceived
+from apad_bridge.vehicle.stack_messages import BatteryReceived, PoseReceived
+from apad_bridge.world.apad.apad import SimulatedAPad
+from apad_bridge.world.apad.kinematics import Pose
+from apad_bridge.world.apad.misses import Misses
+from apad_bridge.world.apad.motion import Coast, Steer
+from apad_bridge.world.generation_a import messages as shown_a
+from apad_bridge.world.generation_a.vehicle import GenerationAVehicle
+from apad_bridge.world.generation_b import messages as shown_b
+from apad_bridge.world.generation_b.docks import BenchDocks
+from apad_bridge.world.generation_b.vehicle import GenerationBVehicle
+from apad_bridge.world.simulated_stack import PosePublished
 
 ROOT = Path(__file__).parents[2]
 START_M = (30.0, 30.0)
@@ -289,7 +293,7 @@ class LinkToB:
     def others_go(self, north_m: float, east_m: float) -> None:
         """Another client sends the vehicle there."""
         if self.shows_goals:
-            self._tell(shown_b.Go2pointGoalSeen(self._now_ms, north_m, east_m, "/commander"), self._now_ms)
+            self._tell(Go2pointGoalSeen(self._now_ms, north_m, east_m, "/commander"), self._now_ms)
         self._receive(self._vehicle.receive(GoToOrder(north_m, east_m, 0.5, 0.5), self._now_ms), self._now_ms)
 
     def set_pilot(self, *, steers: bool) -> None:
@@ -341,11 +345,9 @@ class LinkToB:
                         self.observer.hear(moved)
                         self._tell(moved, now_ms)
                 case shown_b.StatusPublished(at_ms, docking, status):
-                    ended = status is not shown_b.PrimitiveStatus.RUNNING
+                    ended = status is not PrimitiveStatus.RUNNING
                     shown_status = (
-                        shown_b.PrimitiveStatus.RUNNING
-                        if self.never_ends and ended and not docking
-                        else status
+                        PrimitiveStatus.RUNNING if self.never_ends and ended and not docking else status
                     )
                     self._tell(StatusReceived(at_ms, docking, shown_status), now_ms)
                 case shown_b.BatteryPublished(at_ms, percent):
@@ -384,7 +386,11 @@ class Bench:
             self.link = LinkToB(
                 flown,
                 lambda: GenerationBCore(
-                    range(1, 10), battery_v, docking, misses, takes_back=not is_real, gate=safety.gate
+                    BenchDocks(range(1, 10), misses),
+                    battery_v,
+                    docking,
+                    takes_back=not is_real,
+                    gate=safety.gate,
                 ),
             )
         self.vehicle = GuardedVehicle(self.link, safety, obeys_speed=capabilities.obeys_speed)

@@ -34,11 +34,11 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.clock import WallClock
 from apad_bridge.supervisor.context import FlightContext
-from apad_bridge.supervisor.fault_injection import FaultInjection
-from apad_bridge.supervisor.fleet import FlightFleet, WithoutWater
 from apad_bridge.supervisor.packet_relay import PacketRelay, RelayOutcome, whole_flight
-from apad_bridge.supervisor.roster import PresenceChange, Presences, Roster
-from apad_bridge.vehicle.link import InProcessVehicle
+from apad_bridge.world.apad.in_process import InProcessVehicle
+from apad_bridge.world.fault_injection import FaultInjection
+from apad_bridge.world.fleet import FlightFleet, WithoutWater
+from apad_bridge.world.roster import PresenceChange, Presences, Roster
 
 SPEED = 20.0
 SHOWN = ("presence", "fault", "end")

@@ -30,9 +30,11 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
-from apad_bridge.supervisor.fleet import FlightFleet, WithoutWater
 from apad_bridge.vehicle.errors import VehicleNotReady
-from apad_bridge.vehicle.link import InProcessVehicle, VehicleLink
+from apad_bridge.vehicle.link import VehicleLink
+from apad_bridge.world.apad.in_process import InProcessVehicle
+from apad_bridge.world.fleet import FlightFleet, WithoutWater
+from apad_bridge.world.generation_b.docks import BenchDocks
 
 
 class Decisions:
@@ -85,10 +87,9 @@ def fly(scenario: Scenario, over_ros: bool, speed: float | None, patience_s: flo
             if scenario.apad.generation is Generation.B:
                 link = GenerationBLink(
                     scenario.apad.name,
-                    initial_states,
+                    BenchDocks(initial_states, parts.misses(scenario)),
                     battery_v,
                     scenario.mission.docking,
-                    parts.misses(scenario),
                     safety.gate,
                     our_clock=True,
                 )

@@ -39,7 +39,8 @@ from apad_bridge.vehicle.commands import (
 )
 from apad_bridge.vehicle.guards.gate import Gate, plain_safety
 from apad_bridge.vehicle.link import Cleared
-from apad_bridge.vehicle.simulated.misses import Misses
+from apad_bridge.world.apad.misses import Misses
+from apad_bridge.world.generation_b.docks import BenchDocks
 
 use_generated_messages()
 
@@ -112,13 +113,11 @@ class Bench:
         self.floating: dict[int, tuple[float, float]] = {}
         self.link = GenerationBLink(
             "apad1",
-            [7],
+            BenchDocks([7], Misses(1, 0.0), lambda _: self.floating),
             (10.5, 16.0),
             data.mission.docking,
-            Misses(1, 0.0),
             plain_safety().gate,
             our_clock=True,
-            sight=lambda _: self.floating,
         )
         self.link.wait_until_ready(PATIENCE_S)
         self._clock = OwnMasterClock(None, self.link)

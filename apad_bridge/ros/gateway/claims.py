@@ -21,7 +21,7 @@ from apad_bridge.events.fleet import Presence
 from apad_bridge.ros.gateway.fleet_guard import SecondFleet
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import ours
-from apad_bridge.supervisor.roster import (
+from apad_bridge.world.roster import (
     Claim,
     PresenceRequest,
     Presences,

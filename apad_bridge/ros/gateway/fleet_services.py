@@ -16,7 +16,7 @@ from apad_bridge.ros.gateway.claims import ClaimBoard
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import ours
 from apad_bridge.scenario.timed_faults import TimedFault
-from apad_bridge.supervisor.roster import (
+from apad_bridge.world.roster import (
     AskedRequests,
     FaultRequest,
     PresenceRequest,

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import secrets
 from collections.abc import Iterable, Mapping
+from functools import partial
 from typing import Any
 
 import rospy
@@ -46,7 +47,8 @@ from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.link import Cleared, LinkFact
 from apad_bridge.vehicle.sending_road import Rank
 from apad_bridge.vehicle.stack_messages import UNSTAMPED
-from apad_bridge.vehicle.telemetry import FloatingPlaces
+from apad_bridge.vehicle.telemetry import OutOfReach
+from apad_bridge.world.contacts import FloatingPlaces, why_out_of_reach
 
 use_generated_messages()
 
@@ -142,7 +144,7 @@ class GenerationALink(LegacyLink[GenerationACore]):
         our_clock: bool,
         docked: Mapping[int, int] | None = None,
         now_ms: int = 0,
-        sight: FloatingPlaces = lambda now_ms: {},
+        out_of_reach: OutOfReach = lambda agent_id, pose, now_ms: None,
         dock_count: int = PAPER_DOCKS,
         pilots: frozenset[str] = frozenset(),
     ) -> None:
@@ -156,7 +158,7 @@ class GenerationALink(LegacyLink[GenerationACore]):
             docked,
             now_ms,
             prefix,
-            sight,
+            out_of_reach,
             places,
             takes_back=our_clock,
             gate=gate,
@@ -311,7 +313,7 @@ def open_link(
             our_clock=our_clock,
             docked=docked,
             now_ms=now_ms,
-            sight=sight,
+            out_of_reach=partial(why_out_of_reach, sight),
             dock_count=scenario.apad.docks,
             pilots=frozenset(
                 () if scenario.guards is None else map(rospy.resolve_name, scenario.guards.pilots)

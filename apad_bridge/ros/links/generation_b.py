@@ -1,6 +1,6 @@
 """A vehicle link to ANY aPad of generation B on ROS, ours or a real one.
 
-    link = GenerationBLink("apad1", agent_ids, (empty_v, full_v), docking, misses, gate, our_clock=True)
+    link = GenerationBLink("apad1", docks, (empty_v, full_v), docking, gate, our_clock=True)
     link.wait_until_ready(10.0)        # VehicleNotReady, one line that names the missing parts
 
 Stamps are as in generation A: with `our_clock` poses carry those of their messages; a fact without a stamp became true at
@@ -39,6 +39,7 @@ from apad_bridge.scenario.schema import Docking, DockingProfile, Scenario
 from apad_bridge.vehicle.commands import MoveArm, OrderCut, VehicleCommand
 from apad_bridge.vehicle.errors import VehicleNotReady
 from apad_bridge.vehicle.generation_b.core import GenerationBCore
+from apad_bridge.vehicle.generation_b.docks import KeptDocks
 from apad_bridge.vehicle.generation_b.messages import (
     PRIMITIVE_FINISHED,
     ArmReceived,
@@ -61,9 +62,9 @@ from apad_bridge.vehicle.generation_b.stack import STACK
 from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.link import Cleared, LinkFact
 from apad_bridge.vehicle.sending_road import Rank
-from apad_bridge.vehicle.simulated.misses import Misses
 from apad_bridge.vehicle.stack_messages import UNSTAMPED
-from apad_bridge.vehicle.telemetry import FloatingPlaces
+from apad_bridge.world.contacts import FloatingPlaces
+from apad_bridge.world.generation_b.docks import BenchDocks
 
 use_generated_messages()
 
@@ -140,7 +141,7 @@ SERVICES: dict[PrimitiveName, Any] = {
 
 
 class GenerationBLink(LegacyLink[GenerationBCore]):
-    """A VehicleLink. `name` is the aPad's namespace; `docked` maps the index of a dock to the aMussel that it holds."""
+    """A VehicleLink. `name` is the aPad's namespace; `docks` are kept for the vehicle."""
 
     STACK = STACK
     MEND = "source its workspace, or put its texts into apad_bridge/ros/definitions and run launch_scripts/install"
@@ -148,31 +149,17 @@ class GenerationBLink(LegacyLink[GenerationBCore]):
     def __init__(
         self,
         name: str,
-        agent_ids: Iterable[int],
+        docks: KeptDocks,
         battery_v: tuple[float, float],
         docking: Docking,
-        misses: Misses,
         gate: Gate,
         *,
         our_clock: bool,
-        sight: FloatingPlaces = lambda now_ms: {},
         camera: VirtualCamera | None = None,
-        docked: Mapping[int, int] | None = None,
         now_ms: int = 0,
         dock_count: int = PAPER_DOCKS,
     ) -> None:
-        core = GenerationBCore(
-            agent_ids,
-            battery_v,
-            docking,
-            misses,
-            sight,
-            docked,
-            now_ms,
-            dock_count,
-            takes_back=our_clock,
-            gate=gate,
-        )
+        core = GenerationBCore(docks, battery_v, docking, now_ms, takes_back=our_clock, gate=gate)
         super().__init__(name, core, gate, now_ms, dock_count)
         self._subscribers = Subscribers(name, self._inbox, stamped=our_clock)
         self._docking = docking
@@ -376,15 +363,12 @@ def open_link(
     camera = VirtualCamera(apad.name) if seen_ids else None
     link = GenerationBLink(
         apad.name,
-        simulated_ids,
+        BenchDocks(simulated_ids, parts.misses(scenario), sight, docked, apad.docks),
         (apad.battery.empty_v, apad.battery.full_v),
         docking,
-        parts.misses(scenario),
         gate,
         our_clock=our_clock,
-        sight=sight,
         camera=camera,
-        docked=docked,
         now_ms=now_ms,
         dock_count=apad.docks,
     )

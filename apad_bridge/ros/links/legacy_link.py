@@ -26,7 +26,8 @@ from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.link import Cleared, LinkFact
 from apad_bridge.vehicle.stack import Stack
 from apad_bridge.vehicle.stack_messages import UNSTAMPED
-from apad_bridge.vehicle.telemetry import FloatingPlaces, Readings
+from apad_bridge.vehicle.telemetry import Readings
+from apad_bridge.world.contacts import FloatingPlaces
 
 
 class LinkDocks(Protocol):

@@ -25,7 +25,7 @@ from apad_bridge.ros.types.any_listener import AnyListener
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_apad
 from apad_bridge.vehicle.generation_b.messages import CAMERA_SERVO, dock_direction_rad
-from apad_bridge.vehicle.simulated.camera import CameraSighting, seen
+from apad_bridge.world.apad.camera import CameraSighting, seen
 
 use_generated_messages()
 

@@ -18,7 +18,7 @@ from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_apad
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.vehicle.generation_a.messages import (
+from apad_bridge.world.generation_a.messages import (
     ActionGoal,
     BatteryAndProgressPublished,
     GoalEnded,
@@ -26,8 +26,8 @@ from apad_bridge.vehicle.generation_a.messages import (
     HeldPositionPublished,
     Published,
 )
-from apad_bridge.vehicle.generation_a.simulated import GenerationAVehicle
-from apad_bridge.vehicle.stack_messages import PosePublished
+from apad_bridge.world.generation_a.vehicle import GenerationAVehicle
+from apad_bridge.world.simulated_stack import PosePublished
 
 use_generated_messages()
 

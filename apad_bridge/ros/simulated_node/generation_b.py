@@ -21,9 +21,9 @@ from apad_bridge.ros.types.workspace_services import service_to_offer
 from apad_bridge.ros_names.names import of_apad, ours
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.vehicle.generation_b import messages
-from apad_bridge.vehicle.generation_b.messages import (
-    PRIMITIVE_FINISHED,
+from apad_bridge.vehicle.generation_b.messages import PRIMITIVE_FINISHED, ServiceOrder
+from apad_bridge.world.generation_b import messages
+from apad_bridge.world.generation_b.messages import (
     ArmPublished,
     BatteryPublished,
     CameraTurned,
@@ -32,11 +32,10 @@ from apad_bridge.vehicle.generation_b.messages import (
     GoToEnded,
     GoToLeft,
     Published,
-    ServiceOrder,
     StatusPublished,
 )
-from apad_bridge.vehicle.generation_b.simulated import GenerationBVehicle
-from apad_bridge.vehicle.stack_messages import PosePublished
+from apad_bridge.world.generation_b.vehicle import GenerationBVehicle
+from apad_bridge.world.simulated_stack import PosePublished
 
 use_generated_messages()
 

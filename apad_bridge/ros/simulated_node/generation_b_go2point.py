@@ -16,14 +16,9 @@ from apad_bridge.ros.system.node import ned_frame
 from apad_bridge.ros.system.ros_time import to_ros
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_apad
-from apad_bridge.vehicle.generation_b import messages
-from apad_bridge.vehicle.generation_b.messages import (
-    GoToBegun,
-    GoToEnded,
-    GoToLeft,
-    GoToOrder,
-    PrimitiveStatus,
-)
+from apad_bridge.vehicle.generation_b.messages import GoToOrder, PrimitiveStatus
+from apad_bridge.world.generation_b import messages
+from apad_bridge.world.generation_b.messages import GoToBegun, GoToEnded, GoToLeft
 
 use_generated_messages()
 

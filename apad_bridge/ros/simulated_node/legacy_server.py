@@ -18,8 +18,8 @@ from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import CLOCK, CLOCK_REACHED, of_apad
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.vehicle.simulated.kinematics import Pose
-from apad_bridge.vehicle.simulated_stack import SimulatedStack
+from apad_bridge.world.apad.kinematics import Pose
+from apad_bridge.world.simulated_stack import SimulatedStack
 
 use_generated_messages()
 

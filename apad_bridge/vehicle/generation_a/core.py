@@ -70,10 +70,9 @@ from apad_bridge.vehicle.stack_messages import BatteryReceived, PoseReceived, St
 from apad_bridge.vehicle.telemetry import (
     FAR_M,
     DeferredMessages,
-    FloatingPlaces,
+    OutOfReach,
     Readings,
     SilenceWatch,
-    why_out_of_reach,
 )
 
 TAKEN_MS = 5_000
@@ -125,7 +124,7 @@ class GenerationACore:
         docked: Mapping[int, int] | None = None,
         now_ms: int = 0,
         object_prefix: str = OBJECT_PREFIX,
-        sight: FloatingPlaces = lambda now_ms: {},
+        out_of_reach: OutOfReach = lambda agent_id, pose, now_ms: None,
         places: DockPlaces = PAPERS_PLACES,
         *,
         takes_back: bool = True,
@@ -140,7 +139,7 @@ class GenerationACore:
         self._off = ControllersOff()
         self._pilot_runs = False
         self._takes_back = takes_back
-        self._sight = sight
+        self._out_of_reach = out_of_reach
         self._nonce = nonce
         self._object_prefix = object_prefix
         self._deferred: DeferredMessages[Received] = DeferredMessages(now_ms, self.readings.dropped)
@@ -282,7 +281,7 @@ class GenerationACore:
     def _why_from_afar(self, command: CloseDock | OpenDock, now_ms: int) -> str | None:
         pose, agent_id = self.readings.pose, command.agent_id
         if isinstance(command, CloseDock):
-            return why_out_of_reach(agent_id, pose, self._sight, now_ms)
+            return self._out_of_reach(agent_id, pose, now_ms)
         lost_m = self.docks.lost_m.get(agent_id)
         if pose is None or lost_m is None:
             return None

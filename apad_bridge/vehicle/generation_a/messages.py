@@ -6,9 +6,9 @@ Stamps are mission milliseconds.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from enum import Enum, IntEnum
+from enum import IntEnum
 
-from apad_bridge.vehicle.stack_messages import BatteryReceived, PosePublished, PoseReceived, StateRefReceived
+from apad_bridge.vehicle.stack_messages import BatteryReceived, PoseReceived, StateRefReceived
 
 GO_TO, PERCH, RELEASE = 0, 1, 2
 """Kinds of goals, by their id."""
@@ -139,54 +139,3 @@ Received = (
     | GoalSeen
     | OffAnswered
 )
-
-
-# Messages of the simulated aPad: the goals that it takes, and the messages that it publishes.
-
-
-class GoalOutcome(Enum):
-    SUCCEEDED = "succeeded"
-    PREEMPTED = "pre-empted"
-    ABORTED = "aborted"
-
-
-@dataclass(frozen=True, slots=True)
-class ActionGoal:
-    key: str
-    kind: int
-    north_m: float
-    east_m: float
-    name: str
-    """The object to perch or release: a bare namespace, as `amussel7`."""
-
-
-@dataclass(frozen=True, slots=True)
-class HeldPositionPublished:
-    """The position at which the aPad holds `name`; with `released`, the last one."""
-
-    at_ms: int
-    name: str
-    north_m: float
-    east_m: float
-    released: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class BatteryAndProgressPublished:
-    """Battery in percent, and a running go-to's covered percentage, negative when the distance has grown."""
-
-    at_ms: int
-    battery_percent: float
-    goal_key: str | None
-    covered_percent: float
-
-
-@dataclass(frozen=True, slots=True)
-class GoalEnded:
-    at_ms: int
-    key: str
-    outcome: GoalOutcome
-    reason: str = ""
-
-
-Published = PosePublished | HeldPositionPublished | BatteryAndProgressPublished | GoalEnded

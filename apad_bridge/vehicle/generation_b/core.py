@@ -8,14 +8,12 @@ from __future__ import annotations
 
 import math
 from collections import Counter, deque
-from collections.abc import Iterable, Mapping
 
 from apad_bridge.beliefs.input_ranges import out_of_range
-from apad_bridge.scenario.choices import PAPER_DOCKS
 from apad_bridge.scenario.lab_interface.messages import DockReport
 from apad_bridge.scenario.schema import Docking
 from apad_bridge.vehicle.commands import CloseDock, GoTo, Hold, OpenDock, OrderCut, Stop, VehicleCommand
-from apad_bridge.vehicle.generation_b.docks import BenchDocks
+from apad_bridge.vehicle.generation_b.docks import KeptDocks
 from apad_bridge.vehicle.generation_b.messages import (
     ArmReceived,
     DockingOrder,
@@ -31,13 +29,11 @@ from apad_bridge.vehicle.generation_b.messages import (
     StatusReceived,
     StopOrder,
 )
-from apad_bridge.vehicle.generation_b.stack import dock_places
 from apad_bridge.vehicle.generation_b.tasks import Tasks
 from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.link import Cleared, LinkFact
-from apad_bridge.vehicle.simulated.misses import Misses
 from apad_bridge.vehicle.stack_messages import BatteryReceived, PoseReceived, StateRefReceived
-from apad_bridge.vehicle.telemetry import DeferredMessages, FloatingPlaces, Readings, SilenceWatch
+from apad_bridge.vehicle.telemetry import DeferredMessages, Readings, SilenceWatch
 
 OWN_GOALS = 16
 """So many of our newest go-tos are known again when the vehicle's own server is shown them."""
@@ -48,22 +44,17 @@ SAME_PLACE_M = 0.01
 class GenerationBCore:
     """`receive` takes a message, `command` a port's command, `advance` returns the facts stamped up to its time.
 
-    `take_calls` returns the calls to send to the vehicle's services. `battery_v` is (empty, full); `docked`
-    are the agents by dock index known to be held at `now_ms`; `sight` gives the places of floating simulated
-    aMussels; `misses` decides which dockings fail; `gate` judges each call. A core that
-    `takes_back` its vehicle goes on by itself when a pilot lets go; any other reports `CommandedByOthers`, and waits.
+    `take_calls` returns the calls to send to the vehicle's services. `battery_v` is (empty, full); `docks` are kept for the
+    vehicle; `gate` judges each call. A core that `takes_back` its vehicle goes on by itself when a pilot lets go; any other
+    reports `CommandedByOthers`, and waits.
     """
 
     def __init__(
         self,
-        agent_ids: Iterable[int],
+        docks: KeptDocks,
         battery_v: tuple[float, float],
         docking: Docking,
-        misses: Misses,
-        sight: FloatingPlaces = lambda now_ms: {},
-        docked: Mapping[int, int] | None = None,
         now_ms: int = 0,
-        dock_count: int = PAPER_DOCKS,
         *,
         takes_back: bool = True,
         gate: Gate | None = None,
@@ -71,10 +62,10 @@ class GenerationBCore:
         self._gate = gate or Gate.without_guards()
         self._now_ms = now_ms
         self.readings = Readings(battery_v)
-        self.docks = BenchDocks(agent_ids, docked or {}, misses, sight, dock_places(dock_count))
+        self.docks = docks
         self.status_count = 0
         """Number of messages of either status topic."""
-        self._tasks = Tasks(docking, self.docks, self.readings, takes_back=takes_back)
+        self._tasks = Tasks(docking, docks, self.readings, takes_back=takes_back)
         self._deferred: DeferredMessages[Received] = DeferredMessages(now_ms, self.readings.dropped)
         self._silence = SilenceWatch()
         self._takes_back = takes_back

@@ -31,7 +31,7 @@ from apad_bridge.vehicle.commands import (
     VehicleCommand,
 )
 from apad_bridge.vehicle.generation_b.calls import OrderCalls
-from apad_bridge.vehicle.generation_b.docks import BenchDocks
+from apad_bridge.vehicle.generation_b.docks import KeptDocks
 from apad_bridge.vehicle.generation_b.messages import (
     Go2pointGoalSeen,
     PrimitiveStatus,
@@ -90,7 +90,7 @@ class Tasks:
     """Sends orders through `calls`, reads poses from `readings`, returns results of commands from `take`."""
 
     def __init__(
-        self, docking: Docking, docks: BenchDocks, readings: Readings, *, takes_back: bool = True
+        self, docking: Docking, docks: KeptDocks, readings: Readings, *, takes_back: bool = True
     ) -> None:
         self.calls = OrderCalls()
         self.pilot_steers = False

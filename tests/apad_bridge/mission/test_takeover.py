@@ -27,8 +27,9 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.control import NOTHING_STOPPED, carry_out
 from apad_bridge.supervisor.control_client import Act, Request
 from apad_bridge.vehicle.commands import CommandedByOthers, GoTo, OpenDock, PoseReported
-from apad_bridge.vehicle.link import InProcessVehicle, LinkFact
+from apad_bridge.vehicle.link import LinkFact
 from apad_bridge.vehicle.outcomes import DockChanged, PrimitiveSucceeded
+from apad_bridge.world.apad.in_process import InProcessVehicle
 from firmware_model.states import State
 
 

@@ -37,10 +37,10 @@ from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.starts import read_starts, starts_of
 from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
-from apad_bridge.supervisor.fleet import FlightFleet, WithoutWater
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
-from apad_bridge.vehicle.link import InProcessVehicle
-from apad_bridge.vehicle.simulated.apad import SimulatedAPad
+from apad_bridge.world.apad.apad import SimulatedAPad
+from apad_bridge.world.apad.in_process import InProcessVehicle
+from apad_bridge.world.fleet import FlightFleet, WithoutWater
 from firmware_model.actions import Buoyancy
 from firmware_model.packets.sample_record import SampleRecord
 from firmware_model.power.charge import FULL, Battery, Flow

@@ -19,13 +19,13 @@ from apad_bridge.ros.links.generation_b import GenerationBLink
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.supervisor.fault_injection import NoFaults
-from apad_bridge.supervisor.fleet import NoFleet
 from apad_bridge.supervisor.packet_relay import PacketOrigin
 from apad_bridge.vehicle.commands import PoseReported
 from apad_bridge.vehicle.errors import PeerFailed, VehicleNotReady
 from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.guards.guarded_vehicle import GuardedVehicle
+from apad_bridge.world.fault_injection import NoFaults
+from apad_bridge.world.fleet import NoFleet
 from firmware_model.states import State
 
 OPTIONS = RunOptions(

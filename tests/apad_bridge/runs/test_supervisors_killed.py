@@ -29,9 +29,9 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.scenario.timed_faults import FaultAt, Faults, TimedFault
 from apad_bridge.supervisor.clock import AsFastAsPossible
-from apad_bridge.supervisor.contacts import Contacts
 from apad_bridge.supervisor.context import FlightContext
-from apad_bridge.vehicle.link import InProcessVehicle
+from apad_bridge.world.apad.in_process import InProcessVehicle
+from apad_bridge.world.contacts import Contacts
 
 KILLS = 5
 OPTIONS = RunOptions(

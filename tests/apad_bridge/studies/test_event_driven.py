@@ -42,7 +42,7 @@ from apad_bridge.studies.models import Model, fly, fly_each_tick
 from apad_bridge.supervisor.core import TICK_MS, LearnedState
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.vehicle.commands import Arrived, CloseDock, GoTo, OpenDock
-from apad_bridge.vehicle.simulated.apad import SimulatedAPad
+from apad_bridge.world.apad.apad import SimulatedAPad
 
 POOL = load(POOL_FILE)
 

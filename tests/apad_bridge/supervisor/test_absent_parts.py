@@ -16,10 +16,10 @@ from apad_bridge.mission.facts import Send
 from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.runs.resuming import restore_allocation
 from apad_bridge.scenario.loader import load
-from apad_bridge.supervisor.fleet import NoFleet
 from apad_bridge.supervisor.packet_relay import no_relay
 from apad_bridge.supervisor.sample_collection import NoSampleCollection
 from apad_bridge.vehicle.outcomes import PrimitiveFailed
+from apad_bridge.world.fleet import NoFleet
 from firmware_model.packets import LogRecords
 
 POOL = load(POOL_FILE)

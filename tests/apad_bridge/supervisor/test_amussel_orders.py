@@ -20,7 +20,7 @@ from apad_bridge.scenario.timed_faults import TimedFault
 from apad_bridge.supervisor.amussel_orders import AMusselAct, AMusselOrders, AMusselRequest
 from apad_bridge.supervisor.control import control_offered
 from apad_bridge.supervisor.control_client import Answer, ask
-from apad_bridge.supervisor.roster import AskedRequests, FaultRequest, Presences, Roster
+from apad_bridge.world.roster import AskedRequests, FaultRequest, Presences, Roster
 from firmware_model.states import State
 
 
@@ -127,7 +127,7 @@ def test_a_ping_brings_a_range() -> None:
 
 
 def test_a_flight_that_does_not_tick_answers_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("apad_bridge.supervisor.roster.ANSWER_S", 0.05)
+    monkeypatch.setattr("apad_bridge.world.roster.ANSWER_S", 0.05)
     requests = AskedRequests()
     assert requests.ask(FaultRequest(1, TimedFault.WATCHDOG)) == "the flight made no tick for 0.05 s"
     assert requests.take() == []

@@ -29,8 +29,9 @@ from apad_bridge.supervisor.packet_relay import (
     RelayedPacket,
     RelayOutcome,
 )
-from apad_bridge.vehicle.link import APadSeen, InProcessVehicle
-from apad_bridge.vehicle.simulated.apad import SimulatedAPad
+from apad_bridge.vehicle.link import APadSeen
+from apad_bridge.world.apad.apad import SimulatedAPad
+from apad_bridge.world.apad.in_process import InProcessVehicle
 from firmware_model.packets import AcousticStatus, CommandPacket, Kind
 from firmware_model.packets.codec import load_codec
 from firmware_model.sampling.sensors import SENSORS, values

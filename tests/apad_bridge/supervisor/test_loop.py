@@ -34,7 +34,6 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
-from apad_bridge.supervisor.fleet import FlightFleet, NoFleet, WithoutWater
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.supervisor.packet_relay import (
     FLEET_ALONE,
@@ -46,8 +45,9 @@ from apad_bridge.supervisor.packet_relay import (
     RelayedPacket,
     RelayOutcome,
 )
-from apad_bridge.vehicle.link import InProcessVehicle
-from apad_bridge.vehicle.simulated.apad import SimulatedAPad
+from apad_bridge.world.apad.apad import SimulatedAPad
+from apad_bridge.world.apad.in_process import InProcessVehicle
+from apad_bridge.world.fleet import FlightFleet, NoFleet, WithoutWater
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
 

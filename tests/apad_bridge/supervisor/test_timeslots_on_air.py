@@ -24,8 +24,8 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
-from apad_bridge.vehicle.link import InProcessVehicle
-from apad_bridge.vehicle.simulated.apad import SimulatedAPad
+from apad_bridge.world.apad.apad import SimulatedAPad
+from apad_bridge.world.apad.in_process import InProcessVehicle
 
 AGENTS, HOURS = 24, 20
 SLOT_MS, FRAME_MS, PACKET_MS = 1700, 60_000, 868

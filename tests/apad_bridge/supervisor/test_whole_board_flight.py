@@ -21,10 +21,10 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start, starts_of
 from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
-from apad_bridge.supervisor.fleet import FlightFleet, WithoutWater
 from apad_bridge.supervisor.loop import Flight
-from apad_bridge.vehicle.link import InProcessVehicle
-from apad_bridge.vehicle.simulated.apad import SimulatedAPad
+from apad_bridge.world.apad.apad import SimulatedAPad
+from apad_bridge.world.apad.in_process import InProcessVehicle
+from apad_bridge.world.fleet import FlightFleet, WithoutWater
 from firmware_model.power.charge import FULL, grains
 from firmware_model.states import State
 

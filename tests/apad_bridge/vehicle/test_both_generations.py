@@ -11,12 +11,14 @@ from scenario_files import POOL_FILE
 from apad_bridge.scenario.loader import load
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
 from apad_bridge.vehicle.generation_a.core import GenerationACore
-from apad_bridge.vehicle.generation_a.simulated import GenerationAVehicle
 from apad_bridge.vehicle.generation_b.core import GenerationBCore
-from apad_bridge.vehicle.generation_b.simulated import GenerationBVehicle
-from apad_bridge.vehicle.simulated.apad import SimulatedAPad
-from apad_bridge.vehicle.simulated.misses import Misses
-from apad_bridge.vehicle.stack_messages import BatteryReceived, PosePublished, PoseReceived, StateRefReceived
+from apad_bridge.vehicle.stack_messages import BatteryReceived, PoseReceived, StateRefReceived
+from apad_bridge.world.apad.apad import SimulatedAPad
+from apad_bridge.world.apad.misses import Misses
+from apad_bridge.world.generation_a.vehicle import GenerationAVehicle
+from apad_bridge.world.generation_b.docks import BenchDocks
+from apad_bridge.world.generation_b.vehicle import GenerationBVehicle
+from apad_bridge.world.simulated_stack import PosePublished
 
 POOL = load(POOL_FILE)
 BATTERY_V = (10.5, 16.0)
@@ -28,7 +30,7 @@ Vehicle = GenerationAVehicle | GenerationBVehicle
 def core(request: pytest.FixtureRequest) -> Core:
     if request.param == "a":
         return GenerationACore(range(1, 10), BATTERY_V, "run")
-    return GenerationBCore(range(1, 10), BATTERY_V, POOL.mission.docking, Misses(1, 0.0))
+    return GenerationBCore(BenchDocks(range(1, 10), Misses(1, 0.0)), BATTERY_V, POOL.mission.docking)
 
 
 @pytest.fixture(params=["a", "b"])

@@ -10,7 +10,7 @@ from apad_bridge.scenario.schema import APad, APadBattery, Docking, DockingProfi
 from apad_bridge.vehicle.commands import CloseDock, GoTo, OpenDock
 from apad_bridge.vehicle.docking import DockingPort
 from apad_bridge.vehicle.outcomes import DockChanged, PrimitiveFailed, PrimitiveSucceeded
-from apad_bridge.vehicle.simulated.apad import SimulatedAPad
+from apad_bridge.world.apad.apad import SimulatedAPad
 
 BATTERY = APadBattery(
     full_v=16.0, empty_v=10.5, capacity_wh=230, start_fraction=1.0, hotel_w=25, charging_w_per_dock=10

@@ -46,8 +46,9 @@ from apad_bridge.vehicle.sending_road import (
     SendingRoad,
     Write,
 )
-from apad_bridge.vehicle.simulated.misses import Misses
 from apad_bridge.vehicle.stack_messages import PoseReceived
+from apad_bridge.world.apad.misses import Misses
+from apad_bridge.world.generation_b.docks import BenchDocks
 
 HERE_M = (30.0, 30.0)
 BOTH = (Generation.A, Generation.B)
@@ -65,7 +66,9 @@ class Link:
         if generation is Generation.A:
             self.core = GenerationACore(ids, battery_v, "run", takes_back=False, gate=gate)
         else:
-            self.core = GenerationBCore(ids, battery_v, DOCKING, Misses(1, 0.0), takes_back=False, gate=gate)
+            self.core = GenerationBCore(
+                BenchDocks(ids, Misses(1, 0.0)), battery_v, DOCKING, takes_back=False, gate=gate
+            )
 
     def advance(self, now_ms: int) -> list[LinkFact]:
         self.core.receive(PoseReceived(now_ms, *HERE_M, 0.0), now_ms)

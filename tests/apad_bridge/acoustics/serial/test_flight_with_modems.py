@@ -29,7 +29,7 @@ from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.clock import WallClock
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.loop import Flight
-from apad_bridge.vehicle.link import InProcessVehicle
+from apad_bridge.world.apad.in_process import InProcessVehicle
 from firmware_model.packets import AcousticStatus, CommandPacket, Kind, StatusPacket
 from firmware_model.packets.codec import MusselbedCodec
 from firmware_model.states import State

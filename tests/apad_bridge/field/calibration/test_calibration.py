@@ -24,15 +24,15 @@ from apad_bridge.records.bag import RecordedMessage
 from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.loader import load, write_resolved
 from apad_bridge.scenario.yaml_text import parse_yaml
-from apad_bridge.vehicle.generation_a.messages import (
-    GO_TO,
+from apad_bridge.vehicle.generation_a.messages import GO_TO
+from apad_bridge.world.apad.kinematics import Pose
+from apad_bridge.world.generation_a.messages import (
     ActionGoal,
     BatteryAndProgressPublished,
     GoalEnded,
     GoalOutcome,
 )
-from apad_bridge.vehicle.simulated.kinematics import Pose
-from apad_bridge.vehicle.stack_messages import PosePublished
+from apad_bridge.world.simulated_stack import PosePublished
 from firmware_model.packets import StatusPacket
 from firmware_model.packets.codec import load_codec
 from firmware_model.states import State

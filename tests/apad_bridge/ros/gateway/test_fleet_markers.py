@@ -13,8 +13,8 @@ from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.mission.sources import Allocation
 from apad_bridge.ros.gateway.standard_topics import FleetMarkers
-from apad_bridge.supervisor.roster import PresenceRequest, Presences, PresenceTrigger
 from apad_bridge.vehicle.commands import PoseReported
+from apad_bridge.world.roster import PresenceRequest, Presences, PresenceTrigger
 from firmware_model.packets import StatusPacket
 from firmware_model.states import State
 

@@ -25,9 +25,9 @@ from apad_bridge.vehicle.commands import (
     VehicleCommand,
 )
 from apad_bridge.vehicle.docking import DockingPort
-from apad_bridge.vehicle.generation_a import messages as shown_a
 from apad_bridge.vehicle.generation_a.core import GenerationACore
 from apad_bridge.vehicle.generation_a.messages import (
+    GO_TO,
     DocksReceived,
     GoalCode,
     GoalOrder,
@@ -35,17 +35,25 @@ from apad_bridge.vehicle.generation_a.messages import (
     GoalStatusReceived,
     HeldPositionReceived,
 )
-from apad_bridge.vehicle.generation_a.simulated import GenerationAVehicle
-from apad_bridge.vehicle.generation_b import messages as shown_b
 from apad_bridge.vehicle.generation_b.core import GenerationBCore
-from apad_bridge.vehicle.generation_b.messages import ArmReceived, ServiceAnswered, StatusReceived
-from apad_bridge.vehicle.generation_b.simulated import GenerationBVehicle
+from apad_bridge.vehicle.generation_b.messages import (
+    ArmReceived,
+    DockingOrder,
+    ServiceAnswered,
+    StatusReceived,
+)
 from apad_bridge.vehicle.link import Carried, LinkFact
 from apad_bridge.vehicle.outcomes import DockChanged, Outcome, PrimitiveFailed, PrimitiveSucceeded
-from apad_bridge.vehicle.simulated.apad import SimulatedAPad
-from apad_bridge.vehicle.simulated.misses import Misses
-from apad_bridge.vehicle.simulated.motion import Coast
-from apad_bridge.vehicle.stack_messages import PosePublished, PoseReceived
+from apad_bridge.vehicle.stack_messages import PoseReceived
+from apad_bridge.world.apad.apad import SimulatedAPad
+from apad_bridge.world.apad.misses import Misses
+from apad_bridge.world.apad.motion import Coast
+from apad_bridge.world.generation_a import messages as shown_a
+from apad_bridge.world.generation_a.vehicle import GenerationAVehicle
+from apad_bridge.world.generation_b import messages as shown_b
+from apad_bridge.world.generation_b.docks import BenchDocks
+from apad_bridge.world.generation_b.vehicle import GenerationBVehicle
+from apad_bridge.world.simulated_stack import PosePublished
 
 ROOT = Path(__file__).parents[4]
 POOL = load(POOL_FILE)
@@ -125,7 +133,7 @@ class WithB:
 
     def __init__(self, fault: Fault, drift_m_s: tuple[float, float] = (0.0, 0.0)) -> None:
         self.vehicle = GenerationBVehicle(SimulatedAPad(replace(POOL.apad, drift_m_s=drift_m_s)), 0, fault)
-        self.core = GenerationBCore(range(1, 10), BATTERY_V, DOCKING, Misses(1, 0.0))
+        self.core = GenerationBCore(BenchDocks(range(1, 10), Misses(1, 0.0)), BATTERY_V, DOCKING)
 
     def advance(self, now_ms: int) -> None:
         self._receive(self.vehicle.advance(now_ms), now_ms)
@@ -334,7 +342,7 @@ def test_what_a_crashed_server_held_is_let_go_after_a_silence() -> None:
 
 
 def foreign(north_m: float) -> GoalOrder:
-    return GoalOrder("another's-1", shown_a.GO_TO, north_m, EAST_M)
+    return GoalOrder("another's-1", GO_TO, north_m, EAST_M)
 
 
 def test_anothers_go_to_during_a_hold_is_let_end_and_then_the_hold_goes_on() -> None:
@@ -449,7 +457,7 @@ def test_a_vehicle_that_does_otherwise_than_it_was_told(fault: Fault, after_ms: 
 def test_a_vehicle_that_blocks_takes_no_call_for_the_27_s_in_which_its_servo_turns() -> None:
     """By the row it is the call that waits: the vehicle itself would take the order."""
     vehicle = GenerationBVehicle(SimulatedAPad(POOL.apad), 0, Fault.BLOCKS)
-    dock = shown_b.DockingOrder(True, 0, 0.1, 0.3, 0.2, 0.2)
+    dock = DockingOrder(True, 0, 0.1, 0.3, 0.2, 0.2)
     assert not vehicle.blocks
     vehicle.receive(dock, 0)
     blocked = []

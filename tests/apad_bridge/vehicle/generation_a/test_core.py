@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import pytest
 from stack_benches import cleared
@@ -41,6 +42,7 @@ from apad_bridge.vehicle.generation_a.messages import (
 from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.link import Carried, Cleared, LetGo, LinkFact
 from apad_bridge.vehicle.stack_messages import PoseReceived
+from apad_bridge.world.contacts import why_out_of_reach
 
 THERE = GoTo(1, 5.0, 6.0, 0.5, 0.5)
 
@@ -550,7 +552,12 @@ def test_a_tick_is_heard_when_every_topic_has_spoken_up_to_it(core: GenerationAC
 
 def test_a_perch_from_afar_is_not_ordered() -> None:
     """The vehicle would take it, and would hold the aMussel at a place where the aMussel is not."""
-    core = GenerationACore(range(1, 10), (10.5, 16.0), "run", sight=lambda _: {7: (2.1, 13.1), 8: (2.1, 4.1)})
+    core = GenerationACore(
+        range(1, 10),
+        (10.5, 16.0),
+        "run",
+        out_of_reach=partial(why_out_of_reach, lambda _: {7: (2.1, 13.1), 8: (2.1, 4.1)}),
+    )
     is_at(core, 0)
     assert core.command(cleared(CloseDock(1, 0, 7)), 0) is None
     assert tells(core, 0) == [

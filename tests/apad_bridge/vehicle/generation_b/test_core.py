@@ -42,8 +42,9 @@ from apad_bridge.vehicle.generation_b.messages import (
 )
 from apad_bridge.vehicle.generation_b.tasks import PILOT, REPLACED
 from apad_bridge.vehicle.link import Carried, LetGo, LinkFact
-from apad_bridge.vehicle.simulated.misses import MISSED, Misses
 from apad_bridge.vehicle.stack_messages import PoseReceived
+from apad_bridge.world.apad.misses import MISSED, Misses
+from apad_bridge.world.generation_b.docks import BenchDocks
 
 THERE = GoTo(1, 5.0, 6.0, 0.5, 0.5)
 SERVO = Servo(
@@ -72,9 +73,8 @@ class Apad:
         takes_back: bool = True,
     ) -> None:
         places, misses = floating or {}, Misses(1, probability)
-        self.core = GenerationBCore(
-            range(1, 10), (10.5, 16.0), DOCKING, misses, lambda _: places, takes_back=takes_back
-        )
+        docks = BenchDocks(range(1, 10), misses, lambda _: places)
+        self.core = GenerationBCore(docks, (10.5, 16.0), DOCKING, takes_back=takes_back)
         self.is_at(0, 2.0, 3.0)
 
     def is_at(self, at_ms: int, north_m: float, east_m: float, heading_rad: float = 0.0) -> None:

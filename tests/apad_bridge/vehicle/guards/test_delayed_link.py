@@ -15,9 +15,9 @@ from apad_bridge.scenario.choices import Generation
 from apad_bridge.scenario.guard_options import GuardOptions
 from apad_bridge.vehicle.link import LinkFact
 from apad_bridge.vehicle.outcomes import DockChanged, PrimitiveFailed, PrimitiveSucceeded
-from apad_bridge.vehicle.simulated.kinematics import Pose
-from apad_bridge.vehicle.simulated.motion import Steer
 from apad_bridge.vehicle.stack_messages import BatteryReceived, PoseReceived
+from apad_bridge.world.apad.kinematics import Pose
+from apad_bridge.world.apad.motion import Steer
 
 BOTH = (Generation.A, Generation.B)
 LOSS = 0.05

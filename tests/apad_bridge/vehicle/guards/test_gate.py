@@ -67,8 +67,8 @@ from apad_bridge.vehicle.guards.position_watch import PositionLimits, PositionWa
 from apad_bridge.vehicle.guards.stops import StopsEnded
 from apad_bridge.vehicle.link import Cleared, LinkFact
 from apad_bridge.vehicle.outcomes import PrimitiveFailed
-from apad_bridge.vehicle.simulated.motion import Coast, Steer
 from apad_bridge.vehicle.stack_messages import PoseReceived
+from apad_bridge.world.apad.motion import Coast, Steer
 from tests.apad_bridge.vehicle.guards.test_guards import WATERS
 
 LIMITS = PositionLimits(age_ms=5_000, jump_m=10.0, speed_m_s=2.0)

@@ -31,8 +31,8 @@ from typing import Any
 
 import rosgraph.names
 
-from apad_bridge.vehicle.simulated.kinematics import Pose, moved
-from apad_bridge.vehicle.simulated.motion import Motion
+from apad_bridge.world.apad.kinematics import Pose, moved
+from apad_bridge.world.apad.motion import Motion
 
 REMAPPED = {f"/apad1/{leaf}": f"/hull/{leaf}" for leaf in ("position", "battery_level")}
 

@@ -4,11 +4,19 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections import Counter
+from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 from apad_bridge.scenario.faults import Fault
-from apad_bridge.vehicle.simulated.apad import SimulatedAPad
-from apad_bridge.vehicle.simulated.kinematics import Pose
+from apad_bridge.world.apad.apad import SimulatedAPad
+from apad_bridge.world.apad.kinematics import Pose
+
+
+@dataclass(frozen=True, slots=True)
+class PosePublished:
+    at_ms: int
+    pose: Pose
+
 
 PublishedT = TypeVar("PublishedT")
 

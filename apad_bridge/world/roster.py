@@ -22,7 +22,7 @@ from agents.time_scale import MissionMs
 from apad_bridge.beliefs.input_ranges import FARTHEST_M
 from apad_bridge.events.fleet import Presence, PresenceChanged
 from apad_bridge.scenario.timed_faults import TimedFault, injection
-from apad_bridge.supervisor.fault_injection import Action, FaultInjection, NoFaults, is_docked
+from apad_bridge.world.fault_injection import Action, FaultInjection, NoFaults, is_docked
 from firmware_model.power.charge import grains
 
 if TYPE_CHECKING:

@@ -21,29 +21,30 @@ from apad_bridge.vehicle.generation_b.messages import (
     PULL_BACK_M_S,
     PULL_BACK_MS,
     SERVO_MS,
-    ArmPublished,
-    BatteryPublished,
-    CameraTurned,
     DockingOrder,
-    Finished,
-    GoToBegun,
-    GoToEnded,
-    GoToLeft,
     GoToOrder,
     PositionOrder,
     PrimitiveStatus,
-    Published,
     ServiceOrder,
-    StatusPublished,
     StopOrder,
     arms,
     dock_direction_rad,
 )
-from apad_bridge.vehicle.simulated.apad import SimulatedAPad
-from apad_bridge.vehicle.simulated.kinematics import STEP_MS
-from apad_bridge.vehicle.simulated.motion import Coast, Steer
-from apad_bridge.vehicle.simulated_stack import SimulatedStack
-from apad_bridge.vehicle.stack_messages import PosePublished
+from apad_bridge.world.apad.apad import SimulatedAPad
+from apad_bridge.world.apad.kinematics import STEP_MS
+from apad_bridge.world.apad.motion import Coast, Steer
+from apad_bridge.world.generation_b.messages import (
+    ArmPublished,
+    BatteryPublished,
+    CameraTurned,
+    Finished,
+    GoToBegun,
+    GoToEnded,
+    GoToLeft,
+    Published,
+    StatusPublished,
+)
+from apad_bridge.world.simulated_stack import PosePublished, SimulatedStack
 
 CLOSE_ENOUGH = (0.8, 0.9)
 SLOW_PERIOD_MS = 1000

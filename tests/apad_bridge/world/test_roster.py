@@ -34,11 +34,12 @@ from apad_bridge.scenario.timed_faults import TimedFault
 from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.core import LearnedState
-from apad_bridge.supervisor.fault_injection import FaultInjection
-from apad_bridge.supervisor.fleet import FlightFleet, WithoutWater
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.supervisor.packet_relay import PacketOrigin, PacketRelay, RelayedPacket, whole_flight
-from apad_bridge.supervisor.roster import (
+from apad_bridge.world.apad.in_process import InProcessVehicle
+from apad_bridge.world.fault_injection import FaultInjection
+from apad_bridge.world.fleet import FlightFleet, WithoutWater
+from apad_bridge.world.roster import (
     TABLE,
     FaultRequest,
     PresenceChange,
@@ -48,7 +49,6 @@ from apad_bridge.supervisor.roster import (
     Roster,
     RosterRequest,
 )
-from apad_bridge.vehicle.link import InProcessVehicle
 from firmware_model.packets import StatusPacket
 from firmware_model.packets.codec import MusselbedCodec
 from firmware_model.states import State

@@ -29,8 +29,8 @@ from agents.time_scale import TimeScale
 from apad_bridge.events.event import Event
 from apad_bridge.events.fleet import FaultBegan, FaultEnded
 from apad_bridge.scenario.timed_faults import Injection, TimedFault
-from apad_bridge.vehicle.faulty_link import FaultyLink
 from apad_bridge.vehicle.link import VehicleLink
+from apad_bridge.world.faulty_link import FaultyLink
 from firmware_model.power.charge import grains
 from firmware_model.state_groups import DOCKED
 from firmware_model.stimuli import ResetCause

@@ -12,10 +12,9 @@ from scenario_files import POOL_FILE
 
 from apad_bridge.scenario.faults import Fault
 from apad_bridge.scenario.loader import load
-from apad_bridge.vehicle.generation_a.messages import (
-    GO_TO,
-    PERCH,
-    RELEASE,
+from apad_bridge.vehicle.generation_a.messages import GO_TO, PERCH, RELEASE
+from apad_bridge.world.apad.apad import SimulatedAPad
+from apad_bridge.world.generation_a.messages import (
     ActionGoal,
     BatteryAndProgressPublished,
     GoalEnded,
@@ -23,9 +22,8 @@ from apad_bridge.vehicle.generation_a.messages import (
     HeldPositionPublished,
     Published,
 )
-from apad_bridge.vehicle.generation_a.simulated import GenerationAVehicle
-from apad_bridge.vehicle.simulated.apad import SimulatedAPad
-from apad_bridge.vehicle.stack_messages import PosePublished
+from apad_bridge.world.generation_a.vehicle import GenerationAVehicle
+from apad_bridge.world.simulated_stack import PosePublished
 
 POOL = load(POOL_FILE)
 NORTH_M, EAST_M = POOL.apad.start_m

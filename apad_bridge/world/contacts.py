@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 
 from agents.mussel.outputs import Truth
 from agents.mussel.stimuli import ContactClosed, ContactOpened, DockMoved, Stimulus
+from apad_bridge.vehicle.commands import PoseReported
 from apad_bridge.vehicle.link import Carried, LetGo
+from apad_bridge.vehicle.telemetry import FAR_M
 from firmware_model.actions import Buoyancy
+
+FloatingPlaces = Callable[[int], Mapping[int, tuple[float, float]]]
+"""Places of floating simulated aMussels at a mission time: (north, east) in metres by id; empty when unknown."""
 
 
 class Contacts:
@@ -52,3 +57,19 @@ class Contacts:
             return ContactClosed(*place)
         before, self._places[fact.agent_id] = self._places[fact.agent_id], place
         return DockMoved(*place) if place != before else None
+
+
+def why_out_of_reach(
+    sight: FloatingPlaces, agent_id: int, pose: PoseReported | None, now_ms: int
+) -> str | None:
+    """The reason to refuse a docking from afar; None when the aMussel is near or its place is unknown.
+
+    No stack checks it: a perch of generation A succeeds from a hundred metres away, and nothing in generation B looks for a
+    simulated aMussel.
+    """
+    if pose is None or (there_m := sight(now_ms).get(agent_id)) is None:
+        return None
+    distance_m = math.dist((pose.north_m, pose.east_m), there_m)
+    if distance_m <= FAR_M:
+        return None
+    return f"aMussel {agent_id} floats {distance_m:.1f} m away: go nearer than {FAR_M:g} m before docking it"

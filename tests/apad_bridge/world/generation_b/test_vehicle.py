@@ -13,23 +13,20 @@ from scenario_files import POOL_FILE
 
 from apad_bridge.scenario.faults import Fault
 from apad_bridge.scenario.loader import load
-from apad_bridge.vehicle.generation_b import messages
-from apad_bridge.vehicle.generation_b.messages import (
+from apad_bridge.vehicle.generation_b.messages import DockingOrder, GoToOrder, PositionOrder, PrimitiveStatus
+from apad_bridge.world.apad.apad import SimulatedAPad
+from apad_bridge.world.generation_b import messages
+from apad_bridge.world.generation_b.messages import (
     ArmPublished,
     CameraTurned,
-    DockingOrder,
     Finished,
     GoToBegun,
     GoToEnded,
     GoToLeft,
-    GoToOrder,
-    PositionOrder,
-    PrimitiveStatus,
     Published,
     StatusPublished,
 )
-from apad_bridge.vehicle.generation_b.simulated import GenerationBVehicle, Stage
-from apad_bridge.vehicle.simulated.apad import SimulatedAPad
+from apad_bridge.world.generation_b.vehicle import GenerationBVehicle, Stage
 
 POOL = load(POOL_FILE)
 NORTH_M, EAST_M = POOL.apad.start_m

@@ -28,13 +28,13 @@ from apad_bridge.vehicle.commands import (
     VehicleCommand,
     VehicleFact,
 )
-from apad_bridge.vehicle.simulated.charger import Charger
-from apad_bridge.vehicle.simulated.docks import Docks
-from apad_bridge.vehicle.simulated.kinematics import STEP_MS, Pose
-from apad_bridge.vehicle.simulated.misses import Misses
-from apad_bridge.vehicle.simulated.motion import Coast, Motion, Steer
-from apad_bridge.vehicle.simulated.power import HullBattery, Ledger
-from apad_bridge.vehicle.simulated.thrusters import Forces
+from apad_bridge.world.apad.charger import Charger
+from apad_bridge.world.apad.docks import Docks
+from apad_bridge.world.apad.kinematics import STEP_MS, Pose
+from apad_bridge.world.apad.misses import Misses
+from apad_bridge.world.apad.motion import Coast, Motion, Steer
+from apad_bridge.world.apad.power import HullBattery, Ledger
+from apad_bridge.world.apad.thrusters import Forces
 
 ARRIVAL_SAMPLES = 1000 // STEP_MS
 REPORT_MS = 1000

@@ -5,13 +5,7 @@ from __future__ import annotations
 import pytest
 
 from apad_bridge.events.fleet import Presence
-from apad_bridge.supervisor.roster import (
-    Claim,
-    PresenceChange,
-    Presences,
-    claim_conflicts,
-    unclaimed_real_ids,
-)
+from apad_bridge.world.roster import Claim, PresenceChange, Presences, claim_conflicts, unclaimed_real_ids
 
 PRESENCES = Presences(
     [1, 2, 3, 4],

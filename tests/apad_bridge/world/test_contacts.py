@@ -1,6 +1,6 @@
 from agents.mussel.stimuli import ContactClosed, ContactOpened, DockMoved
-from apad_bridge.supervisor.contacts import Contacts
 from apad_bridge.vehicle.link import Carried, LetGo
+from apad_bridge.world.contacts import Contacts
 
 
 def test_a_dock_closes_once_moves_when_it_moves_and_opens_once() -> None:

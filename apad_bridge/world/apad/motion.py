@@ -22,16 +22,8 @@ from apad_bridge.scenario.surface import (
     top_speed_m_s,
     weakest_force_n,
 )
-from apad_bridge.vehicle.simulated.kinematics import (
-    STEP_S,
-    Goal,
-    Pose,
-    moved,
-    turned,
-    wanted_velocity,
-    wrapped,
-)
-from apad_bridge.vehicle.simulated.thrusters import NO_FORCES, allocate, electrical_w
+from apad_bridge.world.apad.kinematics import STEP_S, Goal, Pose, moved, turned, wanted_velocity, wrapped
+from apad_bridge.world.apad.thrusters import NO_FORCES, allocate, electrical_w
 
 _TURNING_DISTANCE_M = 0.1
 """Nearer than this the bow keeps its heading: a bearing to a point underneath means nothing."""

@@ -29,11 +29,11 @@ from apad_bridge.vehicle.commands import (
     OpenDock,
     VehicleFact,
 )
-from apad_bridge.vehicle.generation_a.messages import (
-    GO_TO,
-    OBJECT_PREFIX,
-    PERCH,
-    RELEASE,
+from apad_bridge.vehicle.generation_a.messages import GO_TO, OBJECT_PREFIX, PERCH, RELEASE
+from apad_bridge.world.apad.apad import SimulatedAPad
+from apad_bridge.world.apad.misses import MISSED, Misses
+from apad_bridge.world.apad.motion import Coast
+from apad_bridge.world.generation_a.messages import (
     ActionGoal,
     BatteryAndProgressPublished,
     GoalEnded,
@@ -41,11 +41,7 @@ from apad_bridge.vehicle.generation_a.messages import (
     HeldPositionPublished,
     Published,
 )
-from apad_bridge.vehicle.simulated.apad import SimulatedAPad
-from apad_bridge.vehicle.simulated.misses import MISSED, Misses
-from apad_bridge.vehicle.simulated.motion import Coast
-from apad_bridge.vehicle.simulated_stack import SimulatedStack
-from apad_bridge.vehicle.stack_messages import PosePublished
+from apad_bridge.world.simulated_stack import PosePublished, SimulatedStack
 
 HELD_PERIOD_MS = 50
 POSE_PERIOD_MS = 100

@@ -13,12 +13,12 @@ from apad_bridge.vehicle.generation_b.messages import (
     DockingOrder,
     PositionOrder,
     PrimitiveStatus,
-    StatusPublished,
     dock_direction_rad,
 )
-from apad_bridge.vehicle.generation_b.simulated import GenerationBVehicle, Stage
-from apad_bridge.vehicle.simulated.apad import SimulatedAPad
-from apad_bridge.vehicle.simulated.camera import seen
+from apad_bridge.world.apad.apad import SimulatedAPad
+from apad_bridge.world.apad.camera import seen
+from apad_bridge.world.generation_b.messages import StatusPublished
+from apad_bridge.world.generation_b.vehicle import GenerationBVehicle, Stage
 
 POOL = load(POOL_FILE)
 NORTH_M, EAST_M = POOL.apad.start_m

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from apad_bridge.scenario.schema import APad
-from apad_bridge.vehicle.simulated.motion import Motion
+from apad_bridge.world.apad.motion import Motion
 
 REACH_M = 2.0
 """The charger's cable. Assumed: an aPad that has come home lies within the victory radius of it."""

@@ -12,8 +12,8 @@ from apad_bridge.vehicle.commands import (
     PoseReported,
     VehicleCommand,
 )
-from apad_bridge.vehicle.faulty_link import FaultyLink
 from apad_bridge.vehicle.link import Carried, Cleared, LinkFact
+from apad_bridge.world.faulty_link import FaultyLink
 
 
 class Vehicle:

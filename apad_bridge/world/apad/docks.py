@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from apad_bridge.vehicle.commands import CloseDock, CommandFailed, DockClosed, DockOpened, OpenDock
-from apad_bridge.vehicle.simulated.misses import MISSED, Misses, Place
+from apad_bridge.world.apad.misses import MISSED, Misses, Place
 
 
 class Docks:
