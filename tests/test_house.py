@@ -105,8 +105,8 @@ def test_no_road_to_a_vehicle_goes_around_its_guards() -> None:
     assert {it.__module__ for it in Cleared.__subclasses__()} == {gate.__name__}
     assert inspect.isabstract(Cleared)
     assert callers_of("command", {"tasks", "core", "self"}) == {
-        ("apad_bridge/ros/links/generation_a.py", "self._core"),
-        ("apad_bridge/ros/links/generation_b.py", "self._core"),
+        ("apad_bridge/ros/generation_a/link.py", "self._core"),
+        ("apad_bridge/ros/generation_b/link.py", "self._core"),
         ("apad_bridge/vehicle/generation_b/core.py", "self._tasks"),
         ("apad_bridge/vehicle/generation_b/tasks.py", "self"),
     }
@@ -116,8 +116,8 @@ def test_only_what_the_gate_let_out_goes_on_the_wire() -> None:
     """A link's ways out take what the gate has cleared, as the type check proves; nothing else has these ways."""
     assert callers_of("publish", {"goals", "cancels"}) == set()
     assert callers_of("send", {"sender"}) == {
-        ("apad_bridge/ros/links/generation_a.py", "self._sender"),
-        ("apad_bridge/ros/links/generation_b.py", "self._sender"),
+        ("apad_bridge/ros/generation_a/link.py", "self._sender"),
+        ("apad_bridge/ros/generation_b/link.py", "self._sender"),
     }
     assert callers_of("take", {"calls"}) <= {
         ("apad_bridge/vehicle/generation_b/core.py", "self._tasks.calls"),

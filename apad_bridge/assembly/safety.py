@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from apad_bridge.assembly.stacks import STACKS
+from apad_bridge.assembly.stacks import ADRIFT_MS, STACKS
 from apad_bridge.events.guards import Reaction
 from apad_bridge.scenario.area.fence import fence_of
 from apad_bridge.scenario.guard_options import GuardOptions, WhenOutside, WhenUnwatched
@@ -56,7 +56,6 @@ from apad_bridge.world.apad.thrusters import allocate, electrical_w
 _S_PER_HOUR = 3600
 CLOCK_STEP_MS = 1_000
 """Stamps of a real vehicle that jump ahead by more belong to a clock that was set."""
-_ADRIFT_MS = max(it.adrift_in_docking_ms for it in STACKS)
 _PULLED_BACK_M = max(it.pulls_back_m for it in STACKS)
 """Room for a docking is asked for before it is known which stack flies it."""
 
@@ -127,7 +126,7 @@ def _guards(scenario: Scenario, options: GuardOptions, waters: Waters) -> list[G
         InWaters(waters, returns=options.outside is WhenOutside.RETURN),
         RoomToDock(
             waters,
-            max(options.drift_m_s, fastest_drift_m_s(scenario)) * _ADRIFT_MS / 1000
+            max(options.drift_m_s, fastest_drift_m_s(scenario)) * ADRIFT_MS / 1000
             + options.search_m
             + _PULLED_BACK_M,
             lambda agent_id: docking.profile_of(agent_id) is not DockingProfile.VIRTUAL,

@@ -1,7 +1,8 @@
-"""The stacks of aPad software, each in `vehicle/generation_NAME/stack.py` for a NAME of `Generation`.
+"""The stacks of aPad software: for each NAME of `Generation`, the folders called `generation_NAME`.
 
-That name and that folder make another stack, which the doctor recognises. Its `link` and its `server` make it fly; its
-faults, and the docks that its messages can name, stand in `scenario/schema.py`. A part is imported when it is loaded.
+`vehicle/` has the folder that makes a stack, which the doctor recognises. The one in `ros/` makes it fly, by its `link` and
+its simulated node's `server`, and the one in `world/` has the vehicle that this node simulates. A stack's faults, and the
+docks that its messages can name, stand in `scenario/schema.py`. A part is imported when it is loaded.
 """
 
 from __future__ import annotations
@@ -14,22 +15,24 @@ from apad_bridge.vehicle.errors import VehicleNotReady
 from apad_bridge.vehicle.stack import Stack
 
 
-def load(dotted: str) -> Any:
-    """Imports the object called MODULE:NAME. VehicleNotReady for "", a part that a stack does not have."""
-    if not dotted:
-        raise VehicleNotReady(
-            "this aPad software is recognised, and cannot be flown: its stack has no such part"
-        )
-    module, _, name = dotted.partition(":")
-    return getattr(importlib.import_module(module), name)
+def part_of(generation: Generation, module: str, name: str) -> Any:
+    """Imports an object of a generation's folder, as `ros.link`. VehicleNotReady if the stack has no such part."""
+    room, _, leaf = module.partition(".")
+    dotted = f"apad_bridge.{room}.generation_{generation.value}.{leaf}"
+    try:
+        return getattr(importlib.import_module(dotted), name)
+    except ModuleNotFoundError as missing:
+        if missing.name is None or not dotted.startswith(missing.name):
+            raise
+    raise VehicleNotReady("this aPad software is recognised, and cannot be flown: its stack has no such part")
 
 
 STACKS: tuple[Stack, ...] = tuple(
-    load(f"apad_bridge.vehicle.generation_{it.value}.stack:STACK")
-    for it in Generation
-    if it is not Generation.AUTO
+    part_of(it, "vehicle.stack", "STACK") for it in Generation if it is not Generation.AUTO
 )
 _BY_GENERATION = {stack.generation: stack for stack in STACKS}
+ADRIFT_MS = max(it.adrift_in_docking_ms for it in STACKS)
+"""The longest span in which a stack lets its vehicle drift before it docks or undocks."""
 
 
 def stack_of(generation: Generation) -> Stack:

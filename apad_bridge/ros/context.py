@@ -29,7 +29,7 @@ from apad_bridge.ros.gateway.gateway import Gateway, GatewayFailed, TruthSource,
 from apad_bridge.ros.gateway.heartbeat import Heartbeat, WatchdogStates
 from apad_bridge.ros.gateway.standard_messages import ball_size_m
 from apad_bridge.ros.gateway.standard_topics import StandardTopics
-from apad_bridge.ros.links.contacts_link import ContactsLink
+from apad_bridge.ros.generation_a.contacts_link import ContactsLink
 from apad_bridge.ros.links.laboratory import DockAlertReceiver, Laboratory, LaboratoryLink
 from apad_bridge.ros.links.legacy_link import LegacyLink
 from apad_bridge.ros.links.other_apads import OtherAPads

@@ -20,6 +20,7 @@ from apad_bridge.ros.system.node import start_node
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_apad
 from apad_bridge.vehicle.generation_a.messages import ENDS, PERCH, RELEASE
+from apad_bridge.vehicle.generation_b.messages import arms
 
 use_generated_messages()
 
@@ -84,9 +85,9 @@ def by_arms(apad: str, docks: int) -> str:
     else:
         raise CannotMove(f"nobody listens to {topic.resolved_name}: no arm can be moved")
     for dock_index in range(docks):
-        topic.publish(Float32MultiArray(data=[1.0 if it == dock_index else 0.0 for it in range(4)]))
+        topic.publish(Float32MultiArray(data=[float(it) for it in arms(dock_index).is_open]))
         pause.wait(STANDS_OPEN_S)
-        topic.publish(Float32MultiArray(data=[0.0] * 4))
+        topic.publish(Float32MultiArray(data=[float(it) for it in arms(None).is_open]))
         pause.wait(STANDS_OPEN_S)
     return f"{docks} arms opened and closed"
 

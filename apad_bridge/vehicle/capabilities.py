@@ -1,7 +1,7 @@
 """Capabilities of a vehicle behind the docking port: what its stack can do, and where its docks are.
 
-Each stack states its own, in `vehicle/NAME/stack.py`; the registry `assembly/stacks.py` lists the stacks. Whoever
-needs to know asks a capability and never the stack's name.
+Each stack states its own, in `vehicle/generation_NAME/stack.py`; the registry `assembly/stacks.py` lists the stacks.
+Whoever needs to know asks a capability and never the name of a stack.
 """
 
 from __future__ import annotations

@@ -13,8 +13,7 @@ from apad_bridge.vehicle.capabilities import Capabilities
 class Stack:
     """One generation of the aPad's software: its names on the graph, its abilities and its definitions.
 
-    Names of topics, services and actions are below the aPad's namespace. A stack without `link` and `server` is one that
-    the doctor recognises, and that nobody can fly yet.
+    Names of topics, services and actions are below the aPad's namespace.
     """
 
     generation: Generation
@@ -41,7 +40,3 @@ class Stack:
     """Before it docks or undocks it stands still for so long, while the vehicle drifts."""
     pulls_back_m: float = 0.0
     """It backs off so far in a docking."""
-    link: str = ""
-    """MODULE:FUNCTION that opens the link, as `apad_bridge.ros.links.legacy_link.OpenLink`."""
-    server: str = ""
-    """MODULE:CLASS of the simulated node's server, a `LegacyServer`."""

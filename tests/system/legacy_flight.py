@@ -21,8 +21,8 @@ from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.assembly.safety import safety_of
 from apad_bridge.events.event import Event
 from apad_bridge.ros.gateway.gateway import open_gateway
-from apad_bridge.ros.links.generation_a import GenerationALink
-from apad_bridge.ros.links.generation_b import GenerationBLink
+from apad_bridge.ros.generation_a.link import GenerationALink
+from apad_bridge.ros.generation_b.link import GenerationBLink
 from apad_bridge.ros.system.ros_pace import OwnMasterClock
 from apad_bridge.scenario import loader
 from apad_bridge.scenario.choices import Generation

@@ -24,7 +24,7 @@ from std_srvs.srv import Trigger
 
 from agents.time_scale import TimeScale
 from apad_bridge.ros.gateway.gateway import open_gateway
-from apad_bridge.ros.links.generation_b import GenerationBLink
+from apad_bridge.ros.generation_b.link import GenerationBLink
 from apad_bridge.ros.system.ros_pace import OwnMasterClock
 from apad_bridge.ros.types.any_listener import AnyListener
 from apad_bridge.ros.types.messages import use_generated_messages

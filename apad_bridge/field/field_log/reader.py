@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from agents.water.medium import PacketOutcome
+from apad_bridge.assembly.stacks import ADRIFT_MS
 from apad_bridge.events.mission import PrimitiveChanged
 from apad_bridge.field.field_log.facts import (
     AmusselCharged,
@@ -39,7 +40,7 @@ from apad_bridge.records.bag_samples import BagUnreadable
 from apad_bridge.records.recorded_types import RecordedTypes
 from apad_bridge.ros_names.names import AMUSSEL, in_full, of_amussel, of_apad, ours
 from apad_bridge.vehicle.generation_a.messages import GO_TO, PERCH, RELEASE, GoalCode
-from apad_bridge.vehicle.generation_b.messages import SERVO_MS, PrimitiveStatus
+from apad_bridge.vehicle.generation_b.messages import PrimitiveStatus
 
 _WORK_OF_GOAL = {GO_TO: Work.GO_TO, PERCH: Work.DOCK, RELEASE: Work.UNDOCK}
 _WORK_OF_PRIMITIVE = {"go to point": Work.GO_TO, "dock": Work.DOCK, "undock": Work.UNDOCK}
@@ -205,7 +206,7 @@ class FactReader:
         and for an undocking only after the camera's servo."""
         began = self._servo
         is_open = any(it > _OPEN for it in told.data)
-        if began is not None and is_open and at_s - began.at_s < SERVO_MS / 2000:
+        if began is not None and is_open and at_s - began.at_s < ADRIFT_MS / 2000:
             self._servo = None
             yield replace(began, work=Work.DOCK)
 

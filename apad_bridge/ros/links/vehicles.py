@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 import rosgraph
 
 from agents.time_scale import MissionMs
-from apad_bridge.assembly.stacks import load, stack_of
+from apad_bridge.assembly.stacks import part_of, stack_of
 from apad_bridge.doctor.graph import Graph
 from apad_bridge.doctor.network import Unreachable
 from apad_bridge.records.samples import TruthSample
@@ -75,5 +75,5 @@ def open_apad(
             f"{scenario.apad.name} is of generation {generation.name}, which can name {LIMITS[generation].docks} docks, "
             f"and apad.docks is {scenario.apad.docks}: lower it"
         )
-    open_link: OpenLink = load(stack_of(generation).link)
+    open_link: OpenLink = part_of(stack_of(generation).generation, "ros.link", "open_link")
     return open_link(scenario, gate, sight, docked, now_ms, our_clock=ours)

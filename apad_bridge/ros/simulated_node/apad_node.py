@@ -22,8 +22,7 @@ import rospy
 from agents.hosting import interrupts
 from agents.hosting.started import outlive_starter
 from apad_bridge.assembly.division import with_apad
-from apad_bridge.assembly.stacks import load as load_part
-from apad_bridge.assembly.stacks import stack_of
+from apad_bridge.assembly.stacks import part_of, stack_of
 from apad_bridge.ros.system.node import start_node
 from apad_bridge.ros.types.messages import MessagesUnusable, use_generated_messages
 from apad_bridge.ros_names.names import plain
@@ -104,7 +103,9 @@ def _on_graph(
     remappings = beside_others(scenario.apad.name) if is_one_of_several(whole) else []
     name = f"{plain(scenario.apad.name)}_simulated"
     start_node(name, remappings, xmlrpc_port=xmlrpc_port)
-    server: type[LegacyServer[Any]] = load_part(stack_of(scenario.apad.generation).server)
+    server: type[LegacyServer[Any]] = part_of(
+        stack_of(scenario.apad.generation).generation, "ros.server", "Server"
+    )
     return server.of_scenario(scenario, held)
 
 

@@ -36,6 +36,4 @@ STACK = Stack(
     },
     off_services=("VelCon_enable", "FADP_enable"),
     drifts_between_orders=False,
-    link="apad_bridge.ros.links.generation_a:open_link",
-    server="apad_bridge.ros.simulated_node.generation_a:Server",
 )

@@ -57,6 +57,4 @@ STACK = Stack(
     hears_pilot=True,
     adrift_in_docking_ms=SERVO_MS,
     pulls_back_m=PULL_BACK_M_S * PULL_BACK_MS / 1000,
-    link="apad_bridge.ros.links.generation_b:open_link",
-    server="apad_bridge.ros.simulated_node.generation_b:Server",
 )

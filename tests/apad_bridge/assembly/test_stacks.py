@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from apad_bridge.assembly.stacks import STACKS, load, stack_of
+from apad_bridge.assembly.stacks import STACKS, part_of, stack_of
 from apad_bridge.ros_names.names import of_apad
 from apad_bridge.scenario.choices import Generation
 from apad_bridge.vehicle.errors import VehicleNotReady
@@ -21,16 +21,16 @@ def test_a_scenario_that_names_no_generation_simulates_generation_a() -> None:
 
 
 @pytest.mark.parametrize("stack", STACKS, ids=lambda it: it.generation)
-def test_every_entry_names_parts_that_exist(stack: Stack) -> None:
+def test_every_stack_has_the_parts_that_fly_it(stack: Stack) -> None:
     from apad_bridge.ros.simulated_node.legacy_server import LegacyServer
 
-    assert callable(load(stack.link))
-    assert issubclass(load(stack.server), LegacyServer)
+    assert callable(part_of(stack.generation, "ros.link", "open_link"))
+    assert issubclass(part_of(stack.generation, "ros.server", "Server"), LegacyServer)
 
 
 def test_a_part_that_a_stack_does_not_have_is_told() -> None:
     with pytest.raises(VehicleNotReady, match="cannot be flown"):
-        load(Stack(Generation.B, "nothing", stack_of(Generation.B).capabilities).link)
+        part_of(Generation.AUTO, "ros.link", "open_link")
 
 
 @pytest.mark.parametrize("stack", STACKS, ids=lambda it: it.generation)

@@ -13,9 +13,9 @@ from apad_bridge.beliefs.belief import Belief
 from apad_bridge.doctor.finding import Finding, cannot_tell, fail, ok
 from apad_bridge.doctor.graph import Graph
 from apad_bridge.ros import context
-from apad_bridge.ros.links import generation_b
-from apad_bridge.ros.links.contacts_link import ContactsLink
-from apad_bridge.ros.links.generation_b import GenerationBLink
+from apad_bridge.ros.generation_a.contacts_link import ContactsLink
+from apad_bridge.ros.generation_b import link
+from apad_bridge.ros.generation_b.link import GenerationBLink
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
@@ -51,15 +51,15 @@ def test_the_virtual_camera_does_not_publish_beside_another(
     monkeypatch: pytest.MonkeyPatch, publishers: list[str], is_refused: bool
 ) -> None:
     graph = Graph("http://h:1", {"/apad1/docking_vertical": publishers}, {}, {}, {})
-    monkeypatch.setattr(generation_b.Graph, "read", lambda uri: graph)
+    monkeypatch.setattr(link.Graph, "read", lambda uri: graph)
     monkeypatch.setattr(rospy, "get_name", lambda: "/musselbed_1")
     if not is_refused:
-        generation_b._refuse_second_camera("apad1")
+        link._refuse_second_camera("apad1")
         return
     with pytest.raises(
         VehicleNotReady, match="/apad1/docking_vertical has a publisher already, /camera_driver"
     ):
-        generation_b._refuse_second_camera("apad1")
+        link._refuse_second_camera("apad1")
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import threading
 from contextlib import ExitStack
 from types import SimpleNamespace
 
-from apad_bridge.ros.simulated_node.generation_b import ServiceCallQueue
+from apad_bridge.ros.generation_b.server import ServiceCallQueue
 
 PATIENCE_S = 30.0
 

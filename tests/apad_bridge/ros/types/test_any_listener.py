@@ -13,7 +13,8 @@ import rospy
 from std_msgs.msg import Bool, Float32MultiArray, Float64, Int32, String
 
 from apad_bridge.events.graph import MessagesDropped
-from apad_bridge.ros.links import generation_a, generation_b
+from apad_bridge.ros.generation_a import link as link_a
+from apad_bridge.ros.generation_b import link as link_b
 from apad_bridge.ros.links.laboratory_topics import LaboratorySubscribers
 from apad_bridge.ros.links.legacy_subscribers import POSE_FIELDS, LegacySubscribers, NavSts
 from apad_bridge.ros.links.other_apads import OtherAPads
@@ -30,8 +31,8 @@ Inboxed = tuple[LegacySubscribers, Inbox[Any]]
 def subscribed(request: pytest.FixtureRequest) -> Iterator[Inboxed]:
     inbox: Inbox[Any] = Inbox()
     made: dict[str, Callable[[], LegacySubscribers]] = {
-        "a": lambda: generation_a.Subscribers("apad1", [4], inbox, stamped=False),
-        "b": lambda: generation_b.Subscribers("apad1", inbox, stamped=False),
+        "a": lambda: link_a.Subscribers("apad1", [4], inbox, stamped=False),
+        "b": lambda: link_b.Subscribers("apad1", inbox, stamped=False),
     }
     subscribers = made[request.param]()
     yield subscribers, inbox
@@ -118,7 +119,7 @@ def test_a_pose_with_a_field_of_another_kind_is_dropped(subscribed: Inboxed, fie
 
 def test_a_pose_whose_numbers_are_narrower_is_read() -> None:
     inbox: Inbox[Any] = Inbox()
-    subscribers = generation_b.Subscribers("apad1", inbox, stamped=False)
+    subscribers = link_b.Subscribers("apad1", inbox, stamped=False)
     narrow = twisted("north", "float32")()
     narrow.position.north, narrow.position.east, narrow.orientation.yaw = 1.5, 2.0, 0.5
     subscribers._subscribers[0].callback(on_the_wire(narrow))

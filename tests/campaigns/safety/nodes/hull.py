@@ -65,9 +65,9 @@ class Hull:
     def spoil(self) -> None:
         """From now on each hull and each service of this process has these faults."""
         # Not before `remap`: rospy reads its names' mappings when it is imported.
-        from apad_bridge.ros.simulated_node import generation_b
+        from apad_bridge.ros.generation_b import server
 
-        end_step, offer = Motion.end_step, generation_b.Server._offer
+        end_step, offer = Motion.end_step, server.Server._offer
 
         def ends(motion: Motion) -> None:
             before = motion.pose
@@ -78,7 +78,7 @@ class Hull:
             offer(server, apad, name, kind, lambda request: self._answered(answer, request))
 
         Motion.end_step = ends  # type: ignore[method-assign, assignment]
-        generation_b.Server._offer = offers  # type: ignore[method-assign, assignment]
+        server.Server._offer = offers  # type: ignore[method-assign, assignment]
 
     def _pose(self, motion: Motion, before: Pose) -> Pose:
         after = motion.pose

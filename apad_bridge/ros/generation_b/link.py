@@ -24,10 +24,10 @@ from std_srvs.srv import Trigger
 from apad_bridge.assembly import parts
 from apad_bridge.doctor.graph import Graph
 from apad_bridge.doctor.network import Unreachable
+from apad_bridge.ros.generation_b.virtual_camera import DETECTION_TOPICS, VirtualCamera
 from apad_bridge.ros.links.legacy_link import LegacyLink, OpenedAPad
 from apad_bridge.ros.links.legacy_subscribers import LegacySubscribers, publisher_of
 from apad_bridge.ros.links.order_sender import Answered
-from apad_bridge.ros.links.virtual_camera import DETECTION_TOPICS, VirtualCamera
 from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.ros.types.live_types import live_services, unreadable_topics
 from apad_bridge.ros.types.messages import use_generated_messages

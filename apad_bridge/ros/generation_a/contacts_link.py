@@ -12,7 +12,7 @@ from actionlib_msgs.msg import GoalStatusArray
 
 from apad_bridge.beliefs.input_ranges import out_of_range
 from apad_bridge.events.event import Event
-from apad_bridge.ros.links.dock_inquiry import DockInquiry
+from apad_bridge.ros.generation_a.dock_inquiry import DockInquiry
 from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import AMUSSEL, of_amussel, of_apad

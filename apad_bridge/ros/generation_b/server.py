@@ -14,7 +14,7 @@ from std_msgs.msg import Bool, Float32, Float32MultiArray, Float64, Int32, Strin
 from std_srvs.srv import Trigger, TriggerResponse
 
 from apad_bridge.assembly import parts
-from apad_bridge.ros.simulated_node.generation_b_go2point import Go2Point
+from apad_bridge.ros.generation_b.go2point import Go2Point
 from apad_bridge.ros.simulated_node.legacy_server import QUEUE, LegacyServer
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros.types.workspace_services import service_to_offer
