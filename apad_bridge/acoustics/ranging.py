@@ -183,55 +183,6 @@ class RangingService:
         beliefs.learn(taken.agent_id, ranged, taken.at_ms)
 
 
-class NoRanging:
-    """The service of an aPad without water, or without a modem in it: packets go out at once, and nothing is pinged.
-
-    It learns nothing, so its state is empty.
-    """
-
-    def __init__(self) -> None:
-        self.dropped: Counter[str] = Counter()
-
-    def full_state(self) -> dict[str, Any]:
-        return {}
-
-    def updates(self) -> None:
-        return None
-
-    def restore(self, state: dict[str, Any] | None) -> None:
-        pass
-
-    def apply_updates(self, updates: dict[str, Any]) -> None:
-        pass
-
-    def advance(self, beliefs: Sequence[Belief], now_ms: MissionMs) -> list[SupervisorAction]:
-        return []
-
-    def ping(self, agent_id: int) -> None:
-        """Drops the request, and counts it."""
-        self.dropped["pings without a modem in the water"] += 1
-
-    def short_status_received(self, agent_id: int) -> None:
-        pass
-
-    def send(self, send: Send, now_ms: MissionMs) -> Send:
-        return send
-
-    def moved(self, agent_id: int, now_ms: MissionMs) -> None:
-        pass
-
-    def start_serving(self, agent_id: int, now_ms: MissionMs) -> None:
-        pass
-
-    def stop_serving(self, agent_id: int) -> None:
-        pass
-
-    def hear(
-        self, fact: RangeHeard, pose: PoseReported | None, beliefs: FleetBeliefs, now_ms: MissionMs
-    ) -> list[SupervisorAction]:
-        return []
-
-
 def _is_away(belief: Belief) -> bool:
     """True if an aMussel is docked or afloat, and cannot receive: for a carried belief, more probably than not."""
     if belief.is_predicted:

@@ -8,7 +8,7 @@ from types import MappingProxyType
 from agents.hosting.faulty_host import FaultyHost
 from agents.time_scale import MissionMs
 from apad_bridge.acoustics.locator import Locator
-from apad_bridge.acoustics.ranging import NoRanging, RangingService
+from apad_bridge.acoustics.ranging import RangingService
 from apad_bridge.acoustics.schedule import AcousticScheduler
 from apad_bridge.assembly.energy_model import energy_model
 from apad_bridge.assembly.flight_config import FlightConfig
@@ -107,7 +107,7 @@ def home_stays(scenario: Scenario) -> HomeStays:
 def initial_learned_state(config: FlightConfig, has_modem: bool = True) -> LearnedState:
     """Builds the state of a supervisor that has learned nothing yet. Without a modem it runs no ranging service."""
     beliefs = fleet_beliefs(config)
-    ranging = ranging_service(config) if has_modem else NoRanging()
+    ranging = ranging_service(config) if has_modem else None
     return LearnedState(beliefs, ranging, Allocation(beliefs, config.ids))
 
 
@@ -122,11 +122,11 @@ def fleet_beliefs(config: FlightConfig) -> FleetBeliefs:
     return FleetBeliefs(Twin(twin.parameters, twin.schedules), config.ids, due_every_ms, scale)
 
 
-def ranging_service(config: FlightConfig) -> RangingService | NoRanging:
-    """Builds the aPad's ranging service, which does nothing if the scenario has no water."""
+def ranging_service(config: FlightConfig) -> RangingService | None:
+    """Builds the aPad's ranging service; None if the scenario has no water."""
     acoustics, water, depth_m = config.acoustics, config.scenario.water, config.scenario.area.depth_m
     if acoustics is None or water is None:
-        return NoRanging()
+        return None
     codec, localisation = codec_of(config.scenario), water.localisation
     return RangingService(
         AcousticScheduler(

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from agents.packet_medium import Medium
 from agents.time_scale import MissionMs
-from apad_bridge.acoustics.ranging import NoRanging, RangingService
+from apad_bridge.acoustics.ranging import RangingService
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.measurement import Docked, Permitted, Released
@@ -119,7 +119,8 @@ class LearnedState:
     """The state that a supervisor learns, and that the next supervisor of the run continues with."""
 
     beliefs: FleetBeliefs
-    ranging: RangingService | NoRanging
+    ranging: RangingService | None
+    """None for an aPad without water, or without a modem in it: its packets go out at once, and it pings nobody."""
     allocation: Allocation
     """The aMussels that the aPad serves, over these beliefs."""
 
@@ -174,7 +175,7 @@ class Supervisor:
 
     @property
     def ranging_dropped(self) -> Counter[str]:
-        return self._ranging.dropped
+        return Counter() if self._ranging is None else self._ranging.dropped
 
     @property
     def primitive(self) -> str:
@@ -215,7 +216,9 @@ class Supervisor:
         elif (reason := self._reason_to_stand_down()) is not None:
             actions += self._carry_out(self.mission.stand_down(reason, now_ms), now_ms)
         actions += self._carry_out(self.mission.advance(now_ms), now_ms)
-        return [*actions, *self._ranging.advance(self.allocation.all(), now_ms)]
+        if self._ranging is not None:
+            actions += self._ranging.advance(self.allocation.all(), now_ms)
+        return actions
 
     def _tell_if_late(self, now_ms: MissionMs) -> list[SupervisorAction]:
         """Tells once that the time to be home passes while the aPad may not move."""
@@ -242,7 +245,7 @@ class Supervisor:
 
     def send(self, send: Send, now_ms: MissionMs) -> list[Send]:
         """The packet with the time at which the modem may send it; nothing if the same packet waits already."""
-        timed = self._ranging.send(send, now_ms)
+        timed = send if self._ranging is None else self._ranging.send(send, now_ms)
         return [] if timed is None else [timed]
 
     def _handle(self, fact: Fact, now_ms: MissionMs) -> list[SupervisorAction]:
@@ -258,6 +261,8 @@ class Supervisor:
                 self.dropped["bytes that are no status packet"] += 1
                 return []
             case RangeHeard():
+                if self._ranging is None:
+                    return []
                 return self._ranging.hear(fact, self.pose, self.beliefs, now_ms)
             case EndRequested(_, end):
                 return self._carry_out(self.mission.end(end, now_ms), now_ms)
@@ -300,7 +305,8 @@ class Supervisor:
         was_suspect = beliefs.suspicion(agent_id) is not None
         actions: list[SupervisorAction] = []
         if isinstance(status, ShortStatus):
-            self._ranging.short_status_received(agent_id)
+            if self._ranging is not None:
+                self._ranging.short_status_received(agent_id)
             reason = beliefs.hear_short(status, at_ms)
         elif (reason := beliefs.hear(status, at_ms)) is None:
             if (belief := beliefs.get(agent_id)) is not None:
@@ -354,7 +360,8 @@ class Supervisor:
         if agent_id not in self.allocation.own:
             self.beliefs.admit(agent_id, belief)
         self.allocation.take(agent_id)
-        self._ranging.start_serving(agent_id, self._now_ms)
+        if self._ranging is not None:
+            self._ranging.start_serving(agent_id, self._now_ms)
 
     def stop_serving(self, agent_id: int) -> None:
         """Leaves the aMussel to another aPad from now on.
@@ -362,7 +369,8 @@ class Supervisor:
         One of this fleet still updates the beliefs here, because its records are kept here.
         """
         self.allocation.give(agent_id)
-        self._ranging.stop_serving(agent_id)
+        if self._ranging is not None:
+            self._ranging.stop_serving(agent_id)
         if agent_id not in self.allocation.own:
             self.beliefs.dismiss(agent_id)
 
@@ -391,8 +399,10 @@ class Supervisor:
                     self.beliefs.learn(agent_id, Permitted(), now_ms)
                     data = self._codec.encode(CommandPacket(Kind.PERMISSION, agent_id))
                     actions += self.send(Send(Medium.SOUND, agent_id, data), now_ms)
-                case PingAgent(agent_id):
+                case PingAgent(agent_id) if self._ranging is not None:
                     self._ranging.ping(agent_id)
+                case PingAgent():
+                    self.dropped["pings without a modem in the water"] += 1
                 case TellClear(agent_id):
                     data = self._codec.encode(CommandPacket(Kind.RELEASE, agent_id))
                     actions.append(Send(Medium.WIFI, agent_id, data))
@@ -418,7 +428,8 @@ class Supervisor:
         if not isinstance(outcome, DockChanged) or self.pose is None:
             return
         at_ms = MissionMs(outcome.at_ms)
-        self._ranging.moved(outcome.agent_id, at_ms)
+        if self._ranging is not None:
+            self._ranging.moved(outcome.agent_id, at_ms)
         if outcome.closed:
             self.beliefs.learn(outcome.agent_id, Docked(), at_ms)
         else:

@@ -15,7 +15,6 @@ from stack_benches import cleared
 
 from agents.mussel.body import drift_step_um
 from agents.time_scale import MissionMs
-from apad_bridge.acoustics.ranging import NoRanging
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.division import members
 from apad_bridge.assembly.flight_config import flight_config
@@ -292,7 +291,7 @@ class Killed:
         supervisor = ticks._supervisor
         state = supervisor.mission.state
         self.phase = state.phase
-        learned = LearnedState(supervisor.beliefs, NoRanging(), supervisor.allocation)
+        learned = LearnedState(supervisor.beliefs, None, supervisor.allocation)
         resumed = parts.supervisor(flight_config(self._scenario), journaled(state), 10_000, learned=learned)
         resumed.port._distance_m = supervisor.port._distance_m
         assert isinstance(resumed.mission, EnergyExchange)

@@ -6,13 +6,17 @@ from scenario_files import POOL_FILE
 
 from agents.mussel.stimuli import SoundArrived, WifiArrived
 from agents.packet_medium import Medium
-from apad_bridge.acoustics.ranging import NoRanging
+from agents.time_scale import MissionMs
 from apad_bridge.acoustics.serial.lines import SerialLines
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.events.run import EndReason
+from apad_bridge.events.sound import PlaceFixed
 from apad_bridge.mission.breakdown import NeverStandsDown
-from apad_bridge.mission.facts import Send
+from apad_bridge.mission.call_queue import CallQueue
+from apad_bridge.mission.facts import Ping, RangeHeard, Send
+from apad_bridge.mission.flight_mission import FlightMission
+from apad_bridge.mission.orders import PingAgent
 from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.runs.resuming import restore_allocation
 from apad_bridge.scenario.loader import load
@@ -43,12 +47,14 @@ def test_without_water_packets_arrive_at_once_and_strangers_are_counted() -> Non
     assert flight.all_dropped == {PING: 1, "for an aMussel that is not of this fleet": 1}
 
 
-def test_a_service_without_water_delays_nothing_and_keeps_nothing() -> None:
-    ranging = NoRanging()
-    assert [ranging.send(it, 1000) for it in (SOUND, WIFI)] == [SOUND, WIFI]
-    assert ranging.advance([], 1000) == [] and ranging.updates() is None
-    ranging.restore(None)
-    ranging.restore(ranging.full_state())
+def test_a_supervisor_without_water_delays_no_packet_and_counts_a_ping() -> None:
+    supervisor = parts.supervisor(flight_config(POOL), calls=CallQueue())
+    assert [supervisor.send(it, MissionMs(0)) for it in (SOUND, WIFI)] == [[SOUND], [WIFI]]
+    assert isinstance(supervisor.mission, FlightMission)
+    supervisor.mission.order(PingAgent(4))
+    supervisor.receive(RangeHeard(MissionMs(0), 4, 12.0))
+    assert not any(isinstance(it, Ping | PlaceFixed) for it in supervisor.advance(MissionMs(0)))
+    assert supervisor.dropped == {"pings without a modem in the water": 1}
 
 
 def test_one_aPad_never_stands_down_and_ends_with_its_battery() -> None:
