@@ -107,7 +107,7 @@ def is_overloaded(amussels: int, model: EnergyModel) -> bool:
 
 
 ALIVE = 0.2
-"""`core` lets an aMussel with less charge go in overload, unless too few have more. Tuned: docs/studies-results.md."""
+"""`core` lets an aMussel with less charge go in overload, unless too few have more. Tuned: docs/results/tables.md."""
 HEAVY = 2.0
 """Overload is heavy with more than so many times the aMussels that the docks sustain."""
 FLOORS_SHARE = 0.1
