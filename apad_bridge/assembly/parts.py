@@ -6,7 +6,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
 
 from agents.hosting.faulty_host import FaultyHost
-from agents.time_scale import MissionMs
 from apad_bridge.acoustics.locator import Locator
 from apad_bridge.acoustics.ranging import RangingService
 from apad_bridge.acoustics.schedule import AcousticScheduler
@@ -22,7 +21,7 @@ from apad_bridge.mission.end_by import EndBy, KnownEnd
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.flight_mission import FlightMission
 from apad_bridge.mission.home_stays import HomeStays
-from apad_bridge.mission.manual import CommandSource, ManualMission
+from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.planner import PlanRules
 from apad_bridge.mission.plans import Planning, untold
 from apad_bridge.mission.role import MissionRole
@@ -36,13 +35,13 @@ from apad_bridge.scenario.surface import LegForecast, holding_effort, surface_of
 from apad_bridge.scenario.timed_faults import planned
 from apad_bridge.supervisor.context import FlightContext, Watcher
 from apad_bridge.supervisor.core import LearnedState, Supervisor
-from apad_bridge.supervisor.loop import START_MS, Flight
+from apad_bridge.supervisor.loop import Flight
 from apad_bridge.supervisor.recorder_interface import FlightRecorder
+from apad_bridge.supervisor.run_spec import FROM_START, RunSpec
 from apad_bridge.supervisor.sample_collection import NoSampleCollection, SampleCollection
 from apad_bridge.vehicle.capabilities import of_simulated_apad
 from apad_bridge.vehicle.docking import DockingPort
 from apad_bridge.vehicle.guards.gate import Gate
-from apad_bridge.vehicle.outcomes import PrimitiveFailed
 from apad_bridge.world.apad.apad import SimulatedAPad
 from apad_bridge.world.apad.misses import Misses
 from apad_bridge.world.fault_injection import FaultInjection, Ongoing
@@ -145,55 +144,30 @@ def flight(
     config: FlightConfig,
     context: FlightContext,
     recorder: FlightRecorder,
-    *,
-    state: MissionState | None = None,
-    first_command_id: int = 1,
-    calls: CallQueue | None = None,
-    command_sources: Sequence[CommandSource] | None = None,
+    spec: RunSpec = FROM_START,
     samples: SampleCollection | NoSampleCollection | None = None,
-    learned: LearnedState | None = None,
-    first_failure: PrimitiveFailed | None = None,
-    steering: Steering = Steering.PERSON,
-    start_ms: MissionMs = START_MS,
     watchers: Sequence[Watcher] = (),
 ) -> Flight:
     """Builds the flight of a new supervisor in its context, whatever hosts the fleet; `supervisor` states the rest."""
-    flown_by = supervisor(
-        config,
-        state,
-        first_command_id,
-        calls,
-        command_sources,
-        samples,
-        learned,
-        context,
-        first_failure,
-        steering,
-    )
-    return Flight(flown_by, context, recorder, start_ms, tuple(watchers))
+    flown_by = supervisor(config, spec, context, samples)
+    return Flight(flown_by, context, recorder, spec.start_ms, tuple(watchers))
 
 
 def supervisor(
     config: FlightConfig,
-    state: MissionState | None = None,
-    first_command_id: int = 1,
-    calls: CallQueue | None = None,
-    command_sources: Sequence[CommandSource] | None = None,
-    samples: SampleCollection | NoSampleCollection | None = None,
-    learned: LearnedState | None = None,
+    spec: RunSpec = FROM_START,
     context: FlightContext | None = None,
-    first_failure: PrimitiveFailed | None = None,
-    steering: Steering = Steering.PERSON,
+    samples: SampleCollection | NoSampleCollection | None = None,
 ) -> Supervisor:
-    """Builds a supervisor that knows nothing yet, or one that goes on with a mission's journaled `state`.
+    """Builds a supervisor that knows nothing yet, or one that goes on from the resume point of `spec`.
 
-    It flies the paper's mission, which `calls` can take over. With `command_sources` no mission plans: they and the calls
-    fly the aPad by hand. Without `samples` it does not collect the aMussels' logs. `learned` holds the state learned so
-    far, `first_failure` the vehicle's first since a success, and `steering` who flew by hand. Without a `context` nothing
-    is guarded, and every docking catches.
+    It flies the paper's mission, which the calls of `spec` can take over. With its command sources no mission plans: they
+    and the calls fly the aPad by hand. Without `samples` it does not collect the aMussels' logs. Without a `context`
+    nothing is guarded, and every docking catches.
     """
-    scenario, learned = config.scenario, learned or initial_learned_state(config)
-    state = state or MissionState(dock_count=scenario.apad.docks)
+    scenario, point = config.scenario, spec.resume_point
+    learned = spec.learned or initial_learned_state(config)
+    state = MissionState(dock_count=scenario.apad.docks) if point is None else point.state
     beliefs, allocation = learned.beliefs, learned.allocation
 
     def planned(mission_state: MissionState | None) -> EnergyExchange:
@@ -202,35 +176,34 @@ def supervisor(
 
     def by_hand(mission_state: MissionState) -> ManualMission:
         return ManualMission(
-            scenario.mission, scenario.apad.max_speed_m_s, beliefs, command_sources or (), mission_state
+            scenario.mission, scenario.apad.max_speed_m_s, beliefs, spec.command_sources or (), mission_state
         )
 
     mission: MissionRole
-    if calls is None and command_sources is None:
+    if spec.calls is None and spec.command_sources is None:
         mission = planned(state)
     else:
-        plan = planned if command_sources is None else None
-        mission = FlightMission(plan, by_hand, calls or CallQueue(), state, steering)
+        plan = planned if spec.command_sources is None else None
+        steering = Steering.PERSON if point is None else point.steering
+        mission = FlightMission(plan, by_hand, spec.calls or CallQueue(), state, steering)
     port = DockingPort(
         scenario.mission.docking,
-        first_command_id=first_command_id,
+        first_command_id=spec.first_command_id,
         capabilities=(context and context.capabilities) or of_simulated_apad(scenario.apad.docks),
         usual_go_to=(scenario.mission.speed_m_s, scenario.mission.victory_radius_m),
         docked=state.docked,
         distance_m=_knows_no_distance if context is None else context.distance_m,
-        first_failure=first_failure,
+        first_failure=None if point is None else point.first_failure,
     )
     return Supervisor(
+        scenario,
         learned,
         mission,
         port,
         codec_of(scenario),
         samples or NoSampleCollection(),
-        scenario.duration_ms,
-        scenario.mission.end_at_apad_fraction,
         NeverStandsDown() if context is None else context.stands_down,
         Gate.without_guards() if context is None else context.safety.gate,
-        round(scenario.mission.end_by * 1000) if isinstance(scenario.mission.end_by, float | int) else None,
     )
 
 

@@ -28,11 +28,8 @@ from apad_bridge.assembly.energy_model import energy_model
 from apad_bridge.assembly.flight_config import FlightConfig, flight_config
 from apad_bridge.assembly.safety import safety_of
 from apad_bridge.events.event import Event
-from apad_bridge.events.mission import MissionEnd, MissionState
-from apad_bridge.events.persons import Steering
+from apad_bridge.events.mission import MissionEnd
 from apad_bridge.events.run import EndReason, RunBegan, RunEnded
-from apad_bridge.mission.call_queue import CallQueue
-from apad_bridge.mission.manual import CommandSource
 from apad_bridge.planning.registry import Trust, label
 from apad_bridge.records.journal import FORMAT_VERSION
 from apad_bridge.records.recorder import Recorder, RecordsFailed
@@ -47,17 +44,15 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start
 from apad_bridge.supervisor.clock import AsFastAsPossible, ClockLost
 from apad_bridge.supervisor.context import Announce, FlightContext
-from apad_bridge.supervisor.core import TICK_MS, LearnedState, Supervisor
+from apad_bridge.supervisor.core import Supervisor
 from apad_bridge.supervisor.forecast import Forecast, Forecaster
 from apad_bridge.supervisor.loop import Flight
+from apad_bridge.supervisor.run_spec import FROM_START, ResumePoint, RunSpec
 from apad_bridge.supervisor.sample_collection import NoSampleCollection, SampleCollection
 from apad_bridge.vehicle.errors import PeerFailed
-from apad_bridge.vehicle.guards.stops import NO_STOPS, RestoredStops
-from apad_bridge.vehicle.outcomes import PrimitiveFailed
 from apad_bridge.world.apad.in_process import InProcessVehicle
 from apad_bridge.world.fleet import FlightFleet
 
-_COMMAND_IDS_PER_EPOCH = 1_000_000
 _EPOCH = 1
 """The number of a fleet's first supervisor."""
 SLOW_PLAN_S = 10.0
@@ -65,46 +60,6 @@ SLOW_PLAN_S = 10.0
 _YOUNG_OBJECTS = 50_000
 """The number of new objects after which this process looks for garbage cycles. A tick of a large fleet makes thousands of
 objects and no cycle. Python's own 700 cost a tenth of a flight."""
-
-
-@dataclass(frozen=True, slots=True)
-class ResumePoint:
-    """The point at which a resumed flight continues, from the newest lines of the journal."""
-
-    now_ms: MissionMs
-    state: MissionState
-    epoch: int
-    apad_fraction_at_start: float | None
-    first_failure: PrimitiveFailed | None = None
-    """The failure that the docking port had latched."""
-    stops: RestoredStops = NO_STOPS
-    steering: Steering = Steering.PERSON
-    """The party that had taken the aPad from the mission, where the flight is by hand."""
-
-
-@dataclass(frozen=True, slots=True)
-class RunSpec:
-    """The start, the sources of commands and the end of a flight."""
-
-    resume_point: ResumePoint | None = None
-    """None: the flight starts at the mission's beginning."""
-    learned: LearnedState | None = None
-    """State that a former supervisor learned; None for none."""
-    command_sources: tuple[CommandSource, ...] | None = None
-    """If there are any, they command the aPad, and no mission of our own runs."""
-    calls: CallQueue | None = None
-    """The queue of calls that can take the mission over."""
-    until_first_plan: bool = False
-    """The flight ends with the first plan instead of the mission."""
-
-    @property
-    def start_ms(self) -> MissionMs:
-        """The mission time of the flight's first tick."""
-        return MissionMs(0 if self.resume_point is None else self.resume_point.now_ms + TICK_MS)
-
-
-FROM_START = RunSpec()
-"""The scenario's own mission, from its beginning to its end."""
 
 
 def open_in_process(
@@ -284,10 +239,10 @@ def prepare(
             progress.print_message(line)
 
     flight_recorder = _AnnouncingRecorder(recorder, [print_told, context.announce])
-    flight = _flight(
-        config, context, flight_recorder, spec, _collection(config, context, recorder), show_tick
-    )
-
+    if spec.resume_point is not None:
+        context.safety.gate.stops.restore(spec.resume_point.stops)
+    samples = _collection(config, context, recorder)
+    flight = parts.flight(config, context, flight_recorder, spec, samples, (show_tick,))
     context.ended_by_graph(flight.stop)
 
     def finish() -> dict[str, Any]:
@@ -312,35 +267,6 @@ def told_when_slow(name: str, tell: Callable[[str], None]) -> Iterator[None]:
         timer.cancel()
     if (took_s := time.monotonic() - begun_s) >= SLOW_PLAN_S:
         tell(f"strategy {label(name)} planned for {took_s:.0f} s")
-
-
-def _flight(
-    config: FlightConfig,
-    context: FlightContext,
-    recorder: _AnnouncingRecorder,
-    spec: RunSpec,
-    samples: SampleCollection | NoSampleCollection,
-    show_tick: Callable[[MissionMs], None],
-) -> Flight:
-    """Builds the flight; one that resumes goes on with the mission, the docks and the first failure of the journal."""
-    point = spec.resume_point
-    if point is not None:
-        context.safety.gate.stops.restore(point.stops)
-    return parts.flight(
-        config,
-        context,
-        recorder,
-        state=None if point is None else point.state,
-        first_command_id=1 + (0 if point is None else point.epoch * _COMMAND_IDS_PER_EPOCH),
-        samples=samples,
-        calls=spec.calls,
-        command_sources=spec.command_sources,
-        learned=spec.learned,
-        first_failure=None if point is None else point.first_failure,
-        steering=Steering.PERSON if point is None else point.steering,
-        start_ms=spec.start_ms,
-        watchers=(show_tick,),
-    )
 
 
 def _collection(

@@ -18,9 +18,7 @@ from apad_bridge.beliefs.belief import Belief
 from apad_bridge.events.event import Event
 from apad_bridge.events.fleet import PresenceChanged
 from apad_bridge.events.mission import MissionState
-from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.facts import PlacedSample
-from apad_bridge.mission.manual import CommandSource
 from apad_bridge.planning.registry import Trust
 from apad_bridge.records.journal import Entry, JournalContents
 from apad_bridge.records.summary import uptime_figures
@@ -31,6 +29,7 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.loop import Flight
+from apad_bridge.supervisor.run_spec import FROM_START, RunSpec
 from apad_bridge.supervisor.sample_collection import SampleCollection
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
 from firmware_model.packets.sample_record import SampleRecord
@@ -80,8 +79,7 @@ class MemoryRecorder:
 
 def open_flight(
     scenario: Scenario,
-    command_sources: Sequence[CommandSource] | None = None,
-    calls: CallQueue | None = None,
+    spec: RunSpec = FROM_START,
     join: Callable[[FlightContext], FlightContext] = lambda context: context,
     recorder_of: Callable[[Scenario], MemoryRecorder] = MemoryRecorder,
     sea: Sea | RemoteSea | None = None,
@@ -89,9 +87,8 @@ def open_flight(
 ) -> tuple[Flight, MemoryRecorder]:
     """Opens a flight that is ready to `run`; returns it and its recorder.
 
-    With `command_sources` these command the aPad, else a mission plans; `calls` can take it over. `join` changes the
-    flight's context before the flight is built. `sea` is the one that several flights share. Strategies in files are
-    executed with `trust` alone.
+    `join` changes the flight's context before the flight is built. `sea` is the one that several flights share. Strategies
+    in files are executed with `trust` alone.
     """
     config, initial_states = (
         flight_config(scenario, trust),
@@ -101,15 +98,7 @@ def open_flight(
     fleet = fleet_parts.fleet_of(config, host, dict.fromkeys(initial_states, 0), sea=sea)
     context = join(in_process_context(config, fleet))
     recorder = recorder_of(scenario)
-    flight = parts.flight(
-        config,
-        context,
-        recorder,
-        calls=calls,
-        command_sources=command_sources,
-        samples=SampleCollection(config.ids),
-    )
-    return flight, recorder
+    return parts.flight(config, context, recorder, spec, SampleCollection(config.ids)), recorder
 
 
 def fly_in_memory(scenario: Scenario) -> tuple[dict[str, Any], MemoryRecorder]:

@@ -27,13 +27,14 @@ from apad_bridge.records.journal import JournalContents, read_journal
 from apad_bridge.records.recorder import Recorder, Resumed
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.run_state import RunState
-from apad_bridge.runs.flying import ResumePoint, journal_start
+from apad_bridge.runs.flying import journal_start
 from apad_bridge.scenario.loader import with_values
 from apad_bridge.scenario.run_options import BenchPart, RunOptions
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.scenario.timed_faults import injection
 from apad_bridge.supervisor.core import TICK_MS, LearnedState
+from apad_bridge.supervisor.run_spec import ResumePoint
 from apad_bridge.vehicle.errors import PeerFailed
 from apad_bridge.world.fault_injection import Ongoing
 from apad_bridge.world.roster import Presences

@@ -15,6 +15,7 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scripting.api import Api
 from apad_bridge.scripting.program import Program, ScriptSource, as_program
 from apad_bridge.scripting.rendezvous import AS_FAST_AS_POSSIBLE, TurnTimeouts
+from apad_bridge.supervisor.run_spec import RunSpec
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +40,7 @@ def fly_script(
     name = script.name if isinstance(script, Path) else Path(script.__code__.co_filename).name
     messages: list[str] = []
     command_source = ScriptSource(scenario, program, name, messages.append, turns)
-    flight, recorder = open_flight(scenario, (command_source,))
+    flight, recorder = open_flight(scenario, RunSpec(command_sources=(command_source,)))
     end = flight.run()
     command_source.join()
     return ScriptFlight(

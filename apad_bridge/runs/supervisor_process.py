@@ -49,6 +49,7 @@ from apad_bridge.supervisor.amussel_orders import AMusselOrders
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.control import control_offered
 from apad_bridge.supervisor.core import TICK_MS
+from apad_bridge.supervisor.run_spec import RunSpec
 from apad_bridge.vehicle.errors import PeerFailed
 from apad_bridge.world.fleet import FlightFleet, NoFleet
 
@@ -236,7 +237,7 @@ def _fly_mission(run: _Run, context: FlightContext, call_queue: CallQueue | None
         context,
         start_state.recorder,
         ParentDisplay(),
-        flying.RunSpec(
+        RunSpec(
             start_state.resume_point,
             start_state.learned,
             command_sources,

@@ -13,7 +13,7 @@ from __future__ import annotations
 import json
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -52,6 +52,7 @@ from apad_bridge.scenario.surface import surface_of
 from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.core import TICK_MS, LearnedState
+from apad_bridge.supervisor.run_spec import RunSpec
 from apad_bridge.supervisor.sample_collection import SampleCollection
 from apad_bridge.world.apad.apad import SimulatedAPad
 from apad_bridge.world.apad.in_process import InProcessVehicle
@@ -293,11 +294,8 @@ def _from_records(
         config,
         context,
         recorder,
-        state=point.state,
-        samples=SampleCollection(config.ids),
-        learned=relived.learned,
-        first_failure=point.first_failure,
-        start_ms=MissionMs(at_ms + TICK_MS),
+        RunSpec(replace(point, now_ms=at_ms), relived.learned),
+        SampleCollection(config.ids),
     )
     flights = {name: MemberFlight(scenario.apad.start_m, flight, recorder)}
     runner = LockstepRunner(flights, Exchange({name: config.ids}), None)
@@ -316,7 +314,7 @@ def _relive(
     )
     learned = parts.initial_learned_state(config)
     # It is told no position, so its mission orders nothing.
-    listener = parts.supervisor(config, learned=learned)
+    listener = parts.supervisor(config, RunSpec(learned=learned))
     felt: dict[int, list[Stimulated | ProcessDied]] = defaultdict(list)
     for t, event in journal.events(*_FELT):
         felt[-(-t // TICK_MS) * TICK_MS].append(event)

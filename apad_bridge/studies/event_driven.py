@@ -52,6 +52,7 @@ from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.core import TICK_MS, LearnedState
 from apad_bridge.supervisor.loop import Flight
+from apad_bridge.supervisor.run_spec import RunSpec
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
 from firmware_model.packets.wire import CHARGE_STEPS
 from firmware_model.power.charge import FULL
@@ -113,7 +114,7 @@ def fly_event_driven(scenario: Scenario, trust: registry.Trust | None = None) ->
     )
     recorder = EventRecorder(beliefs, FigureMeter(scenario))
     context = FlightContext(vehicle=vehicle, pace=AsFastAsPossible(), fleet=fleet)
-    flight = parts.flight(config, context, recorder, learned=learned)
+    flight = parts.flight(config, context, recorder, RunSpec(learned=learned))
     supervisor = flight.supervisor
     mission = supervisor.mission
     assert isinstance(mission, EnergyExchange), "no script flies a study"

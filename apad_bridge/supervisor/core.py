@@ -42,6 +42,7 @@ from apad_bridge.mission.orders import (
 )
 from apad_bridge.mission.role import MissionRole
 from apad_bridge.mission.sources import Allocation
+from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.forecast import Forecast, Forecaster
 from apad_bridge.supervisor.sample_collection import NoSampleCollection, SampleCollection
 from apad_bridge.vehicle.commands import (
@@ -133,21 +134,18 @@ class Supervisor:
 
     def __init__(
         self,
+        scenario: Scenario,
         learned: LearnedState,
         mission: MissionRole,
         port: DockingPort,
         codec: Codec,
         samples: SampleCollection | NoSampleCollection,
-        duration_ms: int,
-        end_at_apad_fraction: float,
         stands_down: StandDownRule,
         gate: Gate,
-        end_by_ms: int | None = None,
     ) -> None:
         """`stands_down` says when this aPad leaves its aMussels to others, instead of trying again, or ending.
 
         `gate` is the vehicle's. It judges permissions to surface too, and says which readings of the battery count.
-        `end_by_ms` is the time by which the aPad should be home.
         """
         self.beliefs = learned.beliefs
         self.allocation = learned.allocation
@@ -163,10 +161,11 @@ class Supervisor:
         """Docked aMussels whose own packets deny it."""
         self._codec = codec
         self.samples = samples
-        self._duration_ms = duration_ms
-        self._end_at_apad_fraction = end_at_apad_fraction
-        self._end_by_ms = end_by_ms
-        """None, too, once a person was told that it passes while the aPad is stopped."""
+        self._duration_ms = scenario.duration_ms
+        self._end_at_apad_fraction = scenario.mission.end_at_apad_fraction
+        end_by = scenario.mission.end_by
+        self._end_by_ms = round(end_by * 1000) if isinstance(end_by, float | int) else None
+        """The time to be home. None, too, once a person was told that it passes while the aPad is stopped."""
         self._ranging = learned.ranging
         self._facts: list[tuple[int, int, int, Fact]] = []
         self._counter = 0

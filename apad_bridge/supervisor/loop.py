@@ -50,7 +50,6 @@ from apad_bridge.vehicle.guards.guarded_vehicle import GuardedVehicle
 from apad_bridge.vehicle.link import APadSeen, Carried, LetGo
 from firmware_model.packets.wire import EVERYONE
 
-START_MS = MissionMs(0)
 _ROUNDS = 8
 """Rounds of acting within one tick; further answers wait for the next tick."""
 
@@ -66,7 +65,7 @@ class Flight:
         supervisor: Supervisor,
         context: FlightContext,
         recorder: FlightRecorder,
-        start_ms: MissionMs = START_MS,
+        start_ms: MissionMs,
         watchers: tuple[Watcher, ...] = (),
     ) -> None:
         self.supervisor = supervisor

@@ -17,6 +17,7 @@ from apad_bridge.runs.in_memory import MemoryRecorder, open_flight
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.loop import Flight
+from apad_bridge.supervisor.run_spec import RunSpec
 from apad_bridge.vehicle.guards.gate import Gate
 
 
@@ -36,7 +37,7 @@ class Flying:
         self.calls = CallQueue()
         self.flight: Flight
         self.records: MemoryRecorder
-        self.flight, self.records = open_flight(pool, calls=self.calls, join=join)
+        self.flight, self.records = open_flight(pool, RunSpec(calls=self.calls), join)
         self.now_ms = -1000
 
     @classmethod
@@ -46,7 +47,9 @@ class Flying:
         """A flight by hand: no mission plans."""
         flying = cls.__new__(cls)
         flying.calls = CallQueue()
-        flying.flight, flying.records = open_flight(pool, (), flying.calls, join)
+        flying.flight, flying.records = open_flight(
+            pool, RunSpec(command_sources=(), calls=flying.calls), join
+        )
         flying.now_ms = -1000
         return flying
 

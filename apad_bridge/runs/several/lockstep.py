@@ -43,6 +43,7 @@ from apad_bridge.supervisor.packet_relay import (
     RelayedPacket,
     RelayOutcome,
 )
+from apad_bridge.supervisor.run_spec import RunSpec
 from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.guards.orders import BodyInWater, Point
 
@@ -194,7 +195,7 @@ def fly_in_step(
                 member.starts,
                 whole.of_apad(name, len(members)),
                 display.of(name),
-                flying.RunSpec(command_sources=None if command_sources is None else tuple(command_sources)),
+                RunSpec(command_sources=None if command_sources is None else tuple(command_sources)),
                 join=(lambda context: context) if is_alone else partial(exchange.join, name, sharing),
                 sea=sea,
                 nursery=nurseries.get(name),

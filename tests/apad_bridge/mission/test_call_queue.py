@@ -15,6 +15,7 @@ from apad_bridge.mission.orders import PermitSurfacing, TellClear
 from apad_bridge.mission.values import Refused, Status
 from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.scenario.schema import Scenario
+from apad_bridge.supervisor.run_spec import RunSpec
 from apad_bridge.vehicle.commands import CloseDock, GoTo, Hold, Manoeuvre, OpenDock
 from apad_bridge.vehicle.outcomes import DockChanged, NothingCaught, PrimitiveFailed, PrimitiveSucceeded
 from firmware_model.states import State
@@ -46,7 +47,7 @@ def commanded(pool: Scenario, state: State = State.ACTIVE) -> tuple[ManualMissio
 
 def test_a_call_is_done_at_the_next_tick_by_the_flight_s_thread(pool: Scenario) -> None:
     command_source, told = CallQueue(), []
-    flight, _ = open_flight(pool, (), command_source)
+    flight, _ = open_flight(pool, RunSpec(command_sources=(), calls=command_source))
 
     def caller() -> None:
         told.append(
@@ -73,7 +74,7 @@ def test_a_call_that_no_tick_answers_is_withdrawn(pool: Scenario) -> None:
     with pytest.raises(Refused, match="nothing was ordered"):
         command_source.call(lambda mission: done.append(1), timeout_s=0.01)
     # A later tick does not run it either.
-    open_flight(pool, (), command_source)[0].step()
+    open_flight(pool, RunSpec(command_sources=(), calls=command_source))[0].step()
     assert done == []
 
 

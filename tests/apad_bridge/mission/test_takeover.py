@@ -26,6 +26,7 @@ from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.control import NOTHING_STOPPED, carry_out
 from apad_bridge.supervisor.control_client import Act, Request
+from apad_bridge.supervisor.run_spec import RunSpec
 from apad_bridge.vehicle.commands import CommandedByOthers, GoTo, OpenDock, PoseReported
 from apad_bridge.vehicle.link import LinkFact
 from apad_bridge.vehicle.outcomes import DockChanged, PrimitiveSucceeded
@@ -170,7 +171,7 @@ def test_a_resumed_flight_goes_on_in_the_hands_in_which_it_was(pool: Scenario) -
 
 
 def test_a_flight_by_hand_has_nobody_to_give_it_back_to(pool: Scenario) -> None:
-    hand = open_flight(pool, ())[0].supervisor.mission
+    hand = open_flight(pool, RunSpec(command_sources=()))[0].supervisor.mission
     assert isinstance(hand, FlightMission)
     assert hand.take_over() == "no mission plans in this flight: orders are taken without it"
     with pytest.raises(Refused, match="no mission to which to give the aPad back"):

@@ -19,7 +19,7 @@ from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.assembly.safety import safety_of
 from apad_bridge.records.journal import JournalTail
 from apad_bridge.records.run_directory import RunDirectory
-from apad_bridge.runs.flying import PreparedFlight, RunSpec, prepare
+from apad_bridge.runs.flying import PreparedFlight, prepare
 from apad_bridge.runs.progress import FlightProgress
 from apad_bridge.runs.resuming import begin_run, ongoing_faults, resume_run
 from apad_bridge.scenario.choices import Hosting
@@ -30,6 +30,7 @@ from apad_bridge.scenario.starts import starts_of
 from apad_bridge.scenario.timed_faults import FaultAt, Faults, TimedFault
 from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
+from apad_bridge.supervisor.run_spec import RunSpec
 from apad_bridge.world.apad.in_process import InProcessVehicle
 from apad_bridge.world.contacts import Contacts
 

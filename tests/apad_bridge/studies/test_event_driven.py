@@ -40,6 +40,7 @@ from apad_bridge.studies.figures import Figures
 from apad_bridge.studies.models import Model, fly, fly_each_tick
 from apad_bridge.supervisor.core import TICK_MS, LearnedState
 from apad_bridge.supervisor.loop import Flight
+from apad_bridge.supervisor.run_spec import ResumePoint, RunSpec
 from apad_bridge.vehicle.commands import Arrived, CloseDock, GoTo, OpenDock
 from apad_bridge.world.apad.apad import SimulatedAPad
 
@@ -292,7 +293,10 @@ class Killed:
         state = supervisor.mission.state
         self.phase = state.phase
         learned = LearnedState(supervisor.beliefs, None, supervisor.allocation)
-        resumed = parts.supervisor(flight_config(self._scenario), journaled(state), 10_000, learned=learned)
+        resumed = parts.supervisor(
+            flight_config(self._scenario),
+            RunSpec(ResumePoint(MissionMs(0), journaled(state), 1, None), learned),
+        )
         resumed.port._distance_m = supervisor.port._distance_m
         assert isinstance(resumed.mission, EnergyExchange)
         supervisor.mission = ticks._mission = resumed.mission
