@@ -192,7 +192,7 @@ def supervisor(
         capabilities=(context and context.capabilities) or of_simulated_apad(scenario.apad.docks),
         usual_go_to=(scenario.mission.speed_m_s, scenario.mission.victory_radius_m),
         docked=state.docked,
-        distance_m=_knows_no_distance if context is None else context.distance_m,
+        distance_m=_knows_no_distance if context is None else context.world.distance_m,
         first_failure=None if point is None else point.first_failure,
     )
     return Supervisor(

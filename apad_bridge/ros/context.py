@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol, cast
 
@@ -65,15 +65,15 @@ from apad_bridge.supervisor.packet_relay import (
     one_of_several,
     whole_flight,
 )
+from apad_bridge.supervisor.run_spec import ResumePoint
 from apad_bridge.vehicle.errors import PeerFailed, VehicleNotReady
 from apad_bridge.vehicle.guards.gate import Gate, Safety, plain_safety
 from apad_bridge.vehicle.guards.orders import BodyInWater
 from apad_bridge.vehicle.link import ListeningLink
 from apad_bridge.vehicle.telemetry import SilenceWatch
-from apad_bridge.world.contacts import Contacts
-from apad_bridge.world.fault_injection import FaultInjection
-from apad_bridge.world.fleet import FlightFleet, NoFleet
+from apad_bridge.world.fleet import NoFleet
 from apad_bridge.world.roster import NoRoster, Presences, Roster
+from apad_bridge.world.world import World
 from firmware_model.state_groups import UP_AND_UNDOCKED
 
 APadLink = LegacyLink[Any]
@@ -89,23 +89,21 @@ def open_flight_context(
     scenario: Scenario,
     options: RunOptions,
     *,
-    fleet: FlightFleet | NoFleet,
-    docked: Mapping[int, int],
-    held: tuple[int, ...],
-    now_ms: int,
+    world: World,
+    resume_point: ResumePoint | None,
     truths_at: TruthsAt,
     presences: Presences,
     allocation: Allocation,
-    faults: FaultInjection,
     tell: Callable[[str], None],
 ) -> Iterator[FlightContext]:
     """Keeps everything on the graph while it is entered. PeerFailed, in one line, when a part does not come up.
 
-    `docked` maps the index of a dock to the aMussel that a former supervisor knew it to hold; `held` are the aMussels whose
-    bodies feel a dock; `now_ms` is the mission time to go on from. `truths_at` is the recorder's, for a scenario that
-    publishes the truth on the aMussels' own topics. `tell` prints a line for a person where the graph contradicts the
-    journal's `presences`. The vehicle docks the aMussels of the `allocation` and no others.
+    `truths_at` is the recorder's, for a scenario that publishes the truth on the aMussels' own topics. `tell` prints a line
+    for a person where the graph contradicts the journal's `presences`. The vehicle docks the aMussels of the `allocation`
+    and no others.
     """
+    docked = {} if resume_point is None else dict(resume_point.state.docked)
+    now_ms = 0 if resume_point is None else resume_point.now_ms
     # A mission alone publishes none of its aMussels' topics: they, or their fleet, do so themselves.
     shown = () if options.part is BenchPart.MISSION else scenario.fleet.ids
     with ExitStack() as stack:
@@ -116,7 +114,7 @@ def open_flight_context(
             stack.callback(ordered_end.close)
             gateway = _gateway(scenario, options, shown, presences, truths_at)
             stack.callback(gateway.close)
-            roster = _roster(stack, fleet, presences, options, faults, tell)
+            world = replace(world, roster=_roster(stack, world, presences, options, tell))
             laboratory = _laboratory(scenario)
             stack.callback(laboratory.close)
             beside = _beside_the_gateway(scenario, options, shown, presences)
@@ -145,7 +143,7 @@ def open_flight_context(
         yield FlightContext(
             vehicle=ListeningLink(link) if options.part is BenchPart.FLEET else link,
             pace=_pace(options, vehicle, now_ms, in_fine_steps=bool(watches)),
-            fleet=fleet,
+            world=world,
             safety=safety,
             watchers=lambda supervisor: (
                 _bodies_watcher(safety.gate, supervisor, options, presences, others),
@@ -158,7 +156,6 @@ def open_flight_context(
             announce=gateway.event,
             show_forecast=lambda now_ms, forecast: gateway.show_forecast(now_ms, forecast()),
             relay=relayed.relay,
-            contacts=Contacts(held),
             capabilities=capabilities,
             dropped=lambda: sum(
                 (it.dropped for it in (laboratory, relayed, others, states)), vehicle.dropped
@@ -166,8 +163,6 @@ def open_flight_context(
             take_events=_graph_events(
                 stack, options, scenario, vehicle, (vehicle, laboratory.subscribers, others, states)
             ),
-            roster=roster,
-            faults=faults,
             ended_by_graph=lambda stop: ordered_end.stop_by(
                 lambda why: stop(MissionEnd(EndReason.NODE_ENDED, f"{EndReason.NODE_ENDED}: {why}"))
             ),
@@ -268,13 +263,12 @@ def _vehicle(
 
 def _roster(
     stack: ExitStack,
-    fleet: FlightFleet | NoFleet,
+    world: World,
     presences: Presences,
     options: RunOptions,
-    faults: FaultInjection,
     tell: Callable[[str], None],
 ) -> Roster | NoRoster:
-    if isinstance(fleet, NoFleet):
+    if isinstance(world.fleet, NoFleet):
         return NoRoster()
     claims = ClaimBoard(rospy.get_name(), lambda: presences.simulated)
     if options.is_resumed:
@@ -284,7 +278,7 @@ def _roster(
         claims.refuse_overlap(presences.simulated)
     services = FleetServices(presences, claims)
     stack.callback(services.close)
-    return Roster(presences, services, fleet.coordinator, faults)
+    return Roster(presences, services, world.fleet.coordinator, world.faults)
 
 
 _Channel = PacketTopics | AMusselServices | AMusselTopics | LegacyOrders

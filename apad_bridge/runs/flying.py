@@ -52,6 +52,7 @@ from apad_bridge.supervisor.sample_collection import NoSampleCollection, SampleC
 from apad_bridge.vehicle.errors import PeerFailed
 from apad_bridge.world.apad.in_process import InProcessVehicle
 from apad_bridge.world.fleet import FlightFleet
+from apad_bridge.world.world import World
 
 _EPOCH = 1
 """The number of a fleet's first supervisor."""
@@ -147,9 +148,8 @@ def in_process_context(config: FlightConfig, fleet: FlightFleet) -> FlightContex
     return FlightContext(
         vehicle=InProcessVehicle(parts.simulated_apad(config.scenario)),
         pace=AsFastAsPossible(),
-        fleet=fleet,
+        world=World(fleet, parts.fault_injection(config, fleet)),
         safety=safety_of(config.scenario),
-        faults=parts.fault_injection(config, fleet),
     )
 
 

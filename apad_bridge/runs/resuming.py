@@ -134,11 +134,6 @@ class StartState:
         return replace(self, undelivered=tuple(waiting))
 
     @property
-    def docked(self) -> dict[int, int]:
-        """The aMussels that the former supervisor knew docks to hold, by the dock's index."""
-        return {} if self.resume_point is None else dict(self.resume_point.state.docked)
-
-    @property
     def held(self) -> tuple[int, ...]:
         """The aMussels whose bodies feel a dock.
 
@@ -152,7 +147,8 @@ class StartState:
                     felt.add(it.agent_id)
                 case ContactOpened() | Placed():
                     felt.discard(it.agent_id)
-        others = self.learned.allocation.served_for_others & set(self.docked.values())
+        docked = () if self.resume_point is None else self.resume_point.state.docked
+        others = self.learned.allocation.served_for_others & {agent_id for _, agent_id in docked}
         return tuple(sorted(felt)) + tuple(sorted(others))
 
     @property

@@ -51,7 +51,9 @@ from apad_bridge.supervisor.control import control_offered
 from apad_bridge.supervisor.core import TICK_MS
 from apad_bridge.supervisor.run_spec import RunSpec
 from apad_bridge.vehicle.errors import PeerFailed
+from apad_bridge.world.contacts import Contacts
 from apad_bridge.world.fleet import FlightFleet, NoFleet
+from apad_bridge.world.world import World
 
 
 def command_sources_of(
@@ -185,24 +187,22 @@ def _adopt_fleet(run: _Run) -> tuple[_Run, FlightFleet | NoFleet]:
 def _flight_context(run: _Run, fleet: FlightFleet | NoFleet) -> Iterator[FlightContext]:
     """Opens the parts of the flight: those on the graph, the serial lines, and the link to other aPads' runs."""
     scenario, options, start_state = run.config.scenario, run.options, run.start_state
+    faults = parts.fault_injection(
+        run.config,
+        fleet,
+        start_state.journal.last_ms if options.is_resumed else -1,
+        resuming.ongoing_faults(start_state.recorder.state),
+        real_hull=options.has_real_vehicle,
+    )
     with (
         open_flight_context(
             scenario,
             options,
-            fleet=fleet,
-            docked=start_state.docked,
-            held=start_state.held,
-            now_ms=start_state.start_ms,
+            world=World(fleet, faults, Contacts(start_state.held)),
+            resume_point=start_state.resume_point,
             truths_at=start_state.recorder.truths_at,
             presences=start_state.presences,
             allocation=start_state.learned.allocation,
-            faults=parts.fault_injection(
-                run.config,
-                fleet,
-                start_state.journal.last_ms if options.is_resumed else -1,
-                resuming.ongoing_faults(start_state.recorder.state),
-                real_hull=options.has_real_vehicle,
-            ),
             tell=say,
         ) as context,
         open_serial_lines(
@@ -217,7 +217,7 @@ def _flight_context(run: _Run, fleet: FlightFleet | NoFleet) -> Iterator[FlightC
 def _under_control(stack: ExitStack, context: FlightContext, run: _Run, calls: CallQueue) -> FlightContext:
     """Takes orders of commands, too, and counts those that it drops."""
     has_water = run.config.scenario.water is not None and run.options.part is not BenchPart.MISSION
-    amussels = AMusselOrders(run.config.ids, context.roster, has_water)
+    amussels = AMusselOrders(run.config.ids, context.world.roster, has_water)
     gate = context.safety.gate
     dropped = stack.enter_context(control_offered(run.path, calls, gate, amussels=amussels))
     return replace(context, dropped=lambda: context.dropped() + dropped)

@@ -58,6 +58,7 @@ from apad_bridge.world.apad.apad import SimulatedAPad
 from apad_bridge.world.apad.in_process import InProcessVehicle
 from apad_bridge.world.contacts import Contacts
 from apad_bridge.world.fleet import FlightFleet
+from apad_bridge.world.world import World
 from firmware_model.stimuli import ResetCause
 
 CHANGEABLE = (
@@ -286,9 +287,8 @@ def _from_records(
     context = FlightContext(
         vehicle=vehicle,
         pace=AsFastAsPossible(),
-        fleet=relived.fleet,
+        world=World(relived.fleet, contacts=Contacts(relived.docked)),
         safety=safety_of(scenario),
-        contacts=Contacts(relived.docked),
     )
     flight = parts.flight(
         config,

@@ -54,6 +54,7 @@ from apad_bridge.supervisor.core import TICK_MS, LearnedState
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.supervisor.run_spec import RunSpec
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
+from apad_bridge.world.world import World
 from firmware_model.packets.wire import CHARGE_STEPS
 from firmware_model.power.charge import FULL
 from firmware_model.state_groups import DOCKED
@@ -113,7 +114,7 @@ def fly_event_driven(scenario: Scenario, trust: registry.Trust | None = None) ->
         beliefs, parts.initial_learned_state(config).ranging, Allocation(beliefs, config.ids)
     )
     recorder = EventRecorder(beliefs, FigureMeter(scenario))
-    context = FlightContext(vehicle=vehicle, pace=AsFastAsPossible(), fleet=fleet)
+    context = FlightContext(vehicle=vehicle, pace=AsFastAsPossible(), world=World(fleet))
     flight = parts.flight(config, context, recorder, RunSpec(learned=learned))
     supervisor = flight.supervisor
     mission = supervisor.mission

@@ -20,10 +20,7 @@ from apad_bridge.supervisor.packet_relay import PacketRelay, no_relay
 from apad_bridge.vehicle.capabilities import Capabilities
 from apad_bridge.vehicle.guards.gate import Safety, plain_safety
 from apad_bridge.vehicle.link import VehicleLink
-from apad_bridge.world.contacts import Contacts
-from apad_bridge.world.fault_injection import FaultInjection, NoFaults
-from apad_bridge.world.fleet import FlightFleet, NoFleet
-from apad_bridge.world.roster import NoRoster, Roster
+from apad_bridge.world.world import World
 
 Watcher = Callable[[MissionMs], None]
 """Called after each tick with the mission time: progress, publishing."""
@@ -43,7 +40,7 @@ class FlightContext:
 
     vehicle: VehicleLink
     pace: Pace
-    fleet: FlightFleet | NoFleet
+    world: World
     safety: Safety = field(default_factory=plain_safety)
     """Judges each order before it goes out to the vehicle, and watches the vehicle between orders."""
     watchers: Callable[[Supervisor], tuple[Watcher, ...]] = lambda supervisor: ()
@@ -54,8 +51,6 @@ class FlightContext:
     """Writes what was recorded so far, so that it outlives this process."""
     relay: PacketRelay = field(default_factory=no_relay)
     """Relays packets, and the contacts of docks, between this flight's aMussels and supervisor and those elsewhere."""
-    contacts: Contacts = field(default_factory=Contacts)
-    """Those of the docks with the simulated bodies; it knows which aMussels docks hold already."""
     capabilities: Capabilities | None = None
     """The vehicle's; None: those of the simulated aPad with the scenario's docks."""
     dropped: Callable[[], Counter[str]] = Counter
@@ -68,22 +63,9 @@ class FlightContext:
     """Returns the context's new events: a master that is gone, a vehicle that is silent."""
     serial_lines: SerialLines = field(default_factory=SerialLines)
     """Serial lines, which are polled between ticks too."""
-    roster: Roster | NoRoster = field(default_factory=NoRoster)
-    """Changes which aMussels of the fleet are simulated."""
-    faults: FaultInjection | NoFaults = field(default_factory=NoFaults)
-    """Carries out the faults of the scenario, and those that the roster's callers ask for."""
     keeps_samples: bool = True
     """False for a fleet whose mission is at the other end of a relay: its samples are uploaded there."""
     ended_by_graph: Callable[[Callable[[MissionEnd], None]], None] = lambda stop: None
     """Receives the function that stops the flight; calls it, in any thread, when another tells our node to end."""
     stands_down: StandDownRule = field(default_factory=NeverStandsDown)
     """The conditions in which one of several aPads stands down."""
-
-    def distance_m(self, agent_id: int, north_m: float, east_m: float) -> float | None:
-        """The true distance from a place to an aMussel that is simulated now; infinite for one that does not float.
-
-        None for any other.
-        """
-        if not self.roster.is_simulated(agent_id):
-            return None
-        return self.contacts.distance_m(agent_id, north_m, east_m)

@@ -73,19 +73,17 @@ class Flight:
         self.now_ms = start_ms
         self._context = context
         obeys_speed = context.capabilities is None or context.capabilities.obeys_speed
-        self._faults = context.faults
-        faulty = self._faults.behind(context.vehicle)
+        self._world = context.world
+        faulty = self._world.faults.behind(context.vehicle)
         self._vehicle = GuardedVehicle(faulty, context.safety, obeys_speed=obeys_speed)
         self._recorder = recorder
-        self._fleet = context.fleet
+        self._fleet = self._world.fleet
         self._relay = context.relay
         self._serial_lines = context.serial_lines
-        self._roster = context.roster
         self._fleet_results: list[SeaResult] = []
         """Results of the fleet between two ticks."""
         self._fleet_ms = start_ms - 1
         self._watchers = (*context.watchers(supervisor), self._record_noticed, *watchers)
-        self._contacts = context.contacts
         self._stopped = StopSign()
         self._stop_end = MissionEnd(EndReason.OPERATOR)
 
@@ -161,7 +159,7 @@ class Flight:
             supervisor.mission.docks,
             lambda: self.all_dropped,
         )
-        self._roster.answer()
+        self._world.roster.answer()
         for watch in self._watchers:
             watch(now_ms)
 
@@ -251,7 +249,7 @@ class Flight:
             match result:
                 case AgentDied(_, agent_id, agent_ms, cause, reason, gave_up):
                     self._recorder.event(now_ms, ProcessDied(agent_id, agent_ms, cause.name, reason, gave_up))
-                    self._faults.restarted(agent_id)
+                    self._world.faults.restarted(agent_id)
                     if gave_up is not None and (why := self._fleet.lost) is not None:
                         self.stop(why)
                 case WifiSent(sent_ms, agent_id, data):
@@ -290,7 +288,7 @@ class Flight:
                 case SeaLost(_, reason):
                     self.stop(MissionEnd(EndReason.SEA_LOST, f"{EndReason.SEA_LOST}: {reason}"))
         truths = self._fleet.take_truths()
-        self._contacts.see(truths)
+        self._world.contacts.see(truths)
         self._recorder.truths(truths)
 
     def _update_links(self, now_ms: MissionMs) -> None:
@@ -312,9 +310,9 @@ class Flight:
 
     def _apply_requests(self, now_ms: MissionMs) -> None:
         """Applies requests to make aMussels simulated, real or retired; begins and ends faults."""
-        beliefs, is_simulated = self.supervisor.beliefs, self._roster.is_simulated
-        asked = self._roster.advance(beliefs, now_ms)
-        for action in [*asked, *self._faults.advance(now_ms, beliefs, is_simulated)]:
+        beliefs, is_simulated = self.supervisor.beliefs, self._world.roster.is_simulated
+        asked = self._world.roster.advance(beliefs, now_ms)
+        for action in [*asked, *self._world.faults.advance(now_ms, beliefs, is_simulated)]:
             if isinstance(action, Event):
                 self._recorder.event(now_ms, action)
             else:
@@ -332,7 +330,7 @@ class Flight:
             if isinstance(fact, APadSeen):
                 continue
             if isinstance(fact, (Carried, LetGo)):
-                stimulus = self._contacts.take(fact)
+                stimulus = self._world.contacts.take(fact)
                 if stimulus is None:
                     continue
                 self._relay.send_contact(RemoteContact(fact.agent_id, stimulus), now_ms)

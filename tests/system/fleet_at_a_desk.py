@@ -39,6 +39,7 @@ from apad_bridge.world.apad.in_process import InProcessVehicle
 from apad_bridge.world.fault_injection import FaultInjection
 from apad_bridge.world.fleet import FlightFleet, WithoutWater
 from apad_bridge.world.roster import PresenceChange, Presences, Roster
+from apad_bridge.world.world import World
 
 SPEED = 20.0
 SHOWN = ("presence", "fault", "end")
@@ -101,11 +102,13 @@ def main() -> None:
         FlightContext(
             vehicle=InProcessVehicle(parts.simulated_apad(flown)),
             pace=WallClock(SPEED),
-            fleet=FlightFleet(coordinator, host, WithoutWater(coordinator, host)),
+            world=World(
+                FlightFleet(coordinator, host, WithoutWater(coordinator, host)),
+                faults,
+                roster=Roster(presences, services, coordinator, faults),
+            ),
             watchers=lambda flying: (gateway.watcher(flying), alerts.watcher(flying)),
             relay=relay,
-            roster=Roster(presences, services, coordinator, faults),
-            faults=faults,
         ),
         PrintingRecorder(),
     )

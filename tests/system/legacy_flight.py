@@ -35,6 +35,7 @@ from apad_bridge.vehicle.link import VehicleLink
 from apad_bridge.world.apad.in_process import InProcessVehicle
 from apad_bridge.world.fleet import FlightFleet, WithoutWater
 from apad_bridge.world.generation_b.docks import BenchDocks
+from apad_bridge.world.world import World
 
 
 class Decisions:
@@ -104,13 +105,13 @@ def fly(scenario: Scenario, over_ros: bool, speed: float | None, patience_s: flo
             context = FlightContext(
                 vehicle=link,
                 pace=pace,
-                fleet=fleet,
+                world=World(fleet),
                 safety=safety,
                 watchers=lambda flying: (gateway.watcher(flying), ticked),
             )
         else:
             vehicle = InProcessVehicle(parts.simulated_apad(scenario))
-            context = FlightContext(vehicle=vehicle, pace=AsFastAsPossible(), fleet=fleet)
+            context = FlightContext(vehicle=vehicle, pace=AsFastAsPossible(), world=World(fleet))
         flight = parts.flight(flight_config(scenario), context, decisions)
         supervisor = flight.supervisor
         begun_s = time.monotonic()

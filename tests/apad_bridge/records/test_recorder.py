@@ -41,6 +41,7 @@ from apad_bridge.vehicle.commands import BatteryReported, PoseReported
 from apad_bridge.world.apad.apad import SimulatedAPad
 from apad_bridge.world.apad.in_process import InProcessVehicle
 from apad_bridge.world.fleet import FlightFleet, WithoutWater
+from apad_bridge.world.world import World
 from firmware_model.actions import Buoyancy
 from firmware_model.packets.sample_record import SampleRecord
 from firmware_model.power.charge import FULL, Battery, Flow
@@ -68,7 +69,7 @@ def fly(scenario, recorder, until_ms=None):
     vehicle = InProcessVehicle(SimulatedAPad(scenario.apad))
     flight = parts.flight(
         flight_config(scenario),
-        FlightContext(vehicle=vehicle, pace=AsFastAsPossible(), fleet=fleet),
+        FlightContext(vehicle=vehicle, pace=AsFastAsPossible(), world=World(fleet)),
         recorder,
     )
     if until_ms is None:

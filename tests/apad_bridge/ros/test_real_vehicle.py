@@ -24,8 +24,8 @@ from apad_bridge.vehicle.commands import PoseReported
 from apad_bridge.vehicle.errors import PeerFailed, VehicleNotReady
 from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.guards.guarded_vehicle import GuardedVehicle
-from apad_bridge.world.fault_injection import NoFaults
 from apad_bridge.world.fleet import NoFleet
+from apad_bridge.world.world import World
 from firmware_model.states import State
 
 OPTIONS = RunOptions(
@@ -102,14 +102,11 @@ def test_every_real_vehicle_that_was_stopped_waits_for_a_person_whoever_gives_th
     opened = context.open_flight_context(
         load(POOL_FILE),
         options,
-        fleet=NoFleet(),
-        docked={},
-        held=(),
-        now_ms=0,
+        world=World(NoFleet()),
+        resume_point=None,
         truths_at=lambda now_ms: [],
         presences=MagicMock(),
         allocation=MagicMock(),
-        faults=NoFaults(),
         tell=print,
     )
     with pytest.raises(PeerFailed, match="far enough"), opened:

@@ -33,6 +33,7 @@ from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.run_spec import RunSpec
 from apad_bridge.world.apad.in_process import InProcessVehicle
 from apad_bridge.world.contacts import Contacts
+from apad_bridge.world.world import World
 
 KILLS = 5
 OPTIONS = RunOptions(
@@ -67,10 +68,12 @@ class Supervisors:
         context = FlightContext(
             vehicle=self._vehicle,
             pace=AsFastAsPossible(),
-            fleet=fleet,
+            world=World(
+                fleet,
+                parts.fault_injection(config, fleet, last_ms, ongoing_faults(state.recorder.state)),
+                Contacts(state.held),
+            ),
             safety=safety_of(self._scenario),
-            contacts=Contacts(state.held),
-            faults=parts.fault_injection(config, fleet, last_ms, ongoing_faults(state.recorder.state)),
         )
         state.recorder.begin_checkpoint(state.learned, state.start_ms)
         spec = RunSpec(state.resume_point, state.learned)

@@ -21,6 +21,7 @@ from apad_bridge.supervisor.amussel_orders import AMusselAct, AMusselOrders, AMu
 from apad_bridge.supervisor.control import control_offered
 from apad_bridge.supervisor.control_client import Answer, ask
 from apad_bridge.world.roster import AskedRequests, FaultRequest, Presences, Roster
+from apad_bridge.world.world import World
 from firmware_model.states import State
 
 
@@ -40,9 +41,10 @@ class FlyingWithRoster(Flying):
         presences = Presences(scenario.fleet.ids, scenario.area.depth_m)
 
         def with_roster(context: Any) -> Any:
-            faults = parts.fault_injection(flight_config(scenario), context.fleet, real_hull=real_hull)
-            self.roster = Roster(presences, self.requests, context.fleet.coordinator, faults)
-            return replace(context, roster=self.roster, faults=faults)
+            fleet = context.world.fleet
+            faults = parts.fault_injection(flight_config(scenario), fleet, real_hull=real_hull)
+            self.roster = Roster(presences, self.requests, fleet.coordinator, faults)
+            return replace(context, world=World(fleet, faults, roster=self.roster))
 
         super().__init__(scenario, with_roster)
         self.seconds(3)

@@ -32,6 +32,7 @@ from apad_bridge.supervisor.packet_relay import (
 from apad_bridge.vehicle.link import APadSeen
 from apad_bridge.world.apad.apad import SimulatedAPad
 from apad_bridge.world.apad.in_process import InProcessVehicle
+from apad_bridge.world.world import World
 from firmware_model.packets import AcousticStatus, CommandPacket, Kind
 from firmware_model.packets.codec import load_codec
 from firmware_model.sampling.sensors import SENSORS, values
@@ -175,7 +176,7 @@ def test_links_may_change_while_a_run_flies(tmp_path: Path) -> None:
     vehicle = InProcessVehicle(SimulatedAPad(scenario.apad))
     flight = parts.flight(
         flight_config(scenario),
-        FlightContext(vehicle=vehicle, pace=AsFastAsPossible(), fleet=fleet),
+        FlightContext(vehicle=vehicle, pace=AsFastAsPossible(), world=World(fleet)),
         recorder,
     )
     for now_ms in range(0, 500_000, 1000):
@@ -282,7 +283,9 @@ def test_a_fleet_alone_shares_what_reached_the_aPad_and_hears_what_its_planner_s
     elsewhere = Elsewhere([RelayedPacket(PacketOrigin.REMOTE_SUPERVISOR, 7, Medium.SOUND, permission, 0)])
     flight = parts.flight(
         flight_config(scenario),
-        FlightContext(vehicle=SeenFromAfar(), pace=AsFastAsPossible(), fleet=fleet, relay=elsewhere.relay),
+        FlightContext(
+            vehicle=SeenFromAfar(), pace=AsFastAsPossible(), world=World(fleet), relay=elsewhere.relay
+        ),
         recorder,
     )
     for now_ms in range(0, 200_000, 1000):

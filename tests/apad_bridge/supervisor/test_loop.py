@@ -48,6 +48,7 @@ from apad_bridge.supervisor.packet_relay import (
 from apad_bridge.world.apad.apad import SimulatedAPad
 from apad_bridge.world.apad.in_process import InProcessVehicle
 from apad_bridge.world.fleet import FlightFleet, NoFleet, WithoutWater
+from apad_bridge.world.world import World
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
 
@@ -98,7 +99,9 @@ def flown(scenario: Scenario, kill_at_ms: dict[int, int] | None = None) -> tuple
     flight = parts.flight(
         flight_config(scenario),
         FlightContext(
-            vehicle=InProcessVehicle(SimulatedAPad(scenario.apad)), pace=AsFastAsPossible(), fleet=fleet
+            vehicle=InProcessVehicle(SimulatedAPad(scenario.apad)),
+            pace=AsFastAsPossible(),
+            world=World(fleet),
         ),
         witness,
     )
@@ -240,7 +243,7 @@ def test_a_fleet_alone_and_a_mission_alone_joined_by_a_relay_serve_aMussels(divi
         FlightContext(
             vehicle=vehicle.observer if division is FLEET_ALONE else Observed(vehicle),  # type: ignore[arg-type]
             pace=AsFastAsPossible(),
-            fleet=fleet_in(new_host(alone), alone),
+            world=World(fleet_in(new_host(alone), alone)),
             relay=joined(division, to_mission, to_fleet),
         ),
         Witness(alone),
@@ -250,7 +253,7 @@ def test_a_fleet_alone_and_a_mission_alone_joined_by_a_relay_serve_aMussels(divi
         FlightContext(
             vehicle=vehicle,
             pace=AsFastAsPossible(),
-            fleet=NoFleet(),
+            world=World(NoFleet()),
             relay=joined(MISSION_ALONE, to_fleet, to_mission),
         ),
         Witness(scenario),
@@ -292,7 +295,7 @@ def test_a_mission_ends_with_its_whole_fleet_and_not_with_a_part_of_it(
     host = DoomedHost(scenario, lost)
     ids = scenario.fleet.ids
     vehicle = InProcessVehicle(SimulatedAPad(scenario.apad))
-    context = FlightContext(vehicle=vehicle, pace=AsFastAsPossible(), fleet=fleet_in(host, scenario))
+    context = FlightContext(vehicle=vehicle, pace=AsFastAsPossible(), world=World(fleet_in(host, scenario)))
     recorder = MemoryRecorder(scenario)
     flight = parts.flight(flight_config(scenario), context, recorder)
     for _ in range(5):

@@ -26,6 +26,7 @@ from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.world.apad.apad import SimulatedAPad
 from apad_bridge.world.apad.in_process import InProcessVehicle
+from apad_bridge.world.world import World
 
 AGENTS, HOURS = 24, 20
 SLOT_MS, FRAME_MS, PACKET_MS = 1700, 60_000, 868
@@ -59,7 +60,7 @@ def statuses(flown: Scenario, drift_ppb: int = 0) -> list[dict[str, Any]]:
     vehicle = InProcessVehicle(SimulatedAPad(flown.apad))
     parts.flight(
         flight_config(flown),
-        FlightContext(vehicle=vehicle, pace=AsFastAsPossible(), fleet=fleet),
+        FlightContext(vehicle=vehicle, pace=AsFastAsPossible(), world=World(fleet)),
         recorder,
     ).run()
     packets = [data for _, kind, data in facts_of(recorder) if kind == "packet"]

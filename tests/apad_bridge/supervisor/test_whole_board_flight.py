@@ -25,6 +25,7 @@ from apad_bridge.supervisor.loop import Flight
 from apad_bridge.world.apad.apad import SimulatedAPad
 from apad_bridge.world.apad.in_process import InProcessVehicle
 from apad_bridge.world.fleet import FlightFleet, WithoutWater
+from apad_bridge.world.world import World
 from firmware_model.power.charge import FULL, grains
 from firmware_model.states import State
 
@@ -60,7 +61,7 @@ def flown(scenario: Scenario, starts: tuple[Start, ...] | None = None) -> tuple[
     vehicle = InProcessVehicle(SimulatedAPad(scenario.apad))
     flight = parts.flight(
         flight_config(scenario),
-        FlightContext(vehicle=vehicle, pace=AsFastAsPossible(), fleet=fleet),
+        FlightContext(vehicle=vehicle, pace=AsFastAsPossible(), world=World(fleet)),
         witness,
     )
     flight.run()

@@ -15,6 +15,7 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.timed_faults import TABLE, FaultAt, Faults, TimedFault, injection
 from apad_bridge.world.fault_injection import FaultInjection, Ongoing
 from apad_bridge.world.faulty_link import FaultyLink
+from apad_bridge.world.world import World
 
 
 def flown(pool: Scenario, *faults: FaultAt) -> Flying:
@@ -40,7 +41,7 @@ def test_a_fault_begins_and_heals_and_leaves_nothing(pool: Scenario, fault: Time
     assert begun["until_ms"] == 5_000 + 1000 * (4 if row.span_s else 0) and "refused" not in begun
     over = [(at_ms, data["fault"]) for at_ms, kind, data in facts_of(flying.records) if kind == "fault_over"]
     assert over == ([(9_000, fault)] if row.span_s else [])
-    faults = flying.flight._faults
+    faults = flying.flight._world.faults
     assert isinstance(faults, FaultInjection)
     host, link = faults._host, faults._link
     assert isinstance(host, FaultyHost) and not host._defects and not faults._active
@@ -77,7 +78,7 @@ def test_each_dock_jams_and_moves_again_by_itself(pool: Scenario) -> None:
     jammed = []
     for _ in range(3):
         flying.seconds(8)
-        faults = flying.flight._faults
+        faults = flying.flight._world.faults
         assert isinstance(faults, FaultInjection) and faults._link is not None
         jammed.append(faults._link.jammed_docks)
     assert jammed == [{1, 3}, {3}, set()]
@@ -138,11 +139,13 @@ def test_a_supervisor_goes_on_with_the_faults_that_another_began(pool: Scenario)
     ]
 
     def resumed(context):  # type: ignore[no-untyped-def]
-        return replace(context, faults=FaultInjection(context.fleet.host, pool.time_scale, (), ongoing))
+        fleet = context.world.fleet
+        faults = FaultInjection(fleet.host, pool.time_scale, (), ongoing)
+        return replace(context, world=World(fleet, faults))
 
     flying = Flying(pool, resumed)
     flying.seconds(20)
-    faults = flying.flight._faults
+    faults = flying.flight._world.faults
     assert isinstance(faults, FaultInjection) and faults._host is not None and faults._link is not None
     assert faults._host._defects and faults._link.north_error_m == 5.0
     flying.seconds(50)

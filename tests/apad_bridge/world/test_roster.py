@@ -49,6 +49,7 @@ from apad_bridge.world.roster import (
     Roster,
     RosterRequest,
 )
+from apad_bridge.world.world import World
 from firmware_model.packets import StatusPacket
 from firmware_model.packets.codec import MusselbedCodec
 from firmware_model.states import State
@@ -122,10 +123,12 @@ class Bench:
             FlightContext(
                 vehicle=InProcessVehicle(parts.simulated_apad(self.scenario)),
                 pace=AsFastAsPossible(),
-                fleet=FlightFleet(self.coordinator, self.host, WithoutWater(self.coordinator, self.host)),
+                world=World(
+                    FlightFleet(self.coordinator, self.host, WithoutWater(self.coordinator, self.host)),
+                    self.faults,
+                    roster=roster,
+                ),
                 relay=PacketRelay(whole_flight(lambda: self.presences.simulated), [self.elsewhere.take], {}),
-                roster=roster,
-                faults=self.faults,
             ),
             recorder,
         )

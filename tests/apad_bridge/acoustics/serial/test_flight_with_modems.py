@@ -30,6 +30,7 @@ from apad_bridge.supervisor.clock import WallClock
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.world.apad.in_process import InProcessVehicle
+from apad_bridge.world.world import World
 from firmware_model.packets import AcousticStatus, CommandPacket, Kind, StatusPacket
 from firmware_model.packets.codec import MusselbedCodec
 from firmware_model.states import State
@@ -59,8 +60,10 @@ def flying(
         FlightContext(
             vehicle=InProcessVehicle(parts.simulated_apad(scenario)),
             pace=WallClock(1.0),
-            fleet=fleet_parts.fleet_of(
-                flight_config(scenario), host, dict.fromkeys(initial_states, 0), opened=opened
+            world=World(
+                fleet_parts.fleet_of(
+                    flight_config(scenario), host, dict.fromkeys(initial_states, 0), opened=opened
+                )
             ),
             serial_lines=serial_lines,
         ),
