@@ -382,6 +382,11 @@ class APadBattery:
         if self.full_v <= self.empty_v:
             raise ValueError("full_v must be above empty_v")
 
+    @property
+    def range_v(self) -> tuple[float, float]:
+        """The voltages of the empty and of the full battery."""
+        return self.empty_v, self.full_v
+
 
 @dataclass(frozen=True, slots=True)
 class GenerationLimits:

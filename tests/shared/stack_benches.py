@@ -24,6 +24,7 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle.commands import CloseDock, GoTo, Hold, OpenDock, Primitive, VehicleCommand
 from apad_bridge.vehicle.docking import DockingPort
 from apad_bridge.vehicle.generation_a.core import GenerationACore
+from apad_bridge.vehicle.generation_a.docks import ReportedDocks
 from apad_bridge.vehicle.generation_a.messages import (
     GO_TO,
     GoalCode,
@@ -370,15 +371,14 @@ class Bench:
     ) -> None:
         flown = scenario(generation, drift_m_s, guards)
         safety = safety_of(flown, needs_person=is_real)
-        battery = flown.apad.battery
-        battery_v = (battery.empty_v, battery.full_v)
+        battery_v = flown.apad.battery.range_v
         capabilities = stack_of(generation).capabilities(4)
         self.link: LinkToA | LinkToB
         if generation is Generation.A:
             self.link = LinkToA(
                 flown,
                 lambda: GenerationACore(
-                    range(1, 10), battery_v, "run", takes_back=not is_real, gate=safety.gate
+                    ReportedDocks(range(1, 10)), battery_v, "run", takes_back=not is_real, gate=safety.gate
                 ),
             )
         else:

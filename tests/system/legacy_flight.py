@@ -19,13 +19,12 @@ from agents.hosting.in_process import InProcessHost
 from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.assembly.safety import safety_of
+from apad_bridge.assembly.stacks import part_of, stack_of
 from apad_bridge.events.event import Event
 from apad_bridge.ros.gateway.gateway import open_gateway
-from apad_bridge.ros.generation_a.link import GenerationALink
-from apad_bridge.ros.generation_b.link import GenerationBLink
+from apad_bridge.ros.links.legacy_link import OpenLink
 from apad_bridge.ros.system.ros_pace import OwnMasterClock
 from apad_bridge.scenario import loader
-from apad_bridge.scenario.choices import Generation
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.clock import AsFastAsPossible
@@ -34,7 +33,6 @@ from apad_bridge.vehicle.errors import VehicleNotReady
 from apad_bridge.vehicle.link import VehicleLink
 from apad_bridge.world.apad.in_process import InProcessVehicle
 from apad_bridge.world.fleet import FlightFleet, WithoutWater
-from apad_bridge.world.generation_b.docks import BenchDocks
 from apad_bridge.world.world import World
 
 
@@ -79,25 +77,13 @@ def fly(scenario: Scenario, over_ros: bool, speed: float | None, patience_s: flo
     with ExitStack() as stack:
         vehicle: VehicleLink
         if over_ros:
-            battery = scenario.apad.battery
             gateway = open_gateway(initial_states, scenario.time_scale, node_name="musselbed")
             stack.callback(gateway.close)
-            battery_v = (battery.empty_v, battery.full_v)
             safety = safety_of(scenario)
-            link: GenerationALink | GenerationBLink
-            if scenario.apad.generation is Generation.B:
-                link = GenerationBLink(
-                    scenario.apad.name,
-                    BenchDocks(initial_states, parts.misses(scenario)),
-                    battery_v,
-                    scenario.mission.docking,
-                    safety.gate,
-                    our_clock=True,
-                )
-            else:
-                link = GenerationALink(
-                    scenario.apad.name, initial_states, battery_v, safety.gate, our_clock=True
-                )
+            open_link: OpenLink = part_of(
+                stack_of(scenario.apad.generation).generation, "ros.link", "open_link"
+            )
+            link = open_link(scenario, safety.gate, lambda now_ms: {}, {}, 0, our_clock=True).link
             vehicle = link
             stack.callback(link.close)
             link.wait_until_ready(5 * patience_s)

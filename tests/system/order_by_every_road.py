@@ -112,10 +112,8 @@ class Bench:
         self.start_m = data.apad.start_m
         self.floating: dict[int, tuple[float, float]] = {}
         self.link = GenerationBLink(
-            "apad1",
+            data,
             BenchDocks([7], Misses(1, 0.0), lambda _: self.floating),
-            (10.5, 16.0),
-            data.mission.docking,
             plain_safety().gate,
             our_clock=True,
         )

@@ -1,6 +1,6 @@
 """A vehicle link to ANY aPad of generation A on ROS, ours or a real one.
 
-    link = GenerationALink("apad1", agent_ids, (empty_v, full_v), gate, our_clock=True, docked={}, now_ms=0)
+    link = GenerationALink(scenario, docks, gate, our_clock=True)
     link.wait_until_ready(10.0)        # VehicleNotReady, one line that names the missing parts
 
 Stamps: with `our_clock` (our master, our simulated aPad) facts carry those of their messages, which are mission time.
@@ -28,10 +28,10 @@ from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.ros.types.live_types import differing_listeners, unreadable_topics
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import AMUSSEL, of_amussel, of_apad
-from apad_bridge.scenario.choices import PAPER_DOCKS
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle.commands import CloseDock, OpenDock, VehicleCommand
 from apad_bridge.vehicle.generation_a.core import GenerationACore
+from apad_bridge.vehicle.generation_a.docks import ReportedDocks
 from apad_bridge.vehicle.generation_a.messages import (
     GoalCode,
     GoalOrder,
@@ -129,45 +129,36 @@ class Subscribers(LegacySubscribers):
 
 
 class GenerationALink(LegacyLink[GenerationACore]):
-    """A VehicleLink. `name` is the aPad's namespace; `docked` maps the index of a dock to the aMussel that it holds."""
+    """The VehicleLink of the scenario's aPad; `docks` are those that it reports."""
 
     STACK = STACK
     MEND = "put its own into apad_bridge/ros/definitions and run launch_scripts/install"
 
     def __init__(
         self,
-        name: str,
-        agent_ids: Iterable[int],
-        battery_v: tuple[float, float],
+        scenario: Scenario,
+        docks: ReportedDocks,
         gate: Gate,
+        now_ms: int = 0,
         *,
         our_clock: bool,
-        docked: Mapping[int, int] | None = None,
-        now_ms: int = 0,
-        out_of_reach: OutOfReach = lambda agent_id, pose, now_ms: None,
-        dock_count: int = PAPER_DOCKS,
-        pilots: frozenset[str] = frozenset(),
+        out_of_reach: OutOfReach,
     ) -> None:
-        ids, nonce = list(agent_ids), f"musselbed-{secrets.token_hex(4)}"
-        prefix = rospy.resolve_name(AMUSSEL)[1:]
-        places = STACK.capabilities(dock_count).docks
+        name, pilots = scenario.apad.name, () if scenario.guards is None else scenario.guards.pilots
         core = GenerationACore(
-            ids,
-            battery_v,
-            nonce,
-            docked,
+            docks,
+            scenario.apad.battery.range_v,
+            f"musselbed-{secrets.token_hex(4)}",
             now_ms,
-            prefix,
             out_of_reach,
-            places,
             takes_back=our_clock,
             gate=gate,
-            pilots=pilots,
+            pilots=frozenset(map(rospy.resolve_name, pilots)),
         )
-        super().__init__(name, core, gate, now_ms, dock_count)
+        super().__init__(scenario.apad, core, gate, now_ms)
         self._answer_s = ANSWER_ON_OUR_CLOCK_S if our_clock else ANSWER_S
         self._mechanism_ms: int | None = None
-        self._subscribers = Subscribers(name, ids, self._inbox, stamped=our_clock)
+        self._subscribers = Subscribers(name, scenario.fleet.ids, self._inbox, stamped=our_clock)
         self._inquiry = DockInquiry(name, self._inbox)
         server = of_apad(name, "action_server")
         self._goals = self._sender.add_topic(_GOALS, f"{server}/goal", aPadActionGoal, self._server)
@@ -303,20 +294,9 @@ def open_link(
     *,
     our_clock: bool,
 ) -> OpenedAPad:
-    battery, ids = scenario.apad.battery, scenario.fleet.ids
+    prefix, places = rospy.resolve_name(AMUSSEL)[1:], STACK.capabilities(scenario.apad.docks).docks
+    docks = ReportedDocks(scenario.fleet.ids, docked, now_ms, places, prefix)
+    out_of_reach = partial(why_out_of_reach, sight)
     return OpenedAPad(
-        GenerationALink(
-            scenario.apad.name,
-            ids,
-            (battery.empty_v, battery.full_v),
-            gate,
-            our_clock=our_clock,
-            docked=docked,
-            now_ms=now_ms,
-            out_of_reach=partial(why_out_of_reach, sight),
-            dock_count=scenario.apad.docks,
-            pilots=frozenset(
-                () if scenario.guards is None else map(rospy.resolve_name, scenario.guards.pilots)
-            ),
-        )
+        GenerationALink(scenario, docks, gate, now_ms, our_clock=our_clock, out_of_reach=out_of_reach)
     )

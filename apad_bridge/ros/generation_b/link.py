@@ -1,6 +1,6 @@
 """A vehicle link to ANY aPad of generation B on ROS, ours or a real one.
 
-    link = GenerationBLink("apad1", docks, (empty_v, full_v), docking, gate, our_clock=True)
+    link = GenerationBLink(scenario, docks, gate, our_clock=True)
     link.wait_until_ready(10.0)        # VehicleNotReady, one line that names the missing parts
 
 Stamps are as in generation A: with `our_clock` poses carry those of their messages; a fact without a stamp became true at
@@ -32,10 +32,9 @@ from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.ros.types.live_types import live_services, unreadable_topics
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_apad
-from apad_bridge.scenario.choices import PAPER_DOCKS
 from apad_bridge.scenario.lab_interface.fields import has, write
 from apad_bridge.scenario.lab_interface.messages import DockReport
-from apad_bridge.scenario.schema import Docking, DockingProfile, Scenario
+from apad_bridge.scenario.schema import DockingProfile, Scenario
 from apad_bridge.vehicle.commands import MoveArm, OrderCut, VehicleCommand
 from apad_bridge.vehicle.errors import VehicleNotReady
 from apad_bridge.vehicle.generation_b.core import GenerationBCore
@@ -141,26 +140,26 @@ SERVICES: dict[PrimitiveName, Any] = {
 
 
 class GenerationBLink(LegacyLink[GenerationBCore]):
-    """A VehicleLink. `name` is the aPad's namespace; `docks` are kept for the vehicle."""
+    """The VehicleLink of the scenario's aPad; `docks` are kept for the vehicle."""
 
     STACK = STACK
     MEND = "source its workspace, or put its texts into apad_bridge/ros/definitions and run launch_scripts/install"
 
     def __init__(
         self,
-        name: str,
+        scenario: Scenario,
         docks: KeptDocks,
-        battery_v: tuple[float, float],
-        docking: Docking,
         gate: Gate,
+        now_ms: int = 0,
         *,
         our_clock: bool,
         camera: VirtualCamera | None = None,
-        now_ms: int = 0,
-        dock_count: int = PAPER_DOCKS,
     ) -> None:
-        core = GenerationBCore(docks, battery_v, docking, now_ms, takes_back=our_clock, gate=gate)
-        super().__init__(name, core, gate, now_ms, dock_count)
+        name, docking = scenario.apad.name, scenario.mission.docking
+        core = GenerationBCore(
+            docks, scenario.apad.battery.range_v, docking, now_ms, takes_back=our_clock, gate=gate
+        )
+        super().__init__(scenario.apad, core, gate, now_ms)
         self._subscribers = Subscribers(name, self._inbox, stamped=our_clock)
         self._docking = docking
         self._statuses_before = 0
@@ -361,17 +360,8 @@ def open_link(
     if seen_ids:
         _refuse_second_camera(apad.name)
     camera = VirtualCamera(apad.name) if seen_ids else None
-    link = GenerationBLink(
-        apad.name,
-        BenchDocks(simulated_ids, parts.misses(scenario), sight, docked, apad.docks),
-        (apad.battery.empty_v, apad.battery.full_v),
-        docking,
-        gate,
-        our_clock=our_clock,
-        camera=camera,
-        now_ms=now_ms,
-        dock_count=apad.docks,
-    )
+    docks = BenchDocks(simulated_ids, parts.misses(scenario), sight, docked, apad.docks)
+    link = GenerationBLink(scenario, docks, gate, now_ms, our_clock=our_clock, camera=camera)
     if camera is None:
         return OpenedAPad(link)
 

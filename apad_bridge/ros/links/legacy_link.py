@@ -19,7 +19,7 @@ from apad_bridge.events.event import Event
 from apad_bridge.ros.links.order_sender import OrderSender
 from apad_bridge.ros.links.service_calls import CallFailed
 from apad_bridge.ros.system.inbox import Inbox
-from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.schema import APad, Scenario
 from apad_bridge.vehicle.commands import VehicleCommand
 from apad_bridge.vehicle.errors import VehicleNotReady
 from apad_bridge.vehicle.guards.gate import Gate
@@ -61,7 +61,7 @@ Core = TypeVar("Core", bound=LegacyCore)
 
 
 class LegacyLink(ABC, Generic[Core]):
-    """The ROS side of a VehicleLink. `name` is the aPad's namespace. The node is initialised before (`open_gateway`).
+    """The ROS side of a VehicleLink to the scenario's aPad. The node is initialised before (`open_gateway`).
 
     A fact without a stamp became true at the tick that receives it.
     """
@@ -70,9 +70,9 @@ class LegacyLink(ABC, Generic[Core]):
     MEND: ClassVar[str]
     """The mend for a person whose aPad uses other definitions."""
 
-    def __init__(self, name: str, core: Core, gate: Gate, now_ms: int, dock_count: int) -> None:
-        self.name = name
-        self.capabilities = self.STACK.capabilities(dock_count)
+    def __init__(self, apad: APad, core: Core, gate: Gate, now_ms: int) -> None:
+        self.name = apad.name
+        self.capabilities = self.STACK.capabilities(apad.docks)
         self._core = core
         self._now_ms = now_ms
         self._inbox: Inbox[Any] = Inbox()

@@ -13,12 +13,10 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from apad_bridge.beliefs.input_ranges import out_of_range
 from apad_bridge.events.vehicle import DocksDisagree
-from apad_bridge.vehicle.capabilities import DockPlaces
 from apad_bridge.vehicle.commands import (
     Arrived,
     CloseDock,
@@ -45,11 +43,10 @@ from apad_bridge.vehicle.commands import (
 )
 from apad_bridge.vehicle.docking import GoToProgress
 from apad_bridge.vehicle.generation_a.controllers_off import ControllersOff
-from apad_bridge.vehicle.generation_a.docks import PAPERS_PLACES, ReportedDocks
+from apad_bridge.vehicle.generation_a.docks import ReportedDocks
 from apad_bridge.vehicle.generation_a.messages import (
     ENDS,
     GO_TO,
-    OBJECT_PREFIX,
     PERCH,
     RELEASE,
     DocksReceived,
@@ -110,22 +107,18 @@ class _SentGoal:
 class GenerationACore:
     """`receive` takes a message, `command` returns the goal to send, `advance` the facts stamped up to its time.
 
-    `battery_v` is (empty, full). `docked` are the agents by dock index that the vehicle is known to hold at
-    `now_ms`, at `places`. Goal keys begin with `nonce`, which no two runs on one server may share. `gate` judges each
-    goal. `take_orders` returns the goals that a silent vehicle may not have heard, `take_question` whether to ask the
-    vehicle what it holds.
+    `battery_v` is (empty, full), `docks` are those that the vehicle reports, from `now_ms` on. Goal keys begin with
+    `nonce`, which no two runs on one server may share. `gate` judges each goal. `take_orders` returns the goals that a
+    silent vehicle may not have heard, `take_question` whether to ask the vehicle what it holds.
     """
 
     def __init__(
         self,
-        agent_ids: Iterable[int],
+        docks: ReportedDocks,
         battery_v: tuple[float, float],
         nonce: str,
-        docked: Mapping[int, int] | None = None,
         now_ms: int = 0,
-        object_prefix: str = OBJECT_PREFIX,
         out_of_reach: OutOfReach = lambda agent_id, pose, now_ms: None,
-        places: DockPlaces = PAPERS_PLACES,
         *,
         takes_back: bool = True,
         gate: Gate | None = None,
@@ -134,14 +127,13 @@ class GenerationACore:
         self._gate = gate or Gate.without_guards()
         self._now_ms = now_ms
         self.readings = Readings(battery_v)
-        self.docks = ReportedDocks(agent_ids, docked or {}, now_ms, places, object_prefix)
+        self.docks = docks
         self._server = ServerWatch(nonce, pilots)
         self._off = ControllersOff()
         self._pilot_runs = False
         self._takes_back = takes_back
         self._out_of_reach = out_of_reach
         self._nonce = nonce
-        self._object_prefix = object_prefix
         self._deferred: DeferredMessages[Received] = DeferredMessages(now_ms, self.readings.dropped)
         self._facts: list[LinkFact] = []
         self._goals: dict[str, _SentGoal] = {}
@@ -166,7 +158,9 @@ class GenerationACore:
             ("position", self.readings.position_ms),
             ("action_server/status", self._server.status_ms),
         )
-        held = [f"/{self._object_prefix}{it}/position_static" for it in self.docks.unreported_ids(now_ms)]
+        held = [
+            f"/{self.docks.object_prefix}{it}/position_static" for it in self.docks.unreported_ids(now_ms)
+        ]
         return [topic for topic, at_ms in newest if at_ms < now_ms] + held
 
     @property
@@ -186,7 +180,7 @@ class GenerationACore:
         if isinstance(command, PilotLeft):
             return None  # nothing but a pilot's own goals tells of a pilot here
         if isinstance(command, ReleaseByName):
-            name = f"{self._object_prefix}{command.agent_id}"
+            name = f"{self.docks.object_prefix}{command.agent_id}"
             return self._let_out(
                 GoalOrder(self._own_key(), RELEASE, name=name, agent_id=command.agent_id), cleared
             )
@@ -243,10 +237,12 @@ class GenerationACore:
                 self._away_ms = None
             case CloseDock(_, _, agent_id):
                 self.docks.order_perch(agent_id)
-                order = GoalOrder(key, PERCH, name=f"{self._object_prefix}{agent_id}", agent_id=agent_id)
+                order = GoalOrder(key, PERCH, name=f"{self.docks.object_prefix}{agent_id}", agent_id=agent_id)
             case OpenDock(_, _, agent_id):
                 self.docks.order_release(agent_id, now_ms)
-                order = GoalOrder(key, RELEASE, name=f"{self._object_prefix}{agent_id}", agent_id=agent_id)
+                order = GoalOrder(
+                    key, RELEASE, name=f"{self.docks.object_prefix}{agent_id}", agent_id=agent_id
+                )
         self._goals[key] = _SentGoal(command, before, order, now_ms, progress=progress)
         self._latest_key = key
         return order

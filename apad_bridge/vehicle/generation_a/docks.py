@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 from apad_bridge.scenario.choices import PAPER_DOCKS
 from apad_bridge.vehicle.capabilities import DockPlaces, published_docks
@@ -78,13 +79,13 @@ class ReportedDocks:
     def __init__(
         self,
         agent_ids: Iterable[int],
-        docked: Mapping[int, int],
+        docked: Mapping[int, int] = MappingProxyType({}),
         now_ms: int = 0,
         places: DockPlaces = PAPERS_PLACES,
         object_prefix: str = OBJECT_PREFIX,
     ) -> None:
         self._places = places
-        self._object_prefix = object_prefix
+        self.object_prefix = object_prefix
         self.dropped: Counter[str] = Counter()
         self.disagreements: list[tuple[int, str]] = []
         """Agents with what the witnesses of their docks say, each told once and taken by the core."""
@@ -207,7 +208,7 @@ class ReportedDocks:
     def receive_answer(self, answer: DocksReceived, *, server_lives: bool) -> list[LinkFact]:
         """Takes the aPad's answer about aMussels whose `position_static` is silent."""
         facts: list[LinkFact] = []
-        told = {it for it in self._served if f"{self._object_prefix}{it}" in (answer.held or ())}
+        told = {it for it in self._served if f"{self.object_prefix}{it}" in (answer.held or ())}
         named, alone = told & self._held.keys(), frozenset(told - self._held.keys())
         for agent_id in sorted(alone - self._named_alone):
             self._disagree(agent_id, f"{_SERVICE} names it, and no position_static shows it: taken for free")

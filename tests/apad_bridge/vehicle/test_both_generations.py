@@ -11,6 +11,7 @@ from scenario_files import POOL_FILE
 from apad_bridge.scenario.loader import load
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
 from apad_bridge.vehicle.generation_a.core import GenerationACore
+from apad_bridge.vehicle.generation_a.docks import ReportedDocks
 from apad_bridge.vehicle.generation_b.core import GenerationBCore
 from apad_bridge.vehicle.stack_messages import BatteryReceived, PoseReceived, StateRefReceived
 from apad_bridge.world.apad.apad import SimulatedAPad
@@ -29,7 +30,7 @@ Vehicle = GenerationAVehicle | GenerationBVehicle
 @pytest.fixture(params=["a", "b"])
 def core(request: pytest.FixtureRequest) -> Core:
     if request.param == "a":
-        return GenerationACore(range(1, 10), BATTERY_V, "run")
+        return GenerationACore(ReportedDocks(range(1, 10)), BATTERY_V, "run")
     return GenerationBCore(BenchDocks(range(1, 10), Misses(1, 0.0)), BATTERY_V, POOL.mission.docking)
 
 

@@ -21,6 +21,7 @@ from apad_bridge.scenario.choices import Generation
 from apad_bridge.scenario.schema import Docking, DockingProfile
 from apad_bridge.vehicle.commands import GoTo, Stop
 from apad_bridge.vehicle.generation_a.core import GenerationACore
+from apad_bridge.vehicle.generation_a.docks import ReportedDocks
 from apad_bridge.vehicle.generation_a.messages import GoalOrder
 from apad_bridge.vehicle.generation_b.core import GenerationBCore
 from apad_bridge.vehicle.generation_b.messages import PositionOrder, StopOrder
@@ -64,7 +65,7 @@ class Link:
         battery_v, ids = (10.5, 16.0), range(1, 10)
         self.core: GenerationACore | GenerationBCore
         if generation is Generation.A:
-            self.core = GenerationACore(ids, battery_v, "run", takes_back=False, gate=gate)
+            self.core = GenerationACore(ReportedDocks(ids), battery_v, "run", takes_back=False, gate=gate)
         else:
             self.core = GenerationBCore(
                 BenchDocks(ids, Misses(1, 0.0)), battery_v, DOCKING, takes_back=False, gate=gate

@@ -26,6 +26,7 @@ from apad_bridge.vehicle.commands import (
 )
 from apad_bridge.vehicle.docking import DockingPort
 from apad_bridge.vehicle.generation_a.core import GenerationACore
+from apad_bridge.vehicle.generation_a.docks import ReportedDocks
 from apad_bridge.vehicle.generation_a.messages import (
     GO_TO,
     DocksReceived,
@@ -73,7 +74,7 @@ class WithA:
 
     def __init__(self, fault: Fault, *, takes_back: bool = True) -> None:
         self.vehicle = GenerationAVehicle(SimulatedAPad(POOL.apad), 0.5, 0.5, 0, fault)
-        self.core = GenerationACore(range(1, 10), BATTERY_V, "run", takes_back=takes_back)
+        self.core = GenerationACore(ReportedDocks(range(1, 10)), BATTERY_V, "run", takes_back=takes_back)
         self.answers = True
         """Its services answer."""
         self._active: list[str] = []

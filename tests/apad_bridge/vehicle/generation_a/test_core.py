@@ -27,6 +27,7 @@ from apad_bridge.vehicle.commands import (
     ReleaseWanted,
 )
 from apad_bridge.vehicle.generation_a.core import GenerationACore
+from apad_bridge.vehicle.generation_a.docks import ReportedDocks
 from apad_bridge.vehicle.generation_a.messages import (
     GO_TO,
     PERCH,
@@ -49,7 +50,7 @@ THERE = GoTo(1, 5.0, 6.0, 0.5, 0.5)
 
 @pytest.fixture
 def core() -> GenerationACore:
-    return GenerationACore(range(1, 10), (10.5, 16.0), "run")
+    return GenerationACore(ReportedDocks(range(1, 10)), (10.5, 16.0), "run")
 
 
 def sent(goal: Cleared[GoalOrder] | None) -> GoalOrder | None:
@@ -367,7 +368,7 @@ def test_where_the_answer_tells_nothing_a_living_server_holds_what_it_held(
 )
 def test_witnesses_of_a_dock_that_disagree_are_told_once(names: set[str], told: dict[int, str]) -> None:
     gate = Gate.without_guards()
-    core = GenerationACore(range(1, 10), (10.5, 16.0), "run", gate=gate)
+    core = GenerationACore(ReportedDocks(range(1, 10)), (10.5, 16.0), "run", gate=gate)
     shows(core, 0, 7)
     for now_ms in range(1_000, 40_000, 1_000):
         core.receive(GoalStatusReceived(now_ms, (), whole=True), now_ms)
@@ -404,7 +405,7 @@ def test_the_vehicle_is_asked_after_each_docking_and_its_answer_frees_no_amussel
 def test_after_a_resume_the_vehicle_is_asked_what_it_holds() -> None:
     """The supervisor that died took the docks' word with it."""
     empty, resumed = (
-        GenerationACore(range(1, 10), (10.5, 16.0), "run", docked=docked) for docked in ({}, {0: 7})
+        GenerationACore(ReportedDocks(range(1, 10), docked), (10.5, 16.0), "run") for docked in ({}, {0: 7})
     )
     assert not empty.take_question() and resumed.take_question()
     resumed.receive(DocksReceived(2_000, frozenset({"amussel7"})), 2_000)
@@ -505,7 +506,7 @@ def test_a_release_of_one_never_heard_to_be_held_is_answered(core: GenerationACo
 
 
 def test_after_a_resume_the_docks_are_as_they_were() -> None:
-    core = GenerationACore(range(1, 10), (10.5, 16.0), "run", {1: 7, 2: 8}, 5_000)
+    core = GenerationACore(ReportedDocks(range(1, 10), {1: 7, 2: 8}, 5_000), (10.5, 16.0), "run", 5_000)
     shows(core, 5_000, 7)
     assert tells(core, 5_000) == [Carried(5_000, 7, 2.0, 3.0)]
     shows(core, 6_000, 9)
@@ -553,7 +554,7 @@ def test_a_tick_is_heard_when_every_topic_has_spoken_up_to_it(core: GenerationAC
 def test_a_perch_from_afar_is_not_ordered() -> None:
     """The vehicle would take it, and would hold the aMussel at a place where the aMussel is not."""
     core = GenerationACore(
-        range(1, 10),
+        ReportedDocks(range(1, 10)),
         (10.5, 16.0),
         "run",
         out_of_reach=partial(why_out_of_reach, lambda _: {7: (2.1, 13.1), 8: (2.1, 4.1)}),
@@ -606,7 +607,7 @@ def test_a_stop_cancels_the_goals_that_run_and_those_on_their_way_by_their_keys(
 
 def test_another_s_goal_that_runs_and_was_not_heard_is_told_once() -> None:
     """Its client sent it when the server, and not yet this bench, was connected to it."""
-    core = GenerationACore(range(1, 10), (10.5, 16.0), "run", takes_back=False)
+    core = GenerationACore(ReportedDocks(range(1, 10)), (10.5, 16.0), "run", takes_back=False)
     told: list[LinkFact] = []
     for at_ms in range(0, 4_000, 200):
         words = (GoalStatusEntry("/neptus-7-3.0", GoalCode.ACTIVE),) if at_ms >= 1_000 else ()
@@ -620,7 +621,7 @@ def test_another_s_goal_that_runs_and_was_not_heard_is_told_once() -> None:
 @pytest.mark.parametrize("seen_ms", [700, 950, 1_300])
 def test_another_s_goal_that_was_heard_has_its_place_and_is_told_once(seen_ms: int) -> None:
     """Its message and the statuses come over two connections, in any order; a status between may not know it yet."""
-    core = GenerationACore(range(1, 10), (10.5, 16.0), "run", takes_back=False)
+    core = GenerationACore(ReportedDocks(range(1, 10)), (10.5, 16.0), "run", takes_back=False)
     told: list[LinkFact] = []
     for at_ms in range(0, 4_000, 50):
         if at_ms == seen_ms:
