@@ -15,7 +15,6 @@ from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.events.mission import MissionState
 from apad_bridge.events.persons import Steering
-from apad_bridge.mission.breakdown import NeverStandsDown
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.end_by import EndBy, KnownEnd
 from apad_bridge.mission.energy_exchange import EnergyExchange
@@ -23,7 +22,7 @@ from apad_bridge.mission.flight_mission import FlightMission
 from apad_bridge.mission.home_stays import HomeStays
 from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.planner import PlanRules
-from apad_bridge.mission.plans import Planning, untold
+from apad_bridge.mission.plans import Planning
 from apad_bridge.mission.role import MissionRole
 from apad_bridge.mission.sources import Allocation, BeliefSource
 from apad_bridge.planning import registry
@@ -33,6 +32,7 @@ from apad_bridge.scenario.firmware_config import codec_of
 from apad_bridge.scenario.schema import Horizon, Scenario
 from apad_bridge.scenario.surface import LegForecast, holding_effort, surface_of
 from apad_bridge.scenario.timed_faults import planned
+from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext, Watcher
 from apad_bridge.supervisor.core import LearnedState, Supervisor
 from apad_bridge.supervisor.loop import Flight
@@ -41,11 +41,14 @@ from apad_bridge.supervisor.run_spec import FROM_START, RunSpec
 from apad_bridge.supervisor.sample_collection import NoSampleCollection, SampleCollection
 from apad_bridge.vehicle.capabilities import of_simulated_apad
 from apad_bridge.vehicle.docking import DockingPort
-from apad_bridge.vehicle.guards.gate import Gate
+from apad_bridge.vehicle.guards.gate import Gate, Safety
+from apad_bridge.vehicle.guards.monitor import Monitor
 from apad_bridge.world.apad.apad import SimulatedAPad
+from apad_bridge.world.apad.in_process import InProcessVehicle
 from apad_bridge.world.apad.misses import Misses
 from apad_bridge.world.fault_injection import FaultInjection, Ongoing
 from apad_bridge.world.fleet import FlightFleet, NoFleet
+from apad_bridge.world.world import World
 
 
 def fault_injection(
@@ -165,14 +168,13 @@ def supervisor(
     and the calls fly the aPad by hand. Without `samples` it does not collect the aMussels' logs. Without a `context`
     nothing is guarded, and every docking catches.
     """
-    scenario, point = config.scenario, spec.resume_point
+    scenario, point, context = config.scenario, spec.resume_point, context or _nobody_flies(config.scenario)
     learned = spec.learned or initial_learned_state(config)
     state = MissionState(dock_count=scenario.apad.docks) if point is None else point.state
     beliefs, allocation = learned.beliefs, learned.allocation
 
     def planned(mission_state: MissionState | None) -> EnergyExchange:
-        planning = untold if context is None else context.planning
-        return _energy_exchange(config, allocation, mission_state, planning)
+        return _energy_exchange(config, allocation, mission_state, context.planning)
 
     def by_hand(mission_state: MissionState) -> ManualMission:
         return ManualMission(
@@ -189,10 +191,10 @@ def supervisor(
     port = DockingPort(
         scenario.mission.docking,
         first_command_id=spec.first_command_id,
-        capabilities=(context and context.capabilities) or of_simulated_apad(scenario.apad.docks),
+        capabilities=context.capabilities or of_simulated_apad(scenario.apad.docks),
         usual_go_to=(scenario.mission.speed_m_s, scenario.mission.victory_radius_m),
         docked=state.docked,
-        distance_m=_knows_no_distance if context is None else context.world.distance_m,
+        distance_m=context.world.distance_m,
         first_failure=None if point is None else point.first_failure,
     )
     return Supervisor(
@@ -202,13 +204,18 @@ def supervisor(
         port,
         codec_of(scenario),
         samples or NoSampleCollection(),
-        NeverStandsDown() if context is None else context.stands_down,
-        Gate.without_guards() if context is None else context.safety.gate,
+        context.stands_down,
+        context.safety.gate,
     )
 
 
-def _knows_no_distance(agent_id: int, north_m: float, east_m: float) -> None:
-    """Returns None: a supervisor that nobody flies knows no aMussel's true place."""
+def _nobody_flies(scenario: Scenario) -> FlightContext:
+    return FlightContext(
+        vehicle=InProcessVehicle(simulated_apad(scenario)),
+        pace=AsFastAsPossible(),
+        world=World(NoFleet()),
+        safety=Safety(Gate.without_guards(), Monitor([])),
+    )
 
 
 def _energy_exchange(

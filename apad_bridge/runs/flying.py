@@ -25,12 +25,12 @@ from agents.water.sea import Sea
 from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.capacity import battery_worth_min
 from apad_bridge.assembly.energy_model import energy_model
-from apad_bridge.assembly.flight_config import FlightConfig, flight_config
+from apad_bridge.assembly.flight_config import FlightConfig
 from apad_bridge.assembly.safety import safety_of
 from apad_bridge.events.event import Event
 from apad_bridge.events.mission import MissionEnd
 from apad_bridge.events.run import EndReason, RunBegan, RunEnded
-from apad_bridge.planning.registry import Trust, label
+from apad_bridge.planning.registry import label
 from apad_bridge.records.journal import FORMAT_VERSION
 from apad_bridge.records.recorder import Recorder, RecordsFailed
 from apad_bridge.records.run_directory import RunDirectory
@@ -65,30 +65,25 @@ objects and no cycle. Python's own 700 cost a tenth of a flight."""
 
 def open_in_process(
     stack: ExitStack,
-    scenario: Scenario,
+    config: FlightConfig,
     starts: Sequence[Start],
     directory: RunDirectory,
-    progress: ProgressDisplay,
-    spec: RunSpec = FROM_START,
-    join: Callable[[FlightContext], FlightContext] = lambda context: context,
     sea: Sea | None = None,
     nursery: StartedNursery | None = None,
-    trust: Trust | None = None,
-) -> PreparedFlight:
-    """Opens a flight in virtual time with its fleet and records, which `stack` closes.
+) -> tuple[FlightContext, Recorder]:
+    """Opens the context of a flight in virtual time, with its fleet, and its records; `stack` closes them.
 
-    `join` adds to its context the parts by which several aPads' flights take over from each other, and `sea` is the one
-    that they share. `nursery` was begun for its fleet; None for a fleet in one process, or without one yet. PeerFailed
-    when the fleet does not start, or another process flies this run.
+    `sea` is the one that several flights share. `nursery` was begun for its fleet; None for a fleet in one process, or
+    without one yet. PeerFailed when the fleet does not start, or another process flies this run.
     """
     stack.enter_context(supervising(directory.path))
-    config = flight_config(scenario, trust)
+    scenario = config.scenario
     recorder = Recorder(directory, scenario, config.ids, battery_min=battery_worth_min(scenario))
     stack.callback(recorder.close)
     journal_start(recorder, scenario, starts)
     fleet = open_fleet(config, starts, directory.path, sea, nursery)
     stack.callback(fleet.close)
-    return prepare(config, join(in_process_context(config, fleet)), recorder, progress, spec)
+    return in_process_context(config, fleet), recorder
 
 
 def journal_start(recorder: Recorder, scenario: Scenario, starts: Sequence[Start]) -> None:

@@ -13,7 +13,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
-from functools import partial
 from types import MappingProxyType
 
 from agents.hosting import interrupts
@@ -21,6 +20,7 @@ from agents.nursery.launch import StartedNursery
 from agents.time_scale import MissionMs
 from apad_bridge.assembly.division import Member
 from apad_bridge.assembly.fleet_parts import shared_sea
+from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.events.fleet import HandedOn, TookOn
 from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.mission.manual import CommandSource
@@ -187,20 +187,16 @@ def fly_in_step(
     is_alone, sea = len(members) == 1, shared_sea(members[0].scenario, len(members))
     with interrupts.held_back(), ExitStack() as stack:
         opened, flights = {}, {}
+        spec = RunSpec(command_sources=None if command_sources is None else tuple(command_sources))
         for member in members:
             name, scenario = member.name, member.scenario
-            opened[name] = flying.open_in_process(
-                stack,
-                scenario,
-                member.starts,
-                whole.of_apad(name, len(members)),
-                display.of(name),
-                RunSpec(command_sources=None if command_sources is None else tuple(command_sources)),
-                join=(lambda context: context) if is_alone else partial(exchange.join, name, sharing),
-                sea=sea,
-                nursery=nurseries.get(name),
-                trust=trust,
+            config, directory = flight_config(scenario, trust), whole.of_apad(name, len(members))
+            context, recorder = flying.open_in_process(
+                stack, config, member.starts, directory, sea, nurseries.get(name)
             )
+            if not is_alone:
+                context = exchange.join(name, sharing, context)
+            opened[name] = flying.prepare(config, context, recorder, display.of(name), spec)
             flights[name] = MemberFlight(scenario.apad.start_m, opened[name].flight, opened[name].recorder)
         assignment = Assignment(served) if sharing.transfers and not is_alone else None
         runner = LockstepRunner(flights, exchange, assignment)

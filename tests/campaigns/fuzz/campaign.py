@@ -45,11 +45,12 @@ from agents.mussel.outputs import SoundSent, StimulusDropped, Truth, WifiSent
 from agents.mussel.stimuli import ContactClosed, ContactOpened, DockMoved, SoundArrived
 from agents.nursery import protocol as nursery
 from agents.time_scale import MissionMs
+from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.console.server import ConsoleEnding, app_of
 from apad_bridge.records.bag import recorded_messages, repair_bag
 from apad_bridge.records.journal import JournalDamaged, read_journal
 from apad_bridge.records.run_directory import RunDirectory
-from apad_bridge.runs.flying import open_in_process
+from apad_bridge.runs.flying import open_in_process, prepare
 from apad_bridge.runs.progress import FlightProgress
 from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.errors import ScenarioError
@@ -538,7 +539,9 @@ def _flown(folder: Path) -> Iterator[RunDirectory]:
     directory.write_inputs(scenario, starts)
     with ExitStack() as stack:
         progress = stack.enter_context(FlightProgress(scenario.name, 1000 * _RUN_S, quiet=True))
-        prepared = open_in_process(stack, scenario, starts, directory, progress)
+        config = flight_config(scenario)
+        context, recorder = open_in_process(stack, config, starts, directory)
+        prepared = prepare(config, context, recorder, progress)
         prepared.flight.run()
         prepared.finish()
     RunOptions(BenchPart.WHOLE, APadKind.SIM, TimeSource.WALL, 1.0, OnDeath.WAIT).save(directory.path)
