@@ -10,6 +10,7 @@ from agents.modem.frames import ModemGeneration
 from agents.mussel.body import Body
 from firmware_model.board import Board
 from firmware_model.packets import AcousticStatus, Packet, ShortStatus, StatusPacket, WifiStatus
+from firmware_model.packets.status_packets import StatusFields
 from firmware_model.power.charge import fraction
 
 if TYPE_CHECKING:
@@ -44,12 +45,12 @@ class Reporter:
         return other
 
     def wifi_status(self, now_ms: int) -> Packet:
-        basic, board, logbook = self._basic(now_ms), self._board, self._logbook
+        fields, board, logbook = self._fields(now_ms), self._board, self._logbook
         if logbook is None or board.reset_cause is None:
-            return basic
+            return StatusPacket(*fields)
         log = logbook.log
         return WifiStatus(
-            basic,
+            *fields,
             logbook.counts,
             log.next_sequence,
             log.acknowledged,
@@ -63,24 +64,25 @@ class Reporter:
         )
 
     def sound_status(self, now_ms: int) -> Packet:
-        basic, logbook = self._basic(now_ms), self._logbook
         if self._modem is ModemGeneration.V2:
-            return _short(basic)
+            return self.answer(now_ms)
+        fields, logbook = self._fields(now_ms), self._logbook
         if logbook is None:
-            return basic
+            return StatusPacket(*fields)
         log = logbook.log
-        return AcousticStatus(basic, logbook.counts, log.next_sequence, log.waiting)
+        return AcousticStatus(*fields, logbook.counts, log.next_sequence, log.waiting)
 
     def answer(self, now_ms: int) -> Packet:
         """The answer to a ping: as short as for a v2 modem, so that the channel is soon free again."""
-        return _short(self._basic(now_ms))
+        agent_id, _, state, primary, secondary, *_ = self._fields(now_ms)
+        return ShortStatus(agent_id, state, primary, secondary)
 
-    def _basic(self, now_ms: int) -> StatusPacket:
+    def _fields(self, now_ms: int) -> StatusFields:
         body, board = self._body, self._board
         primary, secondary = board.readings(now_ms)
         north_um, east_um = body.known_place_um(now_ms)
         self._sequence += 1
-        return StatusPacket(
+        return (
             board.config.agent_id,
             self._sequence - 1,
             board.state,
@@ -91,7 +93,3 @@ class Reporter:
             body.depth_at_um(now_ms) / 1e6,
             board.clock_ms(now_ms),
         )
-
-
-def _short(basic: StatusPacket) -> ShortStatus:
-    return ShortStatus(basic.agent_id, basic.state, basic.primary, basic.secondary)

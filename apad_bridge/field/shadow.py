@@ -45,7 +45,7 @@ from apad_bridge.planning.solution import Step, StepKind
 from apad_bridge.scenario.firmware_config import codec_of
 from apad_bridge.scenario.schema import Dispatch, Places, Scenario
 from apad_bridge.scenario.surface import LegForecast, surface_of
-from firmware_model.packets import AnyStatus, ShortStatus, StatusPacket, basic_of
+from firmware_model.packets import ShortStatus, StatusPacket
 from firmware_model.states import State
 
 _TOPIC_PERIOD_MS = 1000
@@ -220,8 +220,8 @@ class Shadow:
                 packet = self._codec.decode(data)
                 if isinstance(packet, ShortStatus):
                     self._beliefs.hear_short(packet, self._now_ms)
-                elif isinstance(packet, AnyStatus):
-                    self._hear(basic_of(packet))
+                elif isinstance(packet, StatusPacket):
+                    self._hear(packet)
             case AmusselPlaced(_, agent_id, place_m):
                 self._of_topics(agent_id, place_m, None)
             case AmusselCharged(_, agent_id, charge):

@@ -29,7 +29,7 @@ from apad_bridge.ros.system.ros_time import follow_master
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.supervisor.packet_relay import PacketOrigin, RelayedPacket
 from apad_bridge.vehicle.errors import PeerFailed
-from firmware_model.packets import AnyStatus, ShortStatus, basic_of
+from firmware_model.packets import ShortStatus, StatusPacket
 from firmware_model.packets.codec import Codec
 
 use_generated_messages()
@@ -119,7 +119,7 @@ class AMusselBridge:
             self._drop(f"heard: aMussel {packet.agent_id} is none of --ids")
         elif read is None:
             self._drop("heard: damaged, or another layout than the scenario's codec")
-        elif isinstance(read, AnyStatus | ShortStatus) and _sender_of(read) != packet.agent_id:
+        elif isinstance(read, StatusPacket | ShortStatus) and read.agent_id != packet.agent_id:
             self._drop("heard: the header names another aMussel than the packet")
         else:
             self.counts["heard from aMussels"] += 1
@@ -134,7 +134,3 @@ class AMusselBridge:
         if not self.counts[reason]:
             self._tell("dropped", f"dropped, and counted from now on: {reason}")
         self.counts[reason] += count
-
-
-def _sender_of(status: AnyStatus | ShortStatus) -> int:
-    return status.agent_id if isinstance(status, ShortStatus) else basic_of(status).agent_id

@@ -76,13 +76,11 @@ from apad_bridge.vehicle.outcomes import (
     PrimitiveFailed,
 )
 from firmware_model.packets import (
-    AnyStatus,
     CommandPacket,
     Kind,
     LogRecords,
     ShortStatus,
     StatusPacket,
-    basic_of,
 )
 from firmware_model.packets.codec import Codec
 
@@ -253,10 +251,8 @@ class Supervisor:
                 packet = self._codec.decode(data)
                 if isinstance(packet, LogRecords):
                     return self._collect_samples(packet)
-                if isinstance(packet, ShortStatus):
+                if isinstance(packet, StatusPacket | ShortStatus):
                     return self._believe(packet, at_ms)
-                if isinstance(packet, AnyStatus):
-                    return self._believe(basic_of(packet), at_ms)
                 self.dropped["bytes that are no status packet"] += 1
                 return []
             case RangeHeard():

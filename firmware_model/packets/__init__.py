@@ -16,11 +16,9 @@ from firmware_model.packets.log_packets import LogRecords
 from firmware_model.packets.packets import Packet, decode
 from firmware_model.packets.status_packets import (
     AcousticStatus,
-    AnyStatus,
     ShortStatus,
     StatusPacket,
     WifiStatus,
-    basic_of,
 )
 from firmware_model.packets.wire import EVERYONE, Kind
 
@@ -28,7 +26,6 @@ __all__ = [
     "EVERYONE",
     "PLAIN_KINDS",
     "AcousticStatus",
-    "AnyStatus",
     "Beacon",
     "Command",
     "CommandPacket",
@@ -44,6 +41,5 @@ __all__ = [
     "StatusPacket",
     "Threshold",
     "WifiStatus",
-    "basic_of",
     "decode",
 ]

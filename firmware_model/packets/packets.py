@@ -13,14 +13,13 @@ from firmware_model.packets.command_packets import Command
 from firmware_model.packets.log_packets import LogRecords
 from firmware_model.packets.status_packets import (
     AcousticStatus,
-    AnyStatus,
     ShortStatus,
     StatusPacket,
     WifiStatus,
 )
 from firmware_model.packets.wire import unsealed
 
-Packet = AnyStatus | ShortStatus | LogRecords | Command
+Packet = StatusPacket | ShortStatus | LogRecords | Command
 
 _BY_HEAD: dict[tuple[int, int], Callable[[bytes], Packet | None]] = {
     **{

@@ -21,9 +21,16 @@ _FEEDS = {int(feed): feed for feed in ActiveBattery}
 _CAUSES = {int(cause): cause for cause in ResetCause}
 
 
+StatusFields = tuple[int, int, State, float, float, float, float, float, int]
+"""The fields of a `StatusPacket`, in their order."""
+
+
 @value
 class StatusPacket:
-    """The part of every status except the short one. `sequence` counts reports modulo 65536; `agent_ms` is agent time."""
+    """A status, and the part that every one but the short one begins with: its time is agent time.
+
+    `sequence` counts reports modulo 65536.
+    """
 
     VERSION: ClassVar[int] = 1
     KIND: ClassVar[Kind] = Kind.STATUS
@@ -39,11 +46,14 @@ class StatusPacket:
     depth_m: float
     agent_ms: int
 
-    def pack(self, version: int, kind: Kind) -> bytes:
-        """The fields under another packet's head, without a check."""
-        return self.FORMAT.pack(
-            version,
-            kind,
+    def encode(self) -> bytes:
+        return sealed(self._pack())
+
+    def _pack(self) -> bytes:
+        """The fields of every status, without a check."""
+        return StatusPacket.FORMAT.pack(
+            self.VERSION,
+            self.KIND,
             self.agent_id,
             self.sequence & 0xFFFF,
             self.state,
@@ -55,45 +65,33 @@ class StatusPacket:
             self.agent_ms,
         )
 
-    def encode(self) -> bytes:
-        return sealed(self.pack(self.VERSION, self.KIND))
-
     @classmethod
     def decode_body(cls, body: bytes) -> StatusPacket | None:
-        return cls.unpack_from(body) if len(body) == cls.FORMAT.size else None
-
-    @classmethod
-    def unpack_from(cls, body: bytes) -> StatusPacket | None:
-        """Decodes the first bytes of a packet that begins with `pack`; None for an unknown state."""
-        _, _, agent_id, sequence, state, primary, secondary, north, east, depth, agent_ms = (
-            cls.FORMAT.unpack_from(body)
-        )
-        known = _STATES.get(state)
-        if known is None:
-            return None
-        return cls(
-            agent_id,
-            sequence,
-            known,
-            primary / CHARGE_STEPS,
-            secondary / CHARGE_STEPS,
-            north / 100,
-            east / 100,
-            depth / 100,
-            agent_ms,
-        )
+        fields = _fields_of(body, 0)
+        return None if fields is None else cls(*fields)
 
 
-@dataclass(frozen=True, slots=True)
-class AcousticStatus:
+def _fields_of(body: bytes, more: int) -> StatusFields | None:
+    """The fields of every status; None for an unknown state, or if there are not `more` bytes behind them."""
+    if len(body) != StatusPacket.FORMAT.size + more:
+        return None
+    _, _, agent_id, sequence, state, primary, secondary, north, east, depth, agent_ms = (
+        StatusPacket.FORMAT.unpack_from(body)
+    )
+    if state not in _STATES:
+        return None
+    charges = primary / CHARGE_STEPS, secondary / CHARGE_STEPS
+    return agent_id, sequence, _STATES[state], *charges, north / 100, east / 100, depth / 100, agent_ms
+
+
+@value
+class AcousticStatus(StatusPacket):
     """A status by sound, within a v3 modem's 64 bytes: with the newest sample, and the number of records that wait."""
 
     VERSION: ClassVar[int] = 2
     KIND: ClassVar[Kind] = Kind.ACOUSTIC_STATUS
     MORE: ClassVar[struct.Struct] = struct.Struct(f"<{COUNT_FIELDS}IH")
-    SIZE: ClassVar[int] = StatusPacket.FORMAT.size + MORE.size
 
-    basic: StatusPacket
     counts: Counts
     """The counts of the newest sample; zeros while `samples` is 0."""
     samples: int
@@ -102,28 +100,25 @@ class AcousticStatus:
     """Unacknowledged records in its log; 65535 also stands for more."""
 
     def encode(self) -> bytes:
-        more = self.MORE.pack(*self.counts, self.samples, min(0xFFFF, self.waiting))
-        return sealed(self.basic.pack(self.VERSION, self.KIND) + more)
+        return sealed(self._pack() + self.MORE.pack(*self.counts, self.samples, min(0xFFFF, self.waiting)))
 
     @classmethod
     def decode_body(cls, body: bytes) -> AcousticStatus | None:
-        basic = StatusPacket.unpack_from(body) if len(body) == cls.SIZE else None
-        if basic is None:
+        fields = _fields_of(body, cls.MORE.size)
+        if fields is None:
             return None
-        *counts, samples, waiting = cls.MORE.unpack_from(body, StatusPacket.FORMAT.size)
-        return cls(basic, tuple(counts), samples, waiting)
+        *counts, samples, waiting = cls.MORE.unpack_from(body, cls.FORMAT.size)
+        return cls(*fields, tuple(counts), samples, waiting)
 
 
-@dataclass(frozen=True, slots=True)
-class WifiStatus:
+@value
+class WifiStatus(StatusPacket):
     """The full status of a board."""
 
     VERSION: ClassVar[int] = 2
     KIND: ClassVar[Kind] = Kind.WIFI_STATUS
     MORE: ClassVar[struct.Struct] = struct.Struct(f"<{COUNT_FIELDS}IIIIHBBHi")
-    SIZE: ClassVar[int] = StatusPacket.FORMAT.size + MORE.size
 
-    basic: StatusPacket
     counts: Counts
     """The counts of the newest sample; zeros while `samples` is 0."""
     samples: int
@@ -156,31 +151,19 @@ class WifiStatus:
             self.rails,
             self.clock_offset_ms,
         )
-        return sealed(self.basic.pack(self.VERSION, self.KIND) + more)
+        return sealed(self._pack() + more)
 
     @classmethod
     def decode_body(cls, body: bytes) -> WifiStatus | None:
-        basic = StatusPacket.unpack_from(body) if len(body) == cls.SIZE else None
-        if basic is None:
+        fields = _fields_of(body, cls.MORE.size)
+        if fields is None:
             return None
-        *counts, samples, acknowledged, oldest, overwritten, torn, cause, feed, rails, offset_ms = (
-            cls.MORE.unpack_from(body, StatusPacket.FORMAT.size)
-        )
+        more = cls.MORE.unpack_from(body, cls.FORMAT.size)
+        *counts, samples, acknowledged, oldest, overwritten, torn, cause, feed, rails, offset_ms = more
         if cause not in _CAUSES or feed not in _FEEDS:
             return None
-        return cls(
-            basic,
-            tuple(counts),
-            samples,
-            acknowledged,
-            oldest,
-            overwritten,
-            torn,
-            _CAUSES[cause],
-            _FEEDS[feed],
-            rails,
-            offset_ms,
-        )
+        log = samples, acknowledged, oldest, overwritten, torn
+        return cls(*fields, tuple(counts), *log, _CAUSES[cause], _FEEDS[feed], rails, offset_ms)
 
 
 @dataclass(frozen=True, slots=True)
@@ -215,12 +198,3 @@ class ShortStatus:
         tagged, agent_id, primary, secondary = cls.FORMAT.unpack(body)
         state = _STATES.get(tagged & 0b000_11111)
         return None if state is None else cls(agent_id, state, primary / 255, secondary / 255)
-
-
-AnyStatus = StatusPacket | AcousticStatus | WifiStatus
-"""A status with a time and a place."""
-
-
-def basic_of(status: AnyStatus) -> StatusPacket:
-    """The part that all of them have."""
-    return status if isinstance(status, StatusPacket) else status.basic

@@ -12,7 +12,7 @@ import numpy as np
 from apad_bridge.field.calibration.intervals import Figure, share
 from apad_bridge.field.field_log.facts import LoggedFact, PacketLogged, SoundEnded
 from apad_bridge.field.field_log.vehicle_log import Track
-from firmware_model.packets import AnyStatus, basic_of
+from firmware_model.packets import StatusPacket
 from firmware_model.packets.codec import Codec
 from firmware_model.state_groups import UP_AND_UNDOCKED
 
@@ -59,10 +59,9 @@ def of_wifi(
     for fact in facts:
         if not isinstance(fact, PacketLogged) or fact.medium != "wifi":
             continue
-        packet = codec.decode(fact.data)
-        if not isinstance(packet, AnyStatus) or not len(track):
+        status = codec.decode(fact.data)
+        if not isinstance(status, StatusPacket) or not len(track):
             continue
-        status = basic_of(packet)
         before_s = last_s.pop(fact.agent_id, None)
         if status.state not in UP_AND_UNDOCKED:
             continue

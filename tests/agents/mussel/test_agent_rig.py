@@ -98,7 +98,7 @@ def test_a_report_of_the_experiment_is_a_status_of_the_board() -> None:
     status = decode(bytes.fromhex(sent[-1].what.rpartition(" ")[2]))
     assert isinstance(status, WifiStatus)
     assert (status.reset_cause, status.feed) == (ResetCause.WATCHDOG, ActiveBattery.PRIMARY)
-    assert status.basic.state is State.FLOATING
+    assert status.state is State.FLOATING
 
 
 @pytest.mark.parametrize(("name", "offset_ms"), [("ahead", 70_000), ("behind", -300)])

@@ -17,7 +17,7 @@ from agents.mussel.outputs import WifiSent
 from agents.mussel.physical import Physical
 from agents.mussel.stimuli import Placed
 from firmware_model.actions import Buoyancy
-from firmware_model.packets import AnyStatus, basic_of
+from firmware_model.packets import StatusPacket
 from firmware_model.packets.codec import MusselbedCodec
 from firmware_model.stimuli import ResetCause
 
@@ -77,9 +77,8 @@ def stated_m(agent: Agent, until_ms: int) -> tuple[float, float]:
     """The place in the agent's last report."""
     sent = [output.data for output in agent.advance(until_ms) if isinstance(output, WifiSent)]
     packet = MusselbedCodec().decode(sent[-1])
-    assert isinstance(packet, AnyStatus)
-    basic = basic_of(packet)
-    return basic.north_m, basic.east_m
+    assert isinstance(packet, StatusPacket)
+    return packet.north_m, packet.east_m
 
 
 def test_a_reset_on_the_bottom_leaves_the_fix_and_a_new_place_has_a_new_one() -> None:

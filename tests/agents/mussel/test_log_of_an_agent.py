@@ -101,7 +101,7 @@ def test_each_medium_has_its_own_status() -> None:
     )
     assert len(short) == len(by_sound) and all(isinstance(it, ShortStatus) for it in short)
     _, _, outputs = docked_after(2)
-    (status,) = [it for it in packets(outputs) if isinstance(it, WifiStatus) and it.basic.depth_m == 0][-1:]
+    (status,) = [it for it in packets(outputs) if isinstance(it, WifiStatus) and it.depth_m == 0][-1:]
     assert (status.samples, status.acknowledged, status.oldest, status.overwritten) == (2, 0, 0, 0)
     assert status.counts == records(outputs)[-1].counts
 

@@ -148,11 +148,10 @@ def test_its_status_goes_out_by_sound_in_its_slot() -> None:
     sounds = [output for output in agent().advance(400_000) if isinstance(output, SoundSent)]
     # Awake at 200 s, sampled and processed by 270 s; slot 0 of the next five-minute frame opens at 300 s.
     assert [sound.at_ms for sound in sounds] == [300_000]
-    packet = CODEC.decode(sounds[0].data)
-    assert isinstance(packet, AcousticStatus)
-    status = packet.basic
+    status = CODEC.decode(sounds[0].data)
+    assert isinstance(status, AcousticStatus)
     assert (status.state, status.depth_m, status.agent_ms) == (State.TRANSMITTING, 3.0, 300_000)
-    assert (packet.samples, packet.waiting) == (1, 1)
+    assert (status.samples, status.waiting) == (1, 1)
 
 
 def test_docked_both_batteries_charge_and_it_reports_by_wifi() -> None:
@@ -203,7 +202,7 @@ def reported(config: AgentConfig) -> tuple[int, StatusPacket]:
     sounds = [output for output in agent(config=config).advance(400_000) if isinstance(output, SoundSent)]
     packet = CODEC.decode(sounds[0].data)
     assert isinstance(packet, AcousticStatus)
-    return sounds[0].at_ms, packet.basic
+    return sounds[0].at_ms, packet
 
 
 def test_a_status_says_what_the_board_knows_its_readings_and_its_own_time() -> None:

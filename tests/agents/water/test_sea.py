@@ -82,7 +82,7 @@ def test_hourly_statuses_reach_the_aPad_in_their_slots() -> None:
         (3_905_968, 2),
     ]
     packets = [MusselbedCodec().decode(it.data) for it in heard if isinstance(it, SoundReached)]
-    assert [(it.basic.agent_id, it.basic.agent_ms) for it in packets if isinstance(it, AcousticStatus)] == [
+    assert [(it.agent_id, it.agent_ms) for it in packets if isinstance(it, AcousticStatus)] == [
         (1, 3_900_000),
         (2, 3_905_000),
     ]

@@ -86,7 +86,7 @@ def test_each_aPad_hears_every_fleet_once() -> None:
             (3_905_868 + delays_ms[1], 2),
         ]
         statuses = [MusselbedCodec().decode(reached.data) for reached in heard]
-        assert [it.basic.agent_id for it in statuses if isinstance(it, AcousticStatus)] == [1, 2]
+        assert [it.agent_id for it in statuses if isinstance(it, AcousticStatus)] == [1, 2]
     # A packet is recorded by the flight that it began beside: that flight's aPad is 0, the n-th aPad otherwise -n.
     assert flights[0].outcomes() == {
         (1, 3_900_000): [(0, PacketOutcome.RECEIVED), (-2, PacketOutcome.RECEIVED)]

@@ -161,15 +161,15 @@ def test_time_going_back_is_refused() -> None:
 
 @pytest.mark.parametrize("by", ["wifi", "sound", "short"])
 def test_every_kind_of_status_is_believed(by: str) -> None:
-    basic = StatusPacket(1, 8, State.EMPTY, 0.0, 0.8, 1.0, 2.0, 3.0, 60_000)
+    basic = (1, 8, State.EMPTY, 0.0, 0.8, 1.0, 2.0, 3.0, 60_000)
     fact_by_medium: dict[str, Fact] = {
         "wifi": WifiHeard(
             2000,
             WifiStatus(
-                basic, (1, 2, 3, 4), 9, 0, 0, 0, 0, ResetCause.POWER_ON, ActiveBattery.SECONDARY, 0, 0
+                *basic, (1, 2, 3, 4), 9, 0, 0, 0, 0, ResetCause.POWER_ON, ActiveBattery.SECONDARY, 0, 0
             ).encode(),
         ),
-        "sound": SoundHeard(2000, AcousticStatus(basic, (1, 2, 3, 4), 9, 9).encode()),
+        "sound": SoundHeard(2000, AcousticStatus(*basic, (1, 2, 3, 4), 9, 9).encode()),
         "short": SoundHeard(2000, ShortStatus(1, State.EMPTY, 0.0, 0.8).encode()),
     }
     supervisor = parts.supervisor(flight_config(SCENARIO))

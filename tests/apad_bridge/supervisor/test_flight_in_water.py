@@ -76,7 +76,7 @@ def test_every_packet_is_told_with_its_slot_its_way_and_its_end() -> None:
         assert ended_ms == packet["began_ms"] + 868 + -(-metres // 1.5)
         assert (node, outcome) == (0, "received") and snr_db > 50
         status = load_codec("musselbed-1").decode(bytes.fromhex(packet["data"]))
-        assert isinstance(status, AcousticStatus) and status.basic.agent_id == agent_id
+        assert isinstance(status, AcousticStatus) and status.agent_id == agent_id
     again = json.loads(json.dumps(ended))
     assert [it | {"heard": [tuple(row) for row in it["heard"]]} for it in again] == ended
 

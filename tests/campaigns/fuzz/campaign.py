@@ -71,7 +71,22 @@ SEED = 20260101
 SCENARIO = Path(__file__).parents[3] / "launch_scripts" / "scenarios" / "pool-12.yaml"
 _KINDS = [*(int(kind) for kind in Kind), 0, 255]
 _STATES = [int(state) for state in State]
-_SIZES = (2, 4, 5, 6, 7, 8, 12, 13, 20, 29, 41, 43, AcousticStatus.SIZE, WifiStatus.SIZE, 130)
+_SIZES = (
+    2,
+    4,
+    5,
+    6,
+    7,
+    8,
+    12,
+    13,
+    20,
+    29,
+    41,
+    43,
+    *(29 + it.MORE.size for it in (AcousticStatus, WifiStatus)),
+    130,
+)
 """Sizes of bodies: most of them of some packet, the others of none."""
 _SETTLED_MS = 10_000
 """Longer than any transmission with its deferral and the wait for an answer."""

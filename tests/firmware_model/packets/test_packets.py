@@ -2,7 +2,7 @@
 
 import re
 import struct
-from dataclasses import replace
+from dataclasses import astuple, replace
 from pathlib import Path
 
 import pytest
@@ -46,12 +46,13 @@ RECORD_CHECK = "8070"  # of the record alone
 GOLDEN: dict[str, tuple[Packet, str]] = {
     "STATUS": (STATUS, "0101" + _BASIC),
     "ACOUSTIC_STATUS": (
-        AcousticStatus(STATUS, COUNTS, 70_000, 300),
+        AcousticStatus(*astuple(STATUS), COUNTS, 70_000, 300),
         "020d" + _BASIC + _COUNTS + "70110100" + "2c01",
     ),
     "WIFI_STATUS": (
         WifiStatus(
-            STATUS, COUNTS, 70_000, 68_988, 69_000, 12, 1, ResetCause.BROWN_OUT, ActiveBattery.SECONDARY, 1026, -250
+            *astuple(STATUS), COUNTS, 70_000, 68_988, 69_000, 12, 1,
+            ResetCause.BROWN_OUT, ActiveBattery.SECONDARY, 1026, -250,
         ),
         "020e" + _BASIC + _COUNTS
         + "70110100" "7c0d0100" "880d0100" "0c000000" "0100" "01" "01" "0204" "06ffffff",
@@ -171,8 +172,7 @@ CENTIMETRES = st.integers(-(2**31), 2**31 - 1).map(lambda n: n / 100)
 U8, U16, U32 = (st.integers(0, 2**bits - 1) for bits in (8, 16, 32))
 CHARGES = U16.map(lambda n: n / 65535)
 COUNTED = st.tuples(U16, U16, U16, U16)
-STATUSES = st.builds(
-    StatusPacket,
+FIELDS = (
     U16,
     U16,
     st.sampled_from(State),
@@ -194,11 +194,11 @@ def log_records(agent_id: int, oldest: int, first: int, records: list[SampleReco
 
 
 PACKETS: st.SearchStrategy[Packet] = st.one_of(
-    STATUSES,
-    st.builds(AcousticStatus, STATUSES, COUNTED, U32, U16),
+    st.builds(StatusPacket, *FIELDS),
+    st.builds(AcousticStatus, *FIELDS, COUNTED, U32, U16),
     st.builds(
         WifiStatus,
-        STATUSES,
+        *FIELDS,
         COUNTED,
         U32,
         U32,

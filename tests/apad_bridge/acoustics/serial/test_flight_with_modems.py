@@ -194,7 +194,7 @@ def test_reports_and_commands_go_into_the_water_with_their_ids(physical: Make, t
         # The flight looks at its modem now and then: it may learn later than others that the last sound has left.
         until(lambda: any(kind == "stimulus" and it["id"] == 1 for _, kind, it in facts_of(recorder)))
     packets = [MusselbedCodec().decode(it[3:]) for it in payloads]
-    assert any(isinstance(it, AcousticStatus) and it.basic.agent_id == 1 for it in packets)
+    assert any(isinstance(it, AcousticStatus) and it.agent_id == 1 for it in packets)
     assert CommandPacket(Kind.PERMISSION, 1) in packets
 
 
