@@ -63,8 +63,6 @@ class FleetBeliefs:
         self._due_every_ms = due_every_ms
         self._known = frozenset(agent_ids)
         self._beliefs: dict[int, Belief] = {}
-        self._depths_m: dict[int, float] = {}
-        """By aMussel, the depth in its newest packet with a place. No estimator needs it, and no checkpoint keeps it."""
         self._stamp_checker = StampChecker(scale)
         self._now_ms = MissionMs(0)
         self._at_now: dict[int, Belief] = {}
@@ -101,10 +99,6 @@ class FleetBeliefs:
             found = (self.get(agent_id) for agent_id in sorted(self._beliefs))
             self._all_now = [belief for belief in found if belief is not None]
         return self._all_now.copy()
-
-    def depth_m(self, agent_id: int) -> float:
-        """The newest reported depth, positive down; 0 before the first packet that a supervisor hears."""
-        return self._depths_m.get(agent_id, 0.0)
 
     def _count_silence(self, belief: Belief) -> Belief:
         if self._due_every_ms is None:
@@ -166,7 +160,6 @@ class FleetBeliefs:
         self._beliefs.pop(agent_id, None)
         self._at_now.pop(agent_id, None)
         self._all_now = None
-        self._depths_m.pop(agent_id, None)
         self._stamp_checker.forget(agent_id)
         if self.belief_log is not None:
             self.belief_log.forgot(agent_id)
@@ -185,7 +178,6 @@ class FleetBeliefs:
         self._all_now = None
         if isinstance(measurement, StatusPacket):
             self._stamp_checker.accept(measurement, at_ms)
-            self._depths_m[agent_id] = measurement.depth_m
         if self.belief_log is not None:
             self.belief_log.learned(agent_id, measurement, at_ms)
         return None

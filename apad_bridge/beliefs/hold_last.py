@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any
 
 from agents.time_scale import MissionMs, TimeScale
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.measurement import Measurement
-from firmware_model.packets import ShortStatus, StatusPacket
+from firmware_model.packets import Reported, ShortStatus, StatusPacket
 from firmware_model.states import State
 
 
@@ -22,14 +23,8 @@ class LastPacket:
     def update(self, belief: Belief | None, measurement: Measurement, at_ms: MissionMs) -> Belief | None:
         if isinstance(measurement, ShortStatus) and belief is not None:
             short = measurement
-            return Belief(
-                belief.agent_id,
-                at_ms,
-                short.state,
-                short.primary,
-                short.secondary,
-                belief.north_m,
-                belief.east_m,
+            return replace(
+                belief, heard_ms=at_ms, state=short.state, primary=short.primary, secondary=short.secondary
             )
         if not isinstance(measurement, StatusPacket):
             return belief
@@ -42,6 +37,7 @@ class LastPacket:
             packet.secondary,
             packet.north_m,
             packet.east_m,
+            reported=(Reported() if belief is None else belief.reported).after(packet),
         )
 
     def kept(self, belief: Belief) -> dict[str, Any]:
@@ -50,12 +46,16 @@ class LastPacket:
             "state": int(belief.state),
             "charges": [belief.primary, belief.secondary],
             "place_m": [belief.north_m, belief.east_m],
+            "reported": belief.reported.values,
         }
 
     def restored(self, agent_id: int, data: dict[str, Any]) -> Belief:
         (primary, secondary), (north_m, east_m) = data["charges"], data["place_m"]
         state = State(data["state"])
-        return Belief(agent_id, data["heard_ms"], state, primary, secondary, north_m, east_m)
+        reported = Reported(**data["reported"])
+        return Belief(
+            agent_id, data["heard_ms"], state, primary, secondary, north_m, east_m, reported=reported
+        )
 
 
 class HoldLast(FleetBeliefs):

@@ -6,12 +6,14 @@ measurement of truth. A measurement may become a row of plain data, and back.
 
 from __future__ import annotations
 
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass, fields
+from functools import cache
 from typing import Any
 
+from pydantic import TypeAdapter
+
 from agents.time_scale import AgentMs, MissionMs
-from firmware_model.packets import ShortStatus, StatusPacket
-from firmware_model.states import State
+from firmware_model.packets import AcousticStatus, ShortStatus, StatusPacket, WifiStatus
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +78,10 @@ class Rejected(ValueError):
 # As a row of plain data, and back: [kind, aMussel, mission ms, number, ...].
 
 _KINDS: dict[str, type[Any]] = {
+    "heard": StatusPacket,
+    "heard by sound": AcousticStatus,
+    "heard in full": WifiStatus,
+    "short": ShortStatus,
     "silent": TimeslotSilent,
     "permitted": Permitted,
     "docked": Docked,
@@ -85,39 +91,23 @@ _KINDS: dict[str, type[Any]] = {
     "clock set": ClockSet,
 }
 _NAMES = {kind: name for name, kind in _KINDS.items()}
-_STATUS = "heard"
-_SHORT = "short"
+_FIELDS = {kind: [it.name for it in fields(kind) if it.name != "agent_id"] for kind in _NAMES}
+
+
+@cache
+def _adapter(name: str) -> TypeAdapter[Any]:
+    return TypeAdapter(_KINDS[name])
 
 
 def measurement_row(agent_id: int, measurement: Measurement, at_ms: int) -> list[Any]:
     """The row of a measurement: its numbers unchanged, in the order of the fields; a packet's without its id."""
-    if isinstance(measurement, StatusPacket):
-        it = measurement
-        fields = (
-            it.sequence,
-            int(it.state),
-            it.primary,
-            it.secondary,
-            it.north_m,
-            it.east_m,
-            it.depth_m,
-            it.agent_ms,
-        )
-        return [_STATUS, agent_id, at_ms, *fields]
-    if isinstance(measurement, ShortStatus):
-        short = measurement
-        return [_SHORT, agent_id, at_ms, int(short.state), short.primary, short.secondary]
-    return [_NAMES[type(measurement)], agent_id, at_ms, *astuple(measurement)]
+    kind = type(measurement)
+    return [_NAMES[kind], agent_id, at_ms, *(getattr(measurement, it) for it in _FIELDS[kind])]
 
 
 def measurement_of(row: list[Any]) -> tuple[int, Measurement, MissionMs]:
     """The inverse of `measurement_row`; KeyError, TypeError or ValueError for anything else."""
-    kind, agent_id, at_ms, *numbers = row
-    if kind == _STATUS:
-        sequence, state, *rest = numbers
-        return agent_id, StatusPacket(agent_id, sequence, State(state), *rest), at_ms
-    if kind == _SHORT:
-        state, primary, secondary = numbers
-        return agent_id, ShortStatus(agent_id, State(state), primary, secondary), at_ms
-    measurement: Measurement = _KINDS[kind](*numbers)
+    name, agent_id, at_ms, *numbers = row
+    values = dict(zip(_FIELDS[_KINDS[name]], numbers, strict=True))
+    measurement: Measurement = _adapter(name).validate_python({"agent_id": agent_id, **values})
     return agent_id, measurement, at_ms

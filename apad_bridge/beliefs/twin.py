@@ -51,7 +51,7 @@ from apad_bridge.beliefs.twin_state import (
     way_variance,
 )
 from apad_bridge.beliefs.twin_state_data import state_from_data, state_to_data
-from firmware_model.packets import ShortStatus, StatusPacket
+from firmware_model.packets import Reported, ShortStatus, StatusPacket
 from firmware_model.states import State
 
 _CLOCK_APART_MS = 600_000
@@ -255,7 +255,11 @@ class Twin:
         if packet.agent_ms < twin_state.packet[1]:
             raise Rejected("a status that a newer one overtook")
         at_ms = MissionMs(max(at_ms, belief.at_ms))
-        twin_state = replace(self._propagated(belief, at_ms), packet=(packet.sequence, packet.agent_ms))
+        twin_state = replace(
+            self._propagated(belief, at_ms),
+            packet=(packet.sequence, packet.agent_ms),
+            reported=twin_state.reported.after(packet),
+        )
         is_independent = self._is_independent(twin_state, belief.agent_id, reading.mode)
         if is_independent or not self.parameters.water.is_ground_truth:
             # A fix has an error of its own, however near the last reading of the charge is.
@@ -344,6 +348,7 @@ class Twin:
             clock,
             nominal_ms,
             (packet.sequence, packet.agent_ms),
+            Reported().after(packet),
             stated_m=(packet.north_m, packet.east_m),
         )
         schedule = self._schedule(packet.agent_id)

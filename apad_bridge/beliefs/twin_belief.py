@@ -78,6 +78,7 @@ def belief_from_state(
         twin_state.suspicion,
         parts,
         _capacity_left(twin_state, parameters),
+        twin_state.reported,
         twin_state,
     )
 

@@ -21,6 +21,7 @@ from apad_bridge.beliefs.modes import SUBMERGED, Mode
 from apad_bridge.beliefs.place import Place
 from apad_bridge.beliefs.spent_charge import MS_PER_MIN, Load, Spent, merged
 from apad_bridge.beliefs.twin_parameters import Habits, Schedule, TwinParameters
+from firmware_model.packets import Reported
 
 _UNLIKELY = 1e-3
 """A hypothesis of lower probability is left out."""
@@ -72,6 +73,7 @@ class TwinState:
     clock_ms: int
     packet: tuple[int, int]
     """(sequence, stated agent time) of the newest packet."""
+    reported: Reported
     from_secondary: tuple[float, float] = (0.0, 0.0)
     """Mean and deviation of the charge that the secondary gave since the anchor."""
     unobeyed: tuple[Load, int] | None = None
@@ -118,6 +120,7 @@ class TwinState:
             self.clock,
             self.clock_ms,
             self.packet,
+            self.reported,
             self.from_secondary,
             unobeyed,
             self.earlier,

@@ -18,6 +18,7 @@ from apad_bridge.beliefs.modes import Mode
 from apad_bridge.beliefs.place import Place
 from apad_bridge.beliefs.spent_charge import Load, Spent
 from apad_bridge.beliefs.twin_state import Pending, TwinState
+from firmware_model.packets import Reported
 
 Plain = dict[str, Any]
 
@@ -38,6 +39,7 @@ def state_to_data(twin_state: TwinState) -> Plain:
         "clock": [clock.offset_ms, clock.drift_ppm, clock.offset_var, clock.covariance, clock.drift_var],
         "clock_ms": twin_state.clock_ms,
         "packet": twin_state.packet,
+        "reported": twin_state.reported.values,
         "from_secondary": twin_state.from_secondary,
         "unobeyed": None if unobeyed is None else [_load_data(unobeyed[0]), unobeyed[1]],
         "earlier": None if earlier is None else [_load_data(earlier[0]), *earlier[1:]],
@@ -75,6 +77,7 @@ def state_from_data(data: Plain) -> TwinState:
         clock=ClockBelief(*data["clock"]),
         clock_ms=data["clock_ms"],
         packet=(sequence, agent_ms),
+        reported=Reported(**data["reported"]),
         from_secondary=(first, second),
         unobeyed=None if unobeyed is None else (_load_of(unobeyed[0]), unobeyed[1]),
         earlier=None if earlier is None else (_load_of(earlier[0]), earlier[1], earlier[2]),

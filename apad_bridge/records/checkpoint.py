@@ -19,7 +19,7 @@ from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.measurement import Measurement, measurement_of, measurement_row
 from apad_bridge.records.line_file import LineFile, read_lines
 
-FORMAT = 4
+FORMAT = 5
 ROWS = 10_000
 PERIOD_MS = 600_000
 """A full record is due after so many rows, or so much mission time: a resumed supervisor replays no more than that."""

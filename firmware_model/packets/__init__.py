@@ -15,7 +15,9 @@ from firmware_model.packets.command_packets import (
 from firmware_model.packets.log_packets import LogRecords
 from firmware_model.packets.packets import Packet, decode
 from firmware_model.packets.status_packets import (
+    QUANTITIES,
     AcousticStatus,
+    Reported,
     ShortStatus,
     StatusPacket,
     WifiStatus,
@@ -25,6 +27,7 @@ from firmware_model.packets.wire import EVERYONE, Kind
 __all__ = [
     "EVERYONE",
     "PLAIN_KINDS",
+    "QUANTITIES",
     "AcousticStatus",
     "Beacon",
     "Command",
@@ -34,6 +37,7 @@ __all__ = [
     "LogAck",
     "LogRecords",
     "Packet",
+    "Reported",
     "SetThreshold",
     "ShortStatus",
     "SleepSchedule",

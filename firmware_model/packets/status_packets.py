@@ -6,8 +6,8 @@ Positions are encoded as local NED centimetres, charges as 1/65535 of the paper'
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
-from typing import ClassVar
+from dataclasses import dataclass, replace
+from typing import Annotated, ClassVar, NamedTuple, get_type_hints
 
 from firmware_model.packets.wire import CHARGE_STEPS, Kind, sealed
 from firmware_model.power.active_battery import ActiveBattery
@@ -198,3 +198,36 @@ class ShortStatus:
         tagged, agent_id, primary, secondary = cls.FORMAT.unpack(body)
         state = _STATES.get(tagged & 0b000_11111)
         return None if state is None else cls(agent_id, state, primary / 255, secondary / 255)
+
+
+class Quantity(NamedTuple):
+    """A reported quantity for people; a journal has a new line once it changed by `step`."""
+
+    text: str
+    unit: str
+    step: float
+
+
+@value
+class Reported:
+    """The newest values of quantities that packets state and nobody estimates; None for one that no packet stated yet.
+
+    A quantity is a number, and has its packets' name for it. Beliefs, checkpoints, the journal, bags, pages and planners
+    carry all that stand here.
+    """
+
+    depth_m: Annotated[float | None, Quantity("depth", "m", 1.0)] = None
+
+    def after(self, packet: StatusPacket) -> Reported:
+        """The values once this packet is received."""
+        return replace(self, **{it: getattr(packet, it) for it in QUANTITIES if hasattr(packet, it)})
+
+    @property
+    def values(self) -> dict[str, float | None]:
+        """By name, in the order of `QUANTITIES`."""
+        return {it: getattr(self, it) for it in QUANTITIES}
+
+
+QUANTITIES: dict[str, Quantity] = {
+    name: hint.__metadata__[0] for name, hint in get_type_hints(Reported, include_extras=True).items()
+}

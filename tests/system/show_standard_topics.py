@@ -60,9 +60,7 @@ def supervisor() -> SimpleNamespace:
         2,
     )
     known = [*beliefs.all(), sure]
-    believed: Any = SimpleNamespace(
-        all=lambda: known, get={it.agent_id: it for it in known}.get, depth_m=beliefs.depth_m
-    )
+    believed: Any = SimpleNamespace(all=lambda: known, get={it.agent_id: it for it in known}.get)
     return SimpleNamespace(
         beliefs=believed,
         allocation=Allocation(believed, ()),

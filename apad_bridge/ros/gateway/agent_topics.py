@@ -45,9 +45,8 @@ class AgentReport:
     charge: float
 
     @classmethod
-    def of_belief(cls, belief: Belief, depth_m: float) -> AgentReport:
-        """`depth_m` is the newest reported depth, positive down: a belief has none."""
-        return cls(belief.north_m, belief.east_m, depth_m, belief.primary)
+    def of_belief(cls, belief: Belief) -> AgentReport:
+        return cls(belief.north_m, belief.east_m, belief.reported.depth_m or 0.0, belief.primary)
 
 
 class AgentTopics:

@@ -92,14 +92,13 @@ class BatteryAlerts:
         def watch(now_ms: int) -> None:
             for belief in falls.hear(supervisor.beliefs.all()):
                 if belief.agent_id in self._ids & self._simulated():
-                    depth_m = supervisor.beliefs.depth_m(belief.agent_id)
-                    self._publisher.publish(alert(belief, depth_m, self._frame, self._namespace))
+                    self._publisher.publish(alert(belief, self._frame, self._namespace))
 
         return watch
 
 
-def alert(belief: Belief, depth_m: float, frame: LocalFrame, namespace: str = "") -> NavSts:
+def alert(belief: Belief, frame: LocalFrame, namespace: str = "") -> NavSts:
     """The believed place of the aMussel and its reported depth, stamped with the time of its newest packet."""
-    message = nav_sts(AgentReport.of_belief(belief, depth_m), belief.heard_ms, frame)
+    message = nav_sts(AgentReport.of_belief(belief), belief.heard_ms, frame)
     message.header.frame_id = f"{amussel_in_full(namespace, belief.agent_id)}/"
     return message

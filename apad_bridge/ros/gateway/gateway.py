@@ -142,10 +142,7 @@ class Gateway:
         def watch(now_ms: MissionMs) -> None:
             beliefs = supervisor.beliefs.all()
             if self._truth is None:
-                depth_m = supervisor.beliefs.depth_m
-                shown: Mapping[int, AgentReport] = {
-                    it.agent_id: AgentReport.of_belief(it, depth_m(it.agent_id)) for it in beliefs
-                }
+                shown: Mapping[int, AgentReport] = {it.agent_id: AgentReport.of_belief(it) for it in beliefs}
             else:
                 shown = self._truth(now_ms)
             if self._simulated is not None:

@@ -131,13 +131,12 @@ class StandardTopics:
         world = frames.enu
 
         def transforms() -> list[Any]:
-            depth_m = supervisor.beliefs.depth_m
             known = [
                 make.transform(
                     now_ms,
                     world,
                     frames.agent(it.agent_id),
-                    enu(it.north_m, it.east_m, depth_m(it.agent_id)),
+                    enu(it.north_m, it.east_m, it.reported.depth_m or 0.0),
                     UPRIGHT,
                 )
                 for it in beliefs

@@ -1,3 +1,4 @@
+import json
 import math
 from dataclasses import replace
 
@@ -26,15 +27,19 @@ def test_it_believes_the_newest_packet() -> None:
 
 def test_the_depth_is_that_of_the_newest_packet() -> None:
     beliefs = HoldLast([5])
-    assert beliefs.depth_m(5) == 0.0
+
+    def depth_m() -> float | None:
+        found = beliefs.get(5)
+        return None if found is None else found.reported.depth_m
+
     beliefs.hear(PACKET, 2000)
     beliefs.hear_short(ShortStatus(5, State.ACTIVE, 0.6, 1.0), 2500)
-    assert beliefs.depth_m(5) == 3.0, "a short status has none"
+    assert depth_m() == 3.0, "a short status has none"
     beliefs.hear(replace(PACKET, depth_m=1.25, agent_ms=90_000), 3000)
     beliefs.hear(PACKET, 4000)
-    assert beliefs.depth_m(5) == 1.25, "an overtaken packet changes nothing"
-    beliefs.forget(5)
-    assert beliefs.depth_m(5) == 0.0
+    assert depth_m() == 1.25, "an overtaken packet changes nothing"
+    beliefs.restore(json.loads(json.dumps(beliefs.kept())))
+    assert depth_m() == 1.25, "another supervisor goes on with it"
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from apad_bridge.beliefs.modes import Mode
 from apad_bridge.ros.gateway.agent_topics import AgentReport, nav_sts
 from apad_bridge.ros.gateway.battery_alerts import Falls, alert
 from apad_bridge.scenario.area.local_frame import LocalFrame
-from firmware_model.packets import ShortStatus, StatusPacket
+from firmware_model.packets import Reported, ShortStatus, StatusPacket
 from firmware_model.states import State
 
 BIOGRAD = LocalFrame(43.9330937, 15.4443468)
@@ -121,7 +121,8 @@ def test_who_was_low_before_a_supervisor_died_has_alerted() -> None:
     ("namespace", "frame_id"), [("", "/amussel24/"), ("lab/harbour", "/lab/harbour/amussel24/")]
 )
 def test_an_alert_says_whose_it_is_and_where(namespace: str, frame_id: str) -> None:
-    message = alert(Belief(24, 61_500, State.ACTIVE, 0.8, 1.0, 10.0, 20.0), 3.0, BIOGRAD, namespace)
+    belief = Belief(24, 61_500, State.ACTIVE, 0.8, 1.0, 10.0, 20.0, reported=Reported(3.0))
+    message = alert(belief, BIOGRAD, namespace)
     assert message.header.frame_id == frame_id and message.header.stamp.to_sec() == 61.5
     assert (message.position.north, message.position.east, message.position.depth) == (10.0, 20.0, 3.0)
     assert (message.origin.latitude, message.origin.longitude) == (43.9330937, 15.4443468)
