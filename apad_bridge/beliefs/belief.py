@@ -10,7 +10,7 @@ from typing import NamedTuple
 from agents.time_scale import MissionMs
 from apad_bridge.beliefs.mixture import Gaussian, below, interval
 from apad_bridge.beliefs.modes import Mode, mode_of
-from firmware_model.packets import Reported
+from firmware_model.packets import NOTHING_REPORTED, Reported
 from firmware_model.states import State
 from firmware_model.value import value
 
@@ -92,7 +92,7 @@ class Belief:
     """The primary charge as a mixture, not yet clamped to 0 and 1; empty for one Gaussian."""
     capacity_left: CapacityLeft | None = None
     """Both batteries age alike. None for an estimator that learns no ageing."""
-    reported: Reported = Reported()
+    reported: Reported = NOTHING_REPORTED
     estimator_state: object = field(default=None, compare=False, repr=False)
     """Private to the estimator."""
 

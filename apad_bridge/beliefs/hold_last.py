@@ -10,7 +10,7 @@ from agents.time_scale import MissionMs, TimeScale
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.measurement import Measurement
-from firmware_model.packets import Reported, ShortStatus, StatusPacket
+from firmware_model.packets import NOTHING_REPORTED, Reported, ShortStatus, StatusPacket
 from firmware_model.states import State
 
 
@@ -37,7 +37,7 @@ class LastPacket:
             packet.secondary,
             packet.north_m,
             packet.east_m,
-            reported=(Reported() if belief is None else belief.reported).after(packet),
+            reported=(NOTHING_REPORTED if belief is None else belief.reported).after(packet),
         )
 
     def kept(self, belief: Belief) -> dict[str, Any]:
@@ -46,7 +46,7 @@ class LastPacket:
             "state": int(belief.state),
             "charges": [belief.primary, belief.secondary],
             "place_m": [belief.north_m, belief.east_m],
-            "reported": belief.reported.values,
+            "reported": belief.reported.stated,
         }
 
     def restored(self, agent_id: int, data: dict[str, Any]) -> Belief:

@@ -51,7 +51,7 @@ from apad_bridge.beliefs.twin_state import (
     way_variance,
 )
 from apad_bridge.beliefs.twin_state_data import state_from_data, state_to_data
-from firmware_model.packets import Reported, ShortStatus, StatusPacket
+from firmware_model.packets import NOTHING_REPORTED, ShortStatus, StatusPacket
 from firmware_model.states import State
 
 _CLOCK_APART_MS = 600_000
@@ -348,7 +348,7 @@ class Twin:
             clock,
             nominal_ms,
             (packet.sequence, packet.agent_ms),
-            Reported().after(packet),
+            NOTHING_REPORTED.after(packet),
             stated_m=(packet.north_m, packet.east_m),
         )
         schedule = self._schedule(packet.agent_id)

@@ -39,7 +39,7 @@ def state_to_data(twin_state: TwinState) -> Plain:
         "clock": [clock.offset_ms, clock.drift_ppm, clock.offset_var, clock.covariance, clock.drift_var],
         "clock_ms": twin_state.clock_ms,
         "packet": twin_state.packet,
-        "reported": twin_state.reported.values,
+        "reported": twin_state.reported.stated,
         "from_secondary": twin_state.from_secondary,
         "unobeyed": None if unobeyed is None else [_load_data(unobeyed[0]), unobeyed[1]],
         "earlier": None if earlier is None else [_load_data(earlier[0]), *earlier[1:]],

@@ -158,6 +158,7 @@ class PlannedCandidate(TypedDict):
     east_m: float
     secondary: NotRequired[float]
     unserved_s: NotRequired[float]
+    reported: NotRequired[dict[str, float]]
 
 
 class PlannedExchange(TypedDict):

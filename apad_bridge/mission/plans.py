@@ -82,6 +82,7 @@ def plan_event(
                 "east_m": c.east_m,
                 "secondary": round(c.secondary, 5),
                 "unserved_s": c.unserved_s,
+                "reported": c.reported.stated,
             }
             for c in situation.candidates
         ],

@@ -145,6 +145,7 @@ def situation_of(
             held.get(it.agent_id),
             unserved_s,
             is_served=it.agent_id in released_ms,
+            reported=it.reported,
         )
 
     leaving = tuple(leaving)

@@ -10,6 +10,7 @@ from math import dist, isfinite
 from typing import Protocol, runtime_checkable
 
 from apad_bridge.planning.energy_model import EnergyModel
+from firmware_model.packets import NOTHING_REPORTED, Reported
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +33,7 @@ class Candidate:
     """The mission seconds since it was released last, or since the start."""
     is_served: bool = False
     """The mission brought it back at least once."""
+    reported: Reported = NOTHING_REPORTED
 
     def __post_init__(self) -> None:
         numbers = (

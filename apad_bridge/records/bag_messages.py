@@ -17,6 +17,7 @@ from agents.time_scale import MissionMs, TimeScale
 from apad_bridge.records.packet_lines import SoundRow
 from apad_bridge.records.samples import APadSample, BeliefSample, TruthSample
 from apad_bridge.ros_names.frames import Frames
+from firmware_model.packets import QUANTITIES
 
 _DEFINITIONS = Path(__file__).parent.parent / "ros" / "definitions"
 _STANDARD = Path(__file__).parent / "definitions"
@@ -36,15 +37,27 @@ _COUNT = Struct("<I")
 _TRUTH_ROW = Struct("<HBffddf?Q").pack
 """AgentTruth.msg."""
 _BELIEF_BEFORE_MODES, _BELIEF_AFTER_MODES = Struct("<HBffddf8f").pack, Struct("<ffHB").pack
-"""AgentBelief.msg, before its one array and after it."""
+"""AgentBelief.msg, before its first array and between its two."""
 
 
 def _belief_row(agent: BeliefSample) -> bytes:
-    modes = agent.mode_probabilities
-    row = _BELIEF_BEFORE_MODES(*agent[:_MODES]) + _COUNT.pack(len(modes))
-    if modes:
-        row += pack(f"<{len(modes)}f", *modes)
-    return row + _BELIEF_AFTER_MODES(*agent[_MODES + 1 :])
+    modes, reported = _array("f", agent.mode_probabilities), _array("d", agent.reported)
+    return (
+        _BELIEF_BEFORE_MODES(*agent[:_MODES])
+        + modes
+        + _BELIEF_AFTER_MODES(*agent[_MODES + 1 : -1])
+        + reported
+    )
+
+
+def _array(code: str, numbers: tuple[float, ...]) -> bytes:
+    return pack(f"<I{len(numbers)}{code}", len(numbers), *numbers)
+
+
+_NAMES = b"".join(
+    (_COUNT.pack(len(QUANTITIES)), *(pack(f"<I{len(it)}s", len(it), it.encode()) for it in QUANTITIES))
+)
+"""FleetBeliefs.msg's names of what aMussels report."""
 
 
 @cache
@@ -107,17 +120,17 @@ class Messages:
         return self._fleet(now_ms, [_TRUTH_ROW(*agent) for agent in agents])
 
     def beliefs(self, now_ms: MissionMs, agents: list[BeliefSample]) -> bytes:
-        return self._fleet(now_ms, map(_belief_row, agents))
+        return self._fleet(now_ms, map(_belief_row, agents), _NAMES)
 
-    def _fleet(self, now_ms: MissionMs, rows: Iterable[bytes]) -> bytes:
-        """FleetTruth or FleetBeliefs, which begin alike.
+    def _fleet(self, now_ms: MissionMs, rows: Iterable[bytes], names: bytes = b"") -> bytes:
+        """FleetTruth or FleetBeliefs, which begin alike: but for `names`, before the rows.
 
         The library serializes the beginning. The rows are most of a run's bag, and it packs each field by itself.
         """
         empty = self._fleet_truth(self._head(now_ms), now_ms, self._scale.agent_ms(now_ms), [])
         all_rows = list(rows)
         head = self._serialize(empty, TRUTH)[: -_COUNT.size]
-        return b"".join((head, _COUNT.pack(len(all_rows)), *all_rows))
+        return b"".join((head, names, _COUNT.pack(len(all_rows)), *all_rows))
 
     def apad(self, now_ms: int, apad: APadSample) -> bytes:
         *numbers, primitive, docks = apad

@@ -75,7 +75,7 @@ class APadChanges:
 
 
 class BeliefChanges:
-    """Journals a belief when its state changed or its charge moved by a hundredth."""
+    """Journals a belief when its state changed, its charge moved by a hundredth, or a reported quantity by its step."""
 
     def __init__(self) -> None:
         self._last: dict[int, Belief] = {}
@@ -121,6 +121,7 @@ def _event_of(belief: Belief) -> BeliefChanged:
         round(belief.secondary, 5),
         round(belief.north_m, 3),
         round(belief.east_m, 3),
+        reported=belief.reported.stated or None,
     )
     if not belief.is_predicted:
         return event
@@ -136,6 +137,8 @@ def _event_of(belief: Belief) -> BeliefChanged:
 
 def _differs(before: Belief, belief: Belief) -> bool:
     """True if a belief changed enough for a line. A carried belief's mode, deviation and packet time count too."""
+    if belief.reported is not before.reported and belief.reported.is_news_after(before.reported):
+        return True
     if not belief.is_predicted:
         return before.state is not belief.state or abs(before.primary - belief.primary) >= BELIEVED_CHARGE
     sds = before.charge_cov[0] ** 0.5, belief.charge_cov[0] ** 0.5

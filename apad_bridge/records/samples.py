@@ -12,6 +12,7 @@ from apad_bridge.beliefs.belief import Belief, Source
 from apad_bridge.scenario.firmware_config import charge_models, sinking_of
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
+from firmware_model.packets import QUANTITIES
 from firmware_model.power.charge import fraction
 
 _UNKNOWN = (*(nan,) * 8, (), nan, nan)
@@ -55,6 +56,8 @@ class BeliefSample(NamedTuple):
     clock_deviation_ms: float = nan
     silent_timeslots: int = 0
     learned_from: int = int(Source.PACKET)
+    reported: tuple[float, ...] = ()
+    """The quantities of `QUANTITIES`, in their order."""
 
 
 class APadSample(NamedTuple):
@@ -108,15 +111,19 @@ def belief_sample(belief: Belief, now_ms: MissionMs) -> BeliefSample:
         belief.east_m,
         belief.age_s(now_ms),
     )
+    stated = belief.reported.stated
+    reported = tuple(stated.get(it, nan) for it in QUANTITIES)
     learned = min(belief.silent_timeslots, _MOST_TIMESLOTS), int(belief.learned_from)
     if not belief.is_predicted:
-        return BeliefSample._make((*newest, *_UNKNOWN, *learned))
+        return BeliefSample._make((*newest, *_UNKNOWN, *learned, reported))
     primary, both, secondary = belief.charge_cov
     north, across, east = belief.place_cov
     deviations = (sqrt(primary), sqrt(secondary), both, *belief.charge_interval())
     of_place = (sqrt(north), sqrt(east), across)
     of_clock = (belief.clock.offset_ms, sqrt(belief.clock.offset_var))
-    return BeliefSample(*newest, *deviations, *of_place, belief.mode_probabilities, *of_clock, *learned)
+    return BeliefSample(
+        *newest, *deviations, *of_place, belief.mode_probabilities, *of_clock, *learned, reported
+    )
 
 
 def apad_sample(

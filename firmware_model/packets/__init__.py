@@ -15,6 +15,7 @@ from firmware_model.packets.command_packets import (
 from firmware_model.packets.log_packets import LogRecords
 from firmware_model.packets.packets import Packet, decode
 from firmware_model.packets.status_packets import (
+    NOTHING_REPORTED,
     QUANTITIES,
     AcousticStatus,
     Reported,
@@ -26,6 +27,7 @@ from firmware_model.packets.wire import EVERYONE, Kind
 
 __all__ = [
     "EVERYONE",
+    "NOTHING_REPORTED",
     "PLAIN_KINDS",
     "QUANTITIES",
     "AcousticStatus",

@@ -223,11 +223,20 @@ class Reported:
         return replace(self, **{it: getattr(packet, it) for it in QUANTITIES if hasattr(packet, it)})
 
     @property
-    def values(self) -> dict[str, float | None]:
-        """By name, in the order of `QUANTITIES`."""
-        return {it: getattr(self, it) for it in QUANTITIES}
+    def stated(self) -> dict[str, float]:
+        """The quantities that a packet stated, by name, in the order of `QUANTITIES`."""
+        return {it: value for it in QUANTITIES if (value := getattr(self, it)) is not None}
+
+    def is_news_after(self, before: Reported) -> bool:
+        """True if a quantity changed by its step since, or is stated for the first time."""
+        was = before.stated
+        return any(
+            name not in was or abs(value - was[name]) >= QUANTITIES[name].step
+            for name, value in self.stated.items()
+        )
 
 
+NOTHING_REPORTED = Reported()
 QUANTITIES: dict[str, Quantity] = {
     name: hint.__metadata__[0] for name, hint in get_type_hints(Reported, include_extras=True).items()
 }

@@ -113,8 +113,10 @@ def _sampled(bags: list[Path]) -> list[SeriesTable]:
                 if not hasattr(message, "agents"):
                     rows.add(head)
                     continue
+                names = head.pop("reported_names", ())
                 for agent in message.agents:
-                    rows.add(head | _of_message(agent, store))
+                    row = head | _of_message(agent, store)
+                    rows.add(row | {name: row.pop(f"reported_{n}") for n, name in enumerate(names)})
     return [rows.table() for rows in tables.values()]
 
 

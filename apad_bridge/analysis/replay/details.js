@@ -179,7 +179,7 @@ function showSelected(view) {
   const secondary = now.secondary === null ? "unknown" : percent(now.secondary);
   const taken = agent.taken && agent.taken[view.i];
   $("one-now").textContent = `${selected}: ${state}; primary ${now.charge === null ? "unknown" : percent(now.charge)}, secondary ${secondary}`
-    + (now.heard === null ? "; never heard" : `; heard ${ago(now)}`) + [...ageWords(now), ...suspectWords(now)].map((it) => `; ${it}`).join("")
+    + (now.heard === null ? "; never heard" : `; heard ${ago(now)}`) + [...ageWords(now), ...suspectWords(now), ...reportedWords(agent, view.i)].map((it) => `; ${it}`).join("")
     + (taken ? `; ${taken} samples taken, ${agent.acknowledged[view.i]} uploaded` : "");
   const times = data.times_ms, key = [times.length, data.packets.length].join(), shape = [data.run_name, selected].join();
   const asPercent = (value) => Math.round(100 * value) + " %";
@@ -200,6 +200,12 @@ function showSelected(view) {
     }, lines: [{ times, values: times.map(() => null), stroke: LINE, width: 0 }],
     over: (ctx, x, y, pixel) => rows.forEach(({ spans }, n) => drawSpans(ctx, spans, x, y(rows.length - n - 0.1), y(rows.length - n - 0.9), pixel)),
   }));
+}
+
+// The newest of the quantities that it reports and nobody estimates.
+function reportedWords({ reported }, i) {
+  const values = (reported && reported[i]) || [];
+  return values.flatMap((value, n) => (value === null ? [] : [`${data.quantities[n][0]} ${+value.toFixed(2)} ${data.quantities[n][1]}`.trim()]));
 }
 
 // Each span is [from ms, to ms, colour, words]; one of no length is drawn as a line.

@@ -22,6 +22,7 @@ from apad_bridge.records.run_state import PlanView, RunState
 from apad_bridge.scenario.area.chart import chart_of
 from apad_bridge.scenario.area.fence import fence_of
 from apad_bridge.scenario.schema import Area, Scenario
+from firmware_model.packets import QUANTITIES
 from firmware_model.power.charge import fraction
 from firmware_model.power.rails import Rail
 from firmware_model.states import State
@@ -37,7 +38,7 @@ Counts = tuple[int, int, int, int]
 _TICK_MS = 1000
 _EMPTY = 0.0005
 """A charge below it is written as 0.0 %."""
-_OFTEN_EMPTY = ("believed", "low", "high", "taken", "acknowledged", "heard", "capacity")
+_OFTEN_EMPTY = ("believed", "low", "high", "taken", "acknowledged", "heard", "capacity", "reported")
 
 
 class ColourStatus(IntEnum):
@@ -84,6 +85,8 @@ class _Agent:
     """Mission seconds of its newest packet."""
     capacity: list[list[float] | None]
     """The believed interval of the share of its capacity that is left, where a twin learns it."""
+    reported: list[list[float | None] | None]
+    """The newest of the quantities that it reports and nobody estimates, in the order of `QUANTITIES`."""
 
 
 def sample_times(end_ms: int, agents: int) -> list[MissionMs]:
@@ -228,6 +231,7 @@ class RunView:
             "suspects": self._history.suspects,
             "earlier_packets": max(0, len(self._history.packets) - MAX_PACKETS),
             "states": [state.name.lower().replace("_", " ") for state in State],
+            "quantities": [[it.text, it.unit] for it in QUANTITIES.values()],
             "rails": [rail.name.lower().replace("_", " ") for rail in Rail],
             "timeslots": _timeslots(scenario),
             **self._sampler.columns(),
@@ -314,6 +318,8 @@ class _Sampler:
         agent.taken.append(truth.physical.samples if truth is not None and has_log else None)
         agent.acknowledged.append(truth.physical.acknowledged if truth is not None and has_log else None)
         agent.heard.append(None if belief is None else belief.heard // 1000)
+        reported = None if belief is None else belief.reported
+        agent.reported.append(None if reported is None else [reported.get(it) for it in QUANTITIES])
         left_of = now.capacities.get(agent_id)
         agent.capacity.append(None if left_of is None else [round(it, 2) for it in left_of])
 

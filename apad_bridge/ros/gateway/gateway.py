@@ -43,6 +43,7 @@ from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.supervisor.context import Watcher
 from apad_bridge.supervisor.core import Supervisor
 from apad_bridge.supervisor.forecast import Forecast
+from firmware_model.packets import QUANTITIES
 
 use_generated_messages()
 
@@ -187,6 +188,7 @@ class Gateway:
             return
         message = FleetBeliefs(mission_time_ms=now_ms, agent_time_ms=self._scale.agent_ms(now_ms))
         message.header = header(now_ms, self._ned)
+        message.reported_names = [*QUANTITIES]
         message.agents = [AgentBelief(*belief_sample(it, now_ms)) for it in beliefs]
         self._beliefs.publish(message)
 

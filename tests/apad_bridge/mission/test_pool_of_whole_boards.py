@@ -18,6 +18,7 @@ from apad_bridge.mission.sink_reminders import SinkReminders
 from apad_bridge.planning import registry
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Dispatch, FullWhen, Mission, Suspects
+from firmware_model.packets import Reported
 from firmware_model.states import TABLE, State, Trigger
 
 MISSION = load(WHOLE_FILE).mission
@@ -69,12 +70,14 @@ def test_those_that_were_served_wait_until_one_is_nearly_empty(lowest: float, in
     assert [it.agent_id for it in ChargingPool(MISSION, beliefs).candidates(0, served={2})] == [1, 2, 3, 4]
 
 
-def test_a_planner_is_told_who_was_served_and_when() -> None:
+def test_a_planner_is_told_who_was_served_and_when_and_what_each_reports() -> None:
     beliefs = told(*[State.SLEEPING] * 3)
+    beliefs[2] = replace(beliefs[2], reported=Reported(9.5))
     state = MissionState(released=((2, 40_000),))
     situation = situation_of(state, (0.0, 0.0), [beliefs[1], beliefs[2]], 100_000, [beliefs[3]])
     agents = (*situation.candidates, *situation.others)
     assert [(it.is_served, it.unserved_s) for it in agents] == [(False, 100), (True, 60), (False, 100)]
+    assert [it.reported.depth_m for it in agents] == [None, 9.5, None]
 
 
 def test_one_that_was_served_and_floats_does_not_wait() -> None:

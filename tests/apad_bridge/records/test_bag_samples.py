@@ -19,6 +19,7 @@ from apad_bridge.records.bag import BagWriter, repair_bag
 from apad_bridge.records.bag_messages import typestore
 from apad_bridge.records.bag_samples import BagUnreadable, instants, why_no_deviations
 from apad_bridge.records.samples import BeliefSample, TruthSample, belief_sample
+from firmware_model.packets import QUANTITIES, Reported
 from firmware_model.states import State
 
 THETA = 30
@@ -43,6 +44,7 @@ def carried() -> Belief:
         ClockBelief(250.0, 3.0, 90_000.0, 0.0, 1.0),
         Source.PACKET | Source.SILENCE,
         70_000,
+        reported=Reported(3.25),
     )
 
 
@@ -66,6 +68,7 @@ def test_all_of_a_belief_comes_back(tmp_path: Path) -> None:
     assert len(it.mode_probabilities) == len(Mode)
     assert (it.clock_offset_ms, it.clock_deviation_ms) == (250.0, 300.0)
     assert (it.silent_timeslots, it.learned_from) == (65_535, 3)
+    assert dict(zip(QUANTITIES, it.reported, strict=True))["depth_m"] == 3.25
 
 
 def test_who_claims_to_be_certain_knows_no_deviation() -> None:
@@ -75,6 +78,7 @@ def test_who_claims_to_be_certain_knows_no_deviation() -> None:
     assert all(map(math.isnan, sample[7:15])) and sample.mode_probabilities == ()
     assert math.isnan(sample.clock_offset_ms) and math.isnan(sample.clock_deviation_ms)
     assert (sample.silent_timeslots, sample.learned_from) == (0, 1)
+    assert all(map(math.isnan, sample.reported))
 
 
 def test_the_definition_counts_modes_and_sources_as_beliefs_do() -> None:

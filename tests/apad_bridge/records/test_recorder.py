@@ -43,6 +43,7 @@ from apad_bridge.world.apad.in_process import InProcessVehicle
 from apad_bridge.world.fleet import FlightFleet, WithoutWater
 from apad_bridge.world.world import World
 from firmware_model.actions import Buoyancy
+from firmware_model.packets import Reported
 from firmware_model.packets.sample_record import SampleRecord
 from firmware_model.power.charge import FULL, Battery, Flow
 from firmware_model.states import State
@@ -308,6 +309,14 @@ def test_a_belief_is_journaled_when_its_charge_moved_or_its_state_changed(record
     assert [line["t"] for line in lines_of(recorder, "belief")] == [1000, 3000, 4000]
 
 
+def test_a_belief_is_journaled_when_a_quantity_that_nobody_estimates_changed_by_its_step(recorder):
+    for now_ms, depth_m in ((1000, None), (2000, 9.0), (3000, 8.01), (4000, 8.0), (5000, 7.5)):
+        belief = Belief(3, now_ms, State.ACTIVE, 0.5, 1.0, 0.0, 0.0, reported=Reported(depth_m))
+        recorder.tick(now_ms, [belief], None, None, "none", FREE)
+    lines = [(line["t"], line.get("reported")) for line in lines_of(recorder, "belief")]
+    assert lines == [(1000, None), (2000, {"depth_m": 9.0}), (4000, {"depth_m": 8.0})]
+
+
 def test_a_quiet_tick_leaves_its_time(recorder):
     for now_ms in (1000, 2000):
         recorder.tick(now_ms, [], None, None, "none", FREE)
@@ -347,13 +356,13 @@ def test_depth_in_the_bag_is_the_bodys(tmp_path, scenario):
 
 def test_a_disk_that_takes_no_more_is_one_error_and_the_records_are_whole(recorder):
     for second in range(1, 40):
-        recorder.event(1000 * second, ScriptTold("x" * 200))
+        recorder.event(1000 * second, ScriptTold("x" * 400))
         recorder.tick(1000 * second, [], None, None, "", (None,) * 4)
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     full = recorder._directory.journal.stat().st_size + 100
     resource.setrlimit(resource.RLIMIT_FSIZE, (full, hard))
     try:
-        recorder.event(40_000, ScriptTold("x" * 200))
+        recorder.event(40_000, ScriptTold("x" * 400))
         with pytest.raises(RecordsFailed, match=f"the disk of {recorder._directory.path} takes no more"):
             recorder.tick(40_000, [], None, None, "", (None,) * 4)
         recorder.event(41_000, ScriptTold("x"))

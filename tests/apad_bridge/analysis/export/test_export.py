@@ -40,6 +40,9 @@ def test_every_kind_of_event_and_every_sample_has_its_table(pool_run):
     closed = [line for line in lines if line["kind"] == "dock"]
     assert tables["event_dock"].columns["agent"] == [line["agent"] for line in closed]
     assert tables["summary_amussels"].columns["id"] == list(range(1, 13))
+    beliefs = tables["beliefs"].columns
+    assert set(beliefs["depth_m"]) >= {0.0, max(tables["truth"].columns["depth"])}, "what it reports, by name"
+    assert not [name for name in beliefs if name.startswith("reported")]
 
 
 def test_mcap_has_the_bag_s_messages_with_their_definitions(pool_run, tmp_path):

@@ -233,13 +233,15 @@ def test_without_truth_the_page_shows_what_was_believed():
     }
     lines = [
         {"t": 1000, "id": 1, "charge": 0.9, **belief},
-        {"t": 2000, "id": 1, "charge": 0.7, **belief},
+        {"t": 2000, "id": 1, "charge": 0.7, **belief, "reported": {"depth_m": 3.5}},
         apad(3000, 9.0, docks=(1, -1, -1, -1)),
     ]
     data = data_of(run_line(1), *lines)
     assert data["has_truth"] is False
     (agent,) = data["agents"]
     assert agent["charge"] == [None, 0.9, 0.7, 0.7]
+    depth = data["quantities"].index(["depth", "m"])
+    assert [it and it[depth] for it in agent["reported"]] == [None, None, 3.5, 3.5]
     assert agent["status"] == [
         ColourStatus.UNKNOWN,
         ColourStatus.ABOVE,
