@@ -152,12 +152,9 @@ static uint8_t read_frame(size_t *payload) {
 }
 
 static void greeted_whole(const uint8_t *numbers) {
-    uint32_t *to[] = {&config.chatter_ms,   &config.check_ms,      &config.processing_ms, &config.listen_ms,
-                      &config.report_ms,    &config.transmit_ms,   &config.call_ms,       &config.hover_ms,
-                      &config.stay_down_ms, &config.turnaround_ms, &config.answer_ms,     &config.drift_bound_ppb,
-                      &config.beacon_wait_ms};
-    for (size_t n = 0; n < sizeof to / sizeof *to; n++, numbers += 4)
-        *to[n] = get32(numbers);
+#define TAKE(name) config.name = get32(numbers), numbers += 4;
+    MU_WHOLE_NUMBERS(TAKE)
+#undef TAKE
     config.kept_on = get16(numbers);
     config.sleeps = numbers[2] & 1;
     config.doubts_clock = numbers[2] & 2;

@@ -6,6 +6,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "board_config.h"
+
 #define MU_VERSION 1
 #define MU_HZ 32768u /* of the board's counter, which wraps after 36 hours */
 #define MU_MAX_PAYLOAD 1024
@@ -27,18 +29,6 @@ enum mu_uart { MU_MODEM, MU_WIFI, MU_REPORT_LINE };
 enum mu_adc { MU_PRIMARY, MU_SECONDARY }; /* 65535 counts are a full battery */
 enum mu_cause { MU_POWER_ON, MU_BROWN_OUT, MU_WATCHDOG };
 enum mu_sleep { MU_AWAKE, MU_DEEP_SLEEP };
-
-/* The scenario's numbers for its boards; firmware with numbers of its own ignores them. Milliseconds. */
-struct mu_config {
-    uint16_t id;
-    uint32_t seed, debounce_ms, boot_ms, surfacing_timeout_ms, float_timeout_ms, release_wait_ms;
-    /* Of a whole board; 0 in the worst case. */
-    uint32_t chatter_ms, check_ms, processing_ms, listen_ms, report_ms, transmit_ms, call_ms, hover_ms, stay_down_ms;
-    uint32_t turnaround_ms, answer_ms, drift_bound_ppb, beacon_wait_ms;
-    uint16_t kept_on;
-    bool sleeps, doubts_clock, uses_secondary;
-    uint8_t last_resort, modem; /* 0 to wait, 1 to call, 2 to surface; 2 or 3, the nanomodem's generation */
-};
 
 enum mu_kind {
     MU_RESET, /* `port` is the cause: always the first event */

@@ -33,7 +33,7 @@ int32_t clock_offset(void) {
 }
 
 uint64_t clock_slot(bool *doubted) {
-    const struct hal_config *config = hal_config();
+    const struct mu_config *config = hal_config();
     int64_t first = (int64_t)settings.slot * settings.slot_ms + settings.guard_ms + settings.offset_ms;
     int64_t reading = (int64_t)hal_clock(), frame = settings.frame_ms;
     int64_t frames = (reading - first) / frame + (reading > first && (reading - first) % frame ? 1 : 0);

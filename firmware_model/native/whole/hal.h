@@ -9,6 +9,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "../board_config.h"
+
 #define HAL_NEVER UINT64_MAX
 #define HAL_HERE UINT32_MAX /* the present depth */
 #define HAL_SENSORS 4
@@ -48,14 +50,7 @@ void hal_run(const struct hal_task *tasks, size_t count);
 void hal_timer(size_t task, uint64_t at); /* HAL_NEVER stops it */
 uint64_t hal_now(void);
 
-struct hal_config {
-    uint16_t id;
-    uint64_t debounce_ms, chatter_ms, check_ms, boot_ms, surfacing_timeout_ms, float_timeout_ms, release_wait_ms;
-    uint64_t processing_ms, listen_ms, report_ms, transmit_ms, call_ms, hover_ms, stay_down_ms, turnaround_ms, answer_ms;
-    uint64_t drift_bound_ppb, beacon_wait_ms;
-    bool sleeps, doubts_clock, uses_secondary, calls, surfaces, has_short_modem;
-};
-const struct hal_config *hal_config(void);
+const struct mu_config *hal_config(void);
 
 enum hal_feed { HAL_PRIMARY, HAL_SECONDARY };
 enum hal_sleep { HAL_AWAKE, HAL_DEEP };

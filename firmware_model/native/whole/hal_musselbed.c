@@ -11,7 +11,6 @@
 enum address { RAILS = 0x20, MONITOR = 0x36, SENSOR = 0x40, PLACE = 0x48, SETTINGS = 0x50, MOTORS = 0x60, CLOCK = 0x68 };
 enum clock_register { TIME = 0, ALARM = 8, SAMPLES = 16, ACKNOWLEDGED = 20, AGE = 24 };
 
-static struct hal_config config;
 static uint64_t ticks, due[MOST_TASKS];
 static enum hal_sleep asleep, told;
 
@@ -57,38 +56,7 @@ static void ring(const struct hal_task *tasks, size_t count) {
     }
 }
 
-static void configure(void) {
-    const struct mu_config *from = mu_config();
-    config = (struct hal_config){
-        .id = from->id,
-        .debounce_ms = from->debounce_ms,
-        .chatter_ms = from->chatter_ms,
-        .check_ms = from->check_ms,
-        .boot_ms = from->boot_ms,
-        .surfacing_timeout_ms = from->surfacing_timeout_ms,
-        .float_timeout_ms = from->float_timeout_ms,
-        .release_wait_ms = from->release_wait_ms,
-        .processing_ms = from->processing_ms,
-        .listen_ms = from->listen_ms,
-        .report_ms = from->report_ms,
-        .transmit_ms = from->transmit_ms,
-        .call_ms = from->call_ms,
-        .hover_ms = from->hover_ms,
-        .stay_down_ms = from->stay_down_ms,
-        .turnaround_ms = from->turnaround_ms,
-        .answer_ms = from->answer_ms,
-        .drift_bound_ppb = from->drift_bound_ppb,
-        .beacon_wait_ms = from->beacon_wait_ms,
-        .sleeps = from->sleeps,
-        .doubts_clock = from->doubts_clock,
-        .uses_secondary = from->uses_secondary,
-        .calls = from->last_resort == 1,
-        .surfaces = from->last_resort == 2,
-        .has_short_modem = from->modem == 2,
-    };
-}
-
-const struct hal_config *hal_config(void) { return &config; }
+const struct mu_config *hal_config(void) { return mu_config(); }
 
 static enum hal_event_kind kind_of(const struct mu_event *event) {
     static const enum hal_event_kind LINES[] = {
@@ -109,7 +77,6 @@ void hal_run(const struct hal_task *tasks, size_t count) {
     struct mu_event event;
     if (count > MOST_TASKS || !mu_open("whole"))
         return;
-    configure();
     for (size_t n = 0; n < count; n++)
         due[n] = HAL_NEVER;
     while (mu_wait(&event)) {

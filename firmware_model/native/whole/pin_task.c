@@ -10,7 +10,7 @@ static struct {
 bool pin_is_high(void) { return pin.high; }
 
 static uint64_t due(void) {
-    const struct hal_config *config = hal_config();
+    const struct mu_config *config = hal_config();
     uint64_t settled = pin.flipped + config->debounce_ms, chatters = pin.unsettled + config->chatter_ms;
     return settled < chatters ? settled : chatters;
 }

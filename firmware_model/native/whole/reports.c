@@ -59,7 +59,7 @@ static void send_short(void) {
 
 void report_by_sound(void) {
     uint8_t packet[64], *at = packet;
-    if (hal_config()->has_short_modem) {
+    if (hal_config()->modem == 2) {
         send_short();
         return;
     }
@@ -90,7 +90,7 @@ void report_by_wifi(void) {
 }
 
 void ping_heard(void) {
-    const struct hal_config *config = hal_config();
+    const struct mu_config *config = hal_config();
     if (is_answering) {
         hal_refuse("a ping before the last one was answered");
         return;

@@ -43,13 +43,13 @@ static void ends_at_reading(uint64_t reading, enum trigger by) {
 }
 
 static void last_resort_deadline(void) {
-    const struct hal_config *config = hal_config();
+    const struct mu_config *config = hal_config();
     uint64_t at = hal_now();
-    if (!(config->calls || config->surfaces) || !hal_at_safe_level())
+    if (config->last_resort == MU_STAYS || !hal_at_safe_level())
         return;
     if (board.last_resort != HAL_NEVER && board.last_resort + config->call_ms > at)
         at = board.last_resort + config->call_ms;
-    if (config->calls)
+    if (config->last_resort == MU_CALLS)
         ends_at(at, LAST_RESORT_CALL);
     else
         ends_at(at > board.stays_down_until ? at : board.stays_down_until, LAST_RESORT_SURFACE);
@@ -65,7 +65,7 @@ static void slot_deadline(void) {
 }
 
 static void sleep_cycle_deadline(void) {
-    const struct hal_config *config = hal_config();
+    const struct mu_config *config = hal_config();
     enum trigger processed = settings.frame_ms ? PROCESSED : WAKE_OVER;
     enum trigger sampled = settings.frame_ms ? SAMPLES_TO_SEND : WAKE_OVER;
     switch (board.state) {
@@ -83,13 +83,13 @@ static void sleep_cycle_deadline(void) {
 
 /* On its primary, or on a secondary that is in use and above the reserve for a last resort. */
 static bool can_work(void) {
-    const struct hal_config *config = hal_config();
-    bool has_reserve = (config->calls || config->surfaces) && hal_at_safe_level();
+    const struct mu_config *config = hal_config();
+    bool has_reserve = config->last_resort != MU_STAYS && hal_at_safe_level();
     return hal_feed() == HAL_PRIMARY || (config->uses_secondary && !has_reserve);
 }
 
 void renew_deadline(void) {
-    const struct hal_config *config = hal_config();
+    const struct mu_config *config = hal_config();
     if (by_clock)
         hal_clock_alarm(HAL_NEVER);
     by_timer = by_clock = false;
