@@ -197,3 +197,23 @@ class BoardConfig:
             raise ValueError("surfacing_timeout_ms must be positive")
         if not self.pin_debounce_ms < self.pin_chatter_ms or self.pin_check_ms <= 0:
             raise ValueError("pin_chatter_ms must be longer than pin_debounce_ms, and pin_check_ms positive")
+
+
+def numbers_for_port(board: BoardConfig, whole: FullFirmware) -> tuple[int, ...]:
+    """The numbers that firmware behind the port is told, as `native/board_config.h` lists them; 0 for an absent part."""
+    cycle, timekeeping = whole.cycle, whole.timekeeping
+    return (
+        board.pin_chatter_ms,
+        board.pin_check_ms,
+        0 if cycle is None else cycle.processing_ms,
+        0 if cycle is None else cycle.listen_ms,
+        0 if cycle is None else cycle.report_ms,
+        whole.transmit_ms,
+        whole.call_ms,
+        whole.hover_ms,
+        whole.stay_down_ms,
+        whole.turnaround_ms,
+        whole.answer_ms,
+        0 if timekeeping is None else timekeeping.bound_ppb,
+        0 if timekeeping is None else timekeeping.beacon_wait_ms,
+    )

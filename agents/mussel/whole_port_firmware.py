@@ -10,7 +10,7 @@ from agents.mussel.firmware_failure import FirmwareFailed
 from agents.mussel.peripherals import Address, ClockRegister, Peripherals, World
 from agents.mussel.port_firmware import PortFirmware
 from firmware_model.actions import Action, Buoyancy, Dropped, FeedFrom, SendBytes, StateReported
-from firmware_model.config import BoardConfig, FullFirmware, LastResort
+from firmware_model.config import BoardConfig, FullFirmware, LastResort, numbers_for_port
 from firmware_model.hardware.whole import WholeBoardHardware
 from firmware_model.port import Level, Timer
 from firmware_model.port_frames import (
@@ -27,7 +27,6 @@ from firmware_model.power.rails import IDLE, Rail, bits
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
 
-_NUMBERS = struct.Struct("<13IHBBB")
 _U16, _U32, _READ = struct.Struct("<H"), struct.Struct("<I"), struct.Struct("<IH")
 _HERE = 0xFFFF_FFFF
 _LAST_RESORTS = {LastResort.WAIT: 0, LastResort.CALL: 1, LastResort.SURFACE: 2}
@@ -127,27 +126,17 @@ class WholePortFirmware(PortFirmware):
 
     def _hello(self) -> FrameToBoard:
         whole, (kind, port, payload) = self._whole, super()._hello()
-        cycle, timekeeping = whole.cycle, whole.timekeeping
-        numbers = _NUMBERS.pack(
-            self._config.pin_chatter_ms,
-            self._config.pin_check_ms,
-            0 if cycle is None else cycle.processing_ms,
-            0 if cycle is None else cycle.listen_ms,
-            0 if cycle is None else cycle.report_ms,
-            whole.transmit_ms,
-            whole.call_ms,
-            whole.hover_ms,
-            whole.stay_down_ms,
-            whole.turnaround_ms,
-            whole.answer_ms,
-            0 if timekeeping is None else timekeeping.bound_ppb,
-            0 if timekeeping is None else timekeeping.beacon_wait_ms,
-            whole.power.kept_on,
-            (cycle is not None) | (timekeeping is not None) << 1 | whole.power.secondary_in_use << 2,
-            _LAST_RESORTS[whole.power.last_resort],
-            self._modem,
+        numbers = numbers_for_port(self._config, whole)
+        flags = (
+            (whole.cycle is not None)
+            | (whole.timekeeping is not None) << 1
+            | whole.power.secondary_in_use << 2
         )
-        return kind, port, payload + numbers
+        last_resort = _LAST_RESORTS[whole.power.last_resort]
+        more = struct.pack(
+            f"<{len(numbers)}IHBBB", *numbers, whole.power.kept_on, flags, last_resort, self._modem
+        )
+        return kind, port, payload + more
 
     def _levels(self) -> int:
         hardware = self._hardware

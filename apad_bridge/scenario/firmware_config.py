@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import fields
 from decimal import ROUND_HALF_EVEN, Decimal
 from functools import cache
+from typing import Any
 
 from agents.fleet import Spread
 from agents.modem.frames import ModemGeneration, duration_ms
@@ -60,15 +62,9 @@ def board_config(
     as_new = config.BoardConfig(
         agent_id=0,
         charge=board.charge_as_new(),
-        pin_debounce_ms=board.pin_debounce_ms,
-        boot_ms=board.boot_ms,
-        float_timeout_ms=_ms(board.float_timeout_s),
-        release_wait_ms=_ms(board.release_wait_s),
         whole=None if board.whole is None else _full_firmware(board.whole, seed, modems),
-        pin_chatter_ms=board.pin_chatter_ms,
-        pin_check_ms=_ms(board.pin_check_s),
-        surfacing_timeout_ms=_ms(board.surfacing_timeout_s or 3 * board.surfacing_s),
         motor_run=grains(board.motor_run_charge),
+        **{"surfacing_timeout_ms": _ms(3 * board.surfacing_s)} | _times(board, config.BoardConfig),
     )
     ageing = None if board.whole is None else board.whole.power.ageing
     return as_new if ageing is None else aged(as_new, capacity_left(ageing.cycles, ageing.years))
@@ -101,15 +97,13 @@ def charge_models(scenario: Scenario) -> Callable[[int], ChargeModel]:
 
 def _full_firmware(whole: FullFirmwareOptions, seed: int, modems: ModemGeneration) -> config.FullFirmware:
     return config.FullFirmware(
-        _power(whole.power, whole.last_resort, seed),
-        None if whole.cycle is None else _cycle(whole.cycle),
-        whole.transmit_ms,
-        _ms(whole.last_resort.call_period_s),
-        _ms(whole.hover_period_s),
-        _ms(whole.last_resort.stay_down_s),
-        None if whole.timekeeping is None else _timekeeping(whole.timekeeping),
-        whole.turnaround_ms,
-        duration_ms(modems, ShortStatus.BYTES),
+        power=_power(whole.power, whole.last_resort, seed),
+        cycle=None if whole.cycle is None else _cycle(whole.cycle),
+        call_ms=_ms(whole.last_resort.call_period_s),
+        hover_ms=_ms(whole.hover_period_s),
+        timekeeping=None if whole.timekeeping is None else _timekeeping(whole.timekeeping),
+        answer_ms=duration_ms(modems, ShortStatus.BYTES),
+        **_times(whole.last_resort, config.FullFirmware) | _times(whole, config.FullFirmware),
     )
 
 
@@ -148,8 +142,6 @@ def _power(power: BoardPower, last_resort: LastResortOptions, seed: int) -> conf
             )
         ),
         path=round(power.path * config.PATH_UNIT),
-        motor_run_ms=_ms(power.motor_run_s),
-        receive_ms=power.receive_ms,
         switch_back=grains(power.switch_back),
         safe_level=grains(last_resort.safe_level),
         last_resort=last_resort.action,
@@ -157,6 +149,7 @@ def _power(power: BoardPower, last_resort: LastResortOptions, seed: int) -> conf
         metering=None if power.metering is None else _metering(power.metering, power.capacity_wh, seed),
         low_level=grains(power.low_level),
         secondary_in_use=power.secondary == "in_use",
+        **_times(power, config.Power),
     )
 
 
@@ -165,32 +158,23 @@ def _metering(metering: MeteringOptions, capacity_wh: float, seed: int) -> confi
     mv_per_mw = metering.internal_resistance_ohm * 1000 / _CELL_MV
     grains_per_ms_of_mw = FULL / (capacity_wh * 1000) / _MS_PER_HOUR
     return config.Metering(
-        period_ms=_ms(metering.period_s),
-        settle_ms=_ms(metering.settle_s),
         sag_ms=round(mv_per_mw * FULL / _RANGE_MV / grains_per_ms_of_mw),
         sag_from=grains_of_milliwatts(metering.idle_mw, capacity_wh),
         lift=round(metering.lift_mv * FULL / _RANGE_MV),
         noise=round(metering.noise_mv * FULL / _RANGE_MV),
         seed=seed,
+        **_times(metering, config.Metering),
     )
 
 
 def _timekeeping(timekeeping: TimekeepingOptions) -> config.Timekeeping:
-    return config.Timekeeping(round(timekeeping.bound_ppm * _PPB_OF_PPM), _ms(timekeeping.beacon_wait_s))
+    bound_ppb = round(timekeeping.bound_ppm * _PPB_OF_PPM)
+    return config.Timekeeping(bound_ppb, **_times(timekeeping, config.Timekeeping))
 
 
 def _cycle(cycle: SleepCycle) -> config.Cycle:
-    timeslots = cycle.slots
-    return config.Cycle(
-        alarm_ms=_ms(cycle.alarm_s),
-        sample_ms=_ms(cycle.sample_s),
-        processing_ms=_ms(cycle.processing_s),
-        slots=None
-        if timeslots is None
-        else config.Timeslots(_ms(timeslots.frame_s), _ms(timeslots.slot_s), _ms(timeslots.guard_s)),
-        listen_ms=_ms(cycle.listen_s),
-        report_ms=_ms(cycle.report_s),
-    )
+    slots = None if cycle.slots is None else config.Timeslots(**_times(cycle.slots, config.Timeslots))
+    return config.Cycle(slots=slots, **_times(cycle, config.Cycle))
 
 
 def grains_of_milliwatts(load_mw: float, capacity_wh: float) -> int:
@@ -198,6 +182,15 @@ def grains_of_milliwatts(load_mw: float, capacity_wh: float) -> int:
     capacity_mwh = Decimal(repr(capacity_wh)) * 1000
     exact = Decimal(repr(load_mw)) * FULL / (capacity_mwh * _MS_PER_HOUR)
     return int(exact.to_integral_value(ROUND_HALF_EVEN))
+
+
+def _times(block: Any, target: type[Any]) -> dict[str, Any]:
+    """A block's times that the firmware's configuration has by the same name: `boot_ms`, or `boot_s` in seconds."""
+    keys = vars(block).items()
+    times = {key: value for key, value in keys if key.endswith("_ms")} | {
+        f"{key[:-2]}_ms": _ms(value) for key, value in keys if key.endswith("_s") and value is not None
+    }
+    return {it.name: times[it.name] for it in fields(target) if it.name in times}
 
 
 def _ms(seconds: float) -> int:
