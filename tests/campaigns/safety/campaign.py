@@ -26,8 +26,10 @@ from two_machines import why_no_two_machines
 from safety.flight import Flight
 from safety.judge import Case, joined, judge
 from safety.row import BOTH, SHORT_TRIES, Try
-from safety.rows import ROWS
+from safety.rows import COUNTERPARTS, ROWS
 
+COUNTERPART = "counterpart"
+"""In the place of a generation: a stranger's vehicle of generation B (tests/counterparts), which flies when asked for."""
 SEED = 20261124
 MINUTES = 300.0
 """Two rows and two generations of healthy flight: twenty hours."""
@@ -76,7 +78,7 @@ def jobs(rows: list[str], generations: list[str], tries: int | None, *, short: b
             (name, generation, tries or (SHORT_TRIES if short else row.tries))
             for name, row in ROWS.items()
             if (name in rows if rows else row.is_short or not short)
-            for generation in row.generations
+            for generation in (*row.generations, *([COUNTERPART] if name in COUNTERPARTS else []))
             if generation in generations
         ]
     )
@@ -88,7 +90,10 @@ def flown(job: Job, attempt: int, kept: Kept, minutes: float) -> Result:
     home = Path(tempfile.mkdtemp(prefix="musselbed-safety-"))
     try:
         with ExitStack() as stack:
-            flight = Flight(home, job.generation, rng, row.setup, stack, 60 * minutes + LONGER_S, kept.ended)
+            is_counterpart = job.generation == COUNTERPART
+            generation = "b" if is_counterpart else job.generation
+            duration_s = 60 * minutes + LONGER_S
+            flight = Flight(home, generation, rng, row.setup, stack, duration_s, is_counterpart, kept.ended)
             flight.begin()
             flight.pause(rng.uniform(0.0, 3.0))
             judged = row.act(Try(flight, job.number, minutes))

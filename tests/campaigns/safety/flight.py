@@ -35,6 +35,8 @@ ROOT = Path(__file__).parents[3]
 NODES = Path(__file__).with_name("nodes")
 PATH = f"{ROOT}:{Path(__file__).parents[1]}"
 """For programs of ours: the bench, and this campaign."""
+COUNTERPART = ROOT / "tests" / "counterparts" / "generation_b" / "vehicle.py"
+"""A vehicle of generation B by a stranger, in the place of our simulated hull."""
 SCENARIO = ROOT / "launch_scripts" / "scenarios" / "real-apad.yaml"
 BY_EYE = SCENARIO.with_name("pool-12-camera.yaml")
 SIDE_M = 80.0
@@ -46,7 +48,8 @@ SHIFT_M = 2.0
 LANES_M = (12.0, 26.0, 40.0, 54.0, 68.0)
 LANE_ENDS_M = (62.0, 18.0)
 """Several aPads start side by side, each with an aMussel ahead and one behind."""
-TRUTH = "/hull/position"
+HULL, TRUTH = "/hull/position", "/hull/truth"
+"""Our hull publishes its true place for the relay. The counterpart publishes there what its navigation believes."""
 UNDER_WAY_M = 2.0
 NEVER_OVERRIDDEN = ("bench", "fence", "position", "pilot", "stop")
 CALL_S = 0.4
@@ -67,7 +70,7 @@ PATIENCE_S = 60.0
 RESUMES = 5
 BEGIN_S = 180.0
 IMC_PORT = 16_001
-BATTERY_WH = 50_000.0
+BATTERY_WH, IDLE_HOURS = 50_000.0, 800.0
 """Hours of flight must not depend on the vehicle's charge; rows that are about it falsify what it tells."""
 
 
@@ -116,6 +119,8 @@ class Flight:
     stack: ExitStack
     duration_s: float = 3600.0
     """The mission's."""
+    is_counterpart: bool = False
+    """The vehicle is COUNTERPART, which knows no fault of `nodes/hull.py`."""
     ended: threading.Event = field(default_factory=threading.Event)
     """Set from outside: the campaign ends, and this flight with it."""
     facts: list[Fact] = field(default_factory=list)
@@ -141,7 +146,7 @@ class Flight:
             self._mount_small_disk()
         self._watch()
         if not self.setup.is_our_own:
-            self.boot(self._write_scenario("hull", START_M, self.setup.fault))
+            self.boot("hull", START_M)
             self.actor("stranger")
         self._fly()
 
@@ -155,7 +160,9 @@ class Flight:
         words = [sys.executable, "-m", "safety.wire"]
         is_relayed = self.setup.apads == 1 and not self.setup.is_our_own
         for name in self.names:
-            words += [f"/{name}", f"/{name}_simulated", TRUTH if is_relayed else f"/{name}/position"]
+            words += [f"/{name}", f"/{name}_simulated", HULL if is_relayed else f"/{name}/position"]
+        if self.is_counterpart:
+            words[-2:] = ["/apad1/vehicle", TRUTH]
         machine = self.bench if self.setup.is_our_own else self.vehicle
         self._processes["wire"] = self.programs.start(
             machine, "wire", *words, environment={"PYTHONPATH": PATH}
@@ -164,8 +171,8 @@ class Flight:
 
     # What flies.
 
-    def boot(self, scenario: Path) -> None:
-        """Starts all that runs on the vehicle's computer."""
+    def boot(self, name: str, start_m: Place) -> None:
+        """Starts all that runs on the vehicle's computer; the hull's scenario is kept as `name`."""
         self._starts += 1
         clock, off_s = [], self.setup.clock_off_s
         environment = {"PYTHONPATH": PATH}
@@ -181,6 +188,7 @@ class Flight:
             environment=environment,
         )
         self.programs.wait_until(self._master_answers, "the master does not answer")
+        scenario = self._write_scenario(name, start_m, self.setup.fault)
         hull = [*clock, sys.executable, "-m", "safety.nodes.hull", "--scenario", str(scenario)]
         hull += ["--time", "wall", "--tether", "1.0"]
         if self.setup.apads > 1:
@@ -189,13 +197,23 @@ class Flight:
             for name in self.names:
                 self._wait_ready(name)
             return
-        self._start("hull", *hull, "--orders", str(self._socket("hull")), environment=environment)
+        if self.is_counterpart:
+            self._start("hull", *clock, *self._counterpart(start_m), environment={})
+        else:
+            self._start("hull", *hull, "--orders", str(self._socket("hull")), environment=environment)
         self._wait_ready("hull")
         workspace = environment | self._workspace(environment["PYTHONPATH"])
         self._start("relay", *clock, *self._node("relay"), environment=workspace)
         self._wait_ready("relay")
         if self.setup.watchdog:
             self.start_watchdog(*clock, environment=workspace)
+
+    def _counterpart(self, start_m: Place) -> list[str]:
+        place, flow = ([f"{it:g}" for it in pair] for pair in (start_m, self.setup.current_m_s))
+        words = ["/usr/bin/python3", str(COUNTERPART), "--namespace", "/apad1", "--truth", TRUTH]
+        words += ["--start", *place, "--current", *flow, "--seed", str(self.rng.randrange(2**31))]
+        words += ["--idle-hours", f"{IDLE_HOURS:g}"]
+        return [*words, f"/apad1/position:={HULL}", "/apad1/battery_level:=/hull/battery_level"]
 
     def start_watchdog(self, *clock: str, environment: dict[str, str] | None = None) -> None:
         words = [*clock, "/usr/bin/python3", str(ROOT / "launch_scripts" / "vehicle_watchdog")]
@@ -421,10 +439,10 @@ class Flight:
         here = self.place()
         self.kill("watchdog", "relay", "stranger", "hull", "master")
         self.pause(off_s)
-        self.boot(self._write_scenario("after", here, self.setup.fault))
+        self.boot("after", here)
 
     def spoil(self, **how: Any) -> None:
-        """A fault of the hull, or of its services (`nodes/hull.py`)."""
+        """A fault of our hull, or of its services (`nodes/hull.py`)."""
         self._send("hull", how)
 
     def signal_vehicle(self, number: int, name: str) -> None:
