@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any
 
@@ -19,6 +18,7 @@ from apad_bridge.events.run import RunBegan
 from apad_bridge.planning.registry import label
 from apad_bridge.records.journal import Entry, JournalContents
 from apad_bridge.records.run_state import PlanView, RunState
+from apad_bridge.records.uptime import AgentUptime
 from apad_bridge.scenario.area.chart import chart_of
 from apad_bridge.scenario.area.fence import fence_of
 from apad_bridge.scenario.schema import Area, Scenario
@@ -56,37 +56,6 @@ class ColourStatus(IntEnum):
     """It never reported."""
     EMPTY = 5
     """Its primary battery is empty; the other one keeps it for a while."""
-
-
-@dataclass(slots=True)
-class _Agent:
-    """One aMussel's columns. Places in metres; charges in [0, 1]; uptime in percent of the whole run's ticks."""
-
-    agent_id: int
-    north: list[float | None]
-    east: list[float | None]
-    charge: list[float | None]
-    status: list[int]
-    uptime: list[float]
-    believed: list[float | None]
-    """The believed charge, if there is also a truth."""
-    low: list[float | None]
-    high: list[float | None]
-    """The ends of the charge's believed interval of 95 %."""
-    secondary: list[float | None]
-    """The charge of the other battery."""
-    state: list[int | None]
-    """The board's state by its number, true or believed."""
-    taken: list[int | None]
-    """The number of samples in its log that it ever took."""
-    acknowledged: list[int | None]
-    """Those of them whose receipt it knows."""
-    heard: list[int | None]
-    """Mission seconds of its newest packet."""
-    capacity: list[list[float] | None]
-    """The believed interval of the share of its capacity that is left, where a twin learns it."""
-    reported: list[list[float | None] | None]
-    """The newest of the quantities that it reports and nobody estimates, in the order of `QUANTITIES`."""
 
 
 def sample_times(end_ms: int, agents: int) -> list[MissionMs]:
@@ -244,7 +213,9 @@ class _Sampler:
         self._scenario = scenario
         self._history = history
         self._ticks = max(1, run_ms // _TICK_MS)
-        self._agents = [_Agent(agent_id, *([] for _ in COLUMNS)) for agent_id in agent_ids]
+        self._agents: dict[int, dict[str, list[Any]]] = {
+            it: {name: [] for name in COLUMNS} for it in agent_ids
+        }
         self._active: list[int] = []
         self._cost: list[float] = []
         self._apad: list[list[float | None] | None] = []
@@ -260,10 +231,9 @@ class _Sampler:
                 column.pop()
         self.times_ms.append(now_ms)
         uptimes = {uptime.agent_id: uptime for uptime in now.meter.at(now_ms)}
-        for agent in self._agents:
-            uptime = uptimes.get(agent.agent_id)
-            self._sample_agent(agent, now_ms, lost=uptime is not None and uptime.lost)
-            agent.uptime.append(0.0 if uptime is None else round(100 * uptime.paper / self._ticks, 2))
+        for agent_id, columns in self._agents.items():
+            for name, value in self._sample_agent(agent_id, now_ms, uptimes.get(agent_id)).items():
+                columns[name].append(value)
         self._active.append(now.meter.active_now(now_ms))
         self._cost.append(round(now.mission.cost_m, 2))
         apad = now.apad
@@ -284,9 +254,9 @@ class _Sampler:
             self._stages.append(stage)
         self._stage.append(len(self._stages) - 1)
 
-    def _sample_agent(self, agent: _Agent, now_ms: MissionMs, *, lost: bool) -> None:
-        """Samples an aMussel from the truth, or from the belief where there is no truth."""
-        now, agent_id = self._history.now, agent.agent_id
+    def _sample_agent(self, agent_id: int, now_ms: MissionMs, uptime: AgentUptime | None) -> dict[str, Any]:
+        """An aMussel's value in each of `COLUMNS`, from the truth, or from the belief where there is no truth."""
+        now = self._history.now
         truth, belief = now.truths.get(agent_id), now.beliefs.get(agent_id)
         docked = agent_id in now.docks
         if truth is not None:
@@ -304,24 +274,27 @@ class _Sampler:
             left, place, other, state = None, (None, None), None, None
         if docked and now.apad is not None:
             place = (now.apad.north_m, now.apad.east_m)
-        agent.north.append(_rounded(place[0], 2))
-        agent.east.append(_rounded(place[1], 2))
-        agent.charge.append(_rounded(left, 4))
-        agent.status.append(self._status(left, docked, lost or agent_id in now.gone))
         charge, low, high = (None,) * 3 if belief is None else (belief.charge, belief.low, belief.high)
-        agent.believed.append(None if truth is None else _rounded(charge, 4))
-        agent.low.append(_rounded(low, 4))
-        agent.high.append(_rounded(high, 4))
-        agent.secondary.append(_rounded(other, 3))
-        agent.state.append(state)
-        has_log = truth is not None and truth.physical.samples > 0
-        agent.taken.append(truth.physical.samples if truth is not None and has_log else None)
-        agent.acknowledged.append(truth.physical.acknowledged if truth is not None and has_log else None)
-        agent.heard.append(None if belief is None else belief.heard // 1000)
-        reported = None if belief is None else belief.reported
-        agent.reported.append(None if reported is None else [reported.get(it) for it in QUANTITIES])
-        left_of = now.capacities.get(agent_id)
-        agent.capacity.append(None if left_of is None else [round(it, 2) for it in left_of])
+        reported, left_of = None if belief is None else belief.reported, now.capacities.get(agent_id)
+        log = None if truth is None or truth.physical.samples == 0 else truth.physical
+        lost = agent_id in now.gone or (uptime is not None and uptime.lost)
+        return {
+            "north": _rounded(place[0], 2),
+            "east": _rounded(place[1], 2),
+            "charge": _rounded(left, 4),
+            "secondary": _rounded(other, 3),
+            "state": state,
+            "status": self._status(left, docked, lost),
+            "uptime": 0.0 if uptime is None else round(100 * uptime.paper / self._ticks, 2),
+            "believed": None if truth is None else _rounded(charge, 4),
+            "low": _rounded(low, 4),
+            "high": _rounded(high, 4),
+            "taken": None if log is None else log.samples,
+            "acknowledged": None if log is None else log.acknowledged,
+            "heard": None if belief is None else belief.heard // 1000,
+            "capacity": None if left_of is None else [round(it, 2) for it in left_of],
+            "reported": None if reported is None else [reported.get(it) for it in QUANTITIES],
+        }
 
     def _status(self, charge: float | None, docked: bool, lost: bool) -> int:
         if charge is None:
@@ -343,15 +316,15 @@ class _Sampler:
 
     def _all_columns(self) -> list[list[Any]]:
         """The columns that have one value for each sample."""
-        shared = [self.times_ms, self._active, self._cost, self._apad, self._docks, self._stage]
-        return [*shared, *(getattr(agent, name) for agent in self._agents for name in COLUMNS)]
+        shared: list[list[Any]] = [self.times_ms, self._active, self._cost, self._apad, self._docks, self._stage]
+        return [*shared, *(column for agent in self._agents.values() for column in agent.values())]
 
     def newest(self) -> dict[str, Any]:
         """The newest sample alone; each aMussel's values are in the order of `COLUMNS`."""
         return {
             "t": self.times_ms[-1],
             "has_truth": bool(self._history.now.meter.agent_ids),
-            "agents": [[getattr(agent, name)[-1] for name in COLUMNS] for agent in self._agents],
+            "agents": [[column[-1] for column in agent.values()] for agent in self._agents.values()],
             "active": self._active[-1],
             "cost": self._cost[-1],
             "apad": self._apad[-1],
@@ -364,12 +337,8 @@ class _Sampler:
             "times_ms": self.times_ms,
             "has_truth": bool(self._history.now.meter.agent_ids),
             "agents": [
-                {
-                    "id": agent.agent_id,
-                    **{name: getattr(agent, name) for name in COLUMNS},
-                    **{name: _unless_empty(getattr(agent, name)) for name in _OFTEN_EMPTY},
-                }
-                for agent in self._agents
+                {"id": agent_id, **agent, **{name: _unless_empty(agent[name]) for name in _OFTEN_EMPTY}}
+                for agent_id, agent in self._agents.items()
             ],
             "active": self._active,
             "cost": self._cost,
@@ -381,7 +350,10 @@ class _Sampler:
 
 
 COLUMNS = ("north", "east", "charge", "status", "uptime", *_OFTEN_EMPTY, "secondary", "state")
-"""An aMussel's columns, by their names on the page."""
+"""An aMussel's columns, by their names on the page. Places in metres, charges in [0, 1], uptime in percent of the whole
+run's ticks, `heard` in mission seconds; `believed` beside a truth alone; `low` and `high` with 95 %; `taken` and
+`acknowledged` are samples of its log; `capacity` is the interval of its share that is left, where a twin learns it;
+`reported` is in the order of `QUANTITIES`."""
 
 
 def _plan_data(plan: PlanView | None) -> dict[str, Any] | None:
