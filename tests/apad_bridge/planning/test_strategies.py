@@ -48,6 +48,7 @@ def test_the_page_for_authors_describes_what_a_strategy_finds() -> None:
         "secondary",
         "unserved_s",
         "is_served",
+        "reported",
         "others",
         "model",
         "leaving",
