@@ -118,6 +118,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
             steps = [{"agent": 2, "dock": 0}, {"agent": 3, "dock": 1}]
             costs = {"distance_m": 22.5, "demand": 0.9, "distance_cost": 22.5, "energy_cost": 0.9}
             candidates = [{"id": n, "charge": n / 10, "north_m": 5.0, "east_m": 15.0} for n in (2, 3, 4)]
+            candidates[0]["reported"] = {"depth_m": 2.5}
             recorder.event(
                 now_ms,
                 PlanMade(
@@ -323,11 +324,11 @@ def test_a_marked_one_is_shown_with_its_estimate(page: Path, browser: webdriver.
 
 def test_a_plan_has_its_candidates_and_costs(page: Path, browser: webdriver.Chrome) -> None:
     dom = browse(browser, page, at="#t=15&why=1")
-    assert table(dom, "candidates") == [
-        ["aMussel", "place in the plan", "charge", "second battery", "unserved", "north, east"],
-        ["2", "1", "20.0 %", "", "", "5.0, 15.0"],
-        ["3", "2", "30.0 %", "", "", "5.0, 15.0"],
-        ["4", "", "40.0 %", "", "", "5.0, 15.0"],
+    assert [row[:7] for row in table(dom, "candidates")] == [
+        ["aMussel", "place in the plan", "charge", "second battery", "unserved", "north, east", "depth m"],
+        ["2", "1", "20.0 %", "", "", "5.0, 15.0", "2.50"],
+        ["3", "2", "30.0 %", "", "", "5.0, 15.0", ""],
+        ["4", "", "40.0 %", "", "", "5.0, 15.0", ""],
     ]
     # The plan beside its runner-up and the others, as `musselbed explain` has them.
     assert table(dom, "options") == [

@@ -40,9 +40,10 @@ function showWhy() {
     ...parts.map((name) => [words(name), ...weighed.map((it) => fixed(it.parts[name] || 0, 3))]),
   ] : [], (_, k) => k === 1);
   fillTable("candidates", "The candidates, as they were believed", [
-    ["aMussel", "place in the plan", "charge", "second battery", "unserved", "north, east"],
+    ["aMussel", "place in the plan", "charge", "second battery", "unserved", "north, east", ...data.quantities.map(([, text, unit]) => `${text} ${unit}`.trim())],
     ...(plan ? beliefs : []).map((it) => [it.id, order.indexOf(it.id) + 1 || "", percent(it.charge), it.secondary === undefined ? "" : percent(it.secondary),
-      it.unserved_s === undefined ? "" : clock(1000 * it.unserved_s), `${fixed(it.north_m, 1)}, ${fixed(it.east_m, 1)}`]),
+      it.unserved_s === undefined ? "" : clock(1000 * it.unserved_s), `${fixed(it.north_m, 1)}, ${fixed(it.east_m, 1)}`,
+      ...data.quantities.map(([name]) => fixed((it.reported || {})[name], 2))]),
   ], (n) => n > 0 && order.includes(plan.beliefs[n - 1].id));
 }
 
@@ -205,7 +206,7 @@ function showSelected(view) {
 // The newest of the quantities that it reports and nobody estimates.
 function reportedWords({ reported }, i) {
   const values = (reported && reported[i]) || [];
-  return values.flatMap((value, n) => (value === null ? [] : [`${data.quantities[n][0]} ${+value.toFixed(2)} ${data.quantities[n][1]}`.trim()]));
+  return values.flatMap((value, n) => (value === null ? [] : [`${data.quantities[n][1]} ${+value.toFixed(2)} ${data.quantities[n][2]}`.trim()]));
 }
 
 // Each span is [from ms, to ms, colour, words]; one of no length is drawn as a line.

@@ -200,7 +200,7 @@ class RunView:
             "suspects": self._history.suspects,
             "earlier_packets": max(0, len(self._history.packets) - MAX_PACKETS),
             "states": [state.name.lower().replace("_", " ") for state in State],
-            "quantities": [[it.text, it.unit] for it in QUANTITIES.values()],
+            "quantities": [[name, it.text, it.unit] for name, it in QUANTITIES.items()],
             "rails": [rail.name.lower().replace("_", " ") for rail in Rail],
             "timeslots": _timeslots(scenario),
             **self._sampler.columns(),
@@ -316,7 +316,14 @@ class _Sampler:
 
     def _all_columns(self) -> list[list[Any]]:
         """The columns that have one value for each sample."""
-        shared: list[list[Any]] = [self.times_ms, self._active, self._cost, self._apad, self._docks, self._stage]
+        shared: list[list[Any]] = [
+            self.times_ms,
+            self._active,
+            self._cost,
+            self._apad,
+            self._docks,
+            self._stage,
+        ]
         return [*shared, *(column for agent in self._agents.values() for column in agent.values())]
 
     def newest(self) -> dict[str, Any]:

@@ -16,6 +16,7 @@ from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.runs.exits import Exit, UserError
 from apad_bridge.runs.progress import WorkProgress
 from apad_bridge.runs.rich_console import Console
+from firmware_model.packets import QUANTITIES
 
 
 def add_parser(commands: Any) -> None:
@@ -86,9 +87,11 @@ def _show(at_ms: int, plan: PlanMade, console: Console) -> None:
         "unserved s",
         "north m",
         "east m",
+        *(f"{it.text} {it.unit}".strip() for it in QUANTITIES.values()),
     ):
         table.add_column(name, justify="right")
     for belief in plan.beliefs:
+        reported = belief.get("reported", {})
         table.add_row(
             str(belief["id"]),
             str(chosen.index(belief["id"]) + 1) if belief["id"] in chosen else "",
@@ -97,6 +100,7 @@ def _show(at_ms: int, plan: PlanMade, console: Console) -> None:
             f"{belief['unserved_s']:.0f}" if "unserved_s" in belief else "",
             f"{belief['north_m']:.2f}",
             f"{belief['east_m']:.2f}",
+            *(f"{reported[name]:.2f}" if name in reported else "" for name in QUANTITIES),
         )
     console.print(table)
     _show_options(plan, console)

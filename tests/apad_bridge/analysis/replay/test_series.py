@@ -240,7 +240,7 @@ def test_without_truth_the_page_shows_what_was_believed():
     assert data["has_truth"] is False
     (agent,) = data["agents"]
     assert agent["charge"] == [None, 0.9, 0.7, 0.7]
-    depth = data["quantities"].index(["depth", "m"])
+    depth = data["quantities"].index(["depth_m", "depth", "m"])
     assert [it and it[depth] for it in agent["reported"]] == [None, None, 3.5, 3.5]
     assert agent["status"] == [
         ColourStatus.UNKNOWN,
