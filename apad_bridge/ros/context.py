@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Protocol, cast
 
@@ -33,13 +32,8 @@ from apad_bridge.ros.generation_a.contacts_link import ContactsLink
 from apad_bridge.ros.links.laboratory import DockAlertReceiver, Laboratory, LaboratoryLink
 from apad_bridge.ros.links.legacy_link import LegacyLink
 from apad_bridge.ros.links.other_apads import OtherAPads
-from apad_bridge.ros.links.packet_topics import (
-    AMusselServices,
-    AMusselTopics,
-    LegacyOrders,
-    PacketTopics,
-)
 from apad_bridge.ros.links.vehicles import READY_S, TruthsAt, open_apad, reports_contact
+from apad_bridge.ros.relay import open_relay
 from apad_bridge.ros.system.handshakes import HearingWatch
 from apad_bridge.ros.system.master_watch import MasterWatch
 from apad_bridge.ros.system.node import OrderedEnd
@@ -48,23 +42,13 @@ from apad_bridge.ros.system.route import why_gone
 from apad_bridge.ros_names.names import in_full
 from apad_bridge.ros_names.namespaces import beside_others, is_one_of_several
 from apad_bridge.scenario.area.local_frame import LocalFrame
-from apad_bridge.scenario.firmware_config import charge_model, codec_of
+from apad_bridge.scenario.firmware_config import codec_of
 from apad_bridge.scenario.lab_interface.names import DEFAULT, load_names
 from apad_bridge.scenario.run_options import APadKind, BenchPart, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.clock import Pace, WallClock
 from apad_bridge.supervisor.context import FlightContext, Watcher
 from apad_bridge.supervisor.core import Supervisor
-from apad_bridge.supervisor.packet_relay import (
-    FLEET_ALONE,
-    FLEET_TOLD_OF_DOCKS,
-    MISSION_ALONE,
-    Division,
-    PacketRelay,
-    RelayOutcome,
-    one_of_several,
-    whole_flight,
-)
 from apad_bridge.supervisor.run_spec import ResumePoint
 from apad_bridge.vehicle.errors import PeerFailed, VehicleNotReady
 from apad_bridge.vehicle.guards.gate import Gate, Safety, plain_safety
@@ -131,7 +115,7 @@ def open_flight_context(
                 if options.part is BenchPart.FLEET
                 else (Heartbeat(safety.gate.stops, lambda: vehicle.can_stop),)
             )
-            relayed = _open_relay(options, scenario, vehicle, presences, allocation, laboratory)
+            relayed = open_relay(options, scenario, vehicle, presences, allocation, laboratory)
             stack.callback(relayed.close)
             if not isinstance(vehicle, ContactsLink):
                 vehicle.wait_until_ready(READY_S)
@@ -279,61 +263,6 @@ def _roster(
     services = FleetServices(presences, claims)
     stack.callback(services.close)
     return Roster(presences, services, world.fleet.coordinator, world.faults)
-
-
-_Channel = PacketTopics | AMusselServices | AMusselTopics | LegacyOrders
-
-
-@dataclass(frozen=True, slots=True)
-class _RelayParts:
-    """The relay to aMussels, or to a mission, that are elsewhere; and what it carries packets by."""
-
-    relay: PacketRelay
-    channels: tuple[_Channel, ...]
-
-    @property
-    def dropped(self) -> Counter[str]:
-        return sum((it.dropped for it in self.channels), self.relay.dropped)
-
-    def close(self) -> None:
-        for channel in self.channels:
-            channel.close()
-
-
-def _open_relay(
-    options: RunOptions,
-    scenario: Scenario,
-    vehicle: APadLink | ContactsLink,
-    presences: Presences,
-    allocation: Allocation,
-    laboratory: Laboratory,
-) -> _RelayParts:
-    ids, codec = scenario.fleet.ids, codec_of(scenario)
-    division = _division(options, vehicle, presences, allocation)
-    topics = PacketTopics(scenario.fleet.all_ids if options.is_one_of_several else ids, division.peers)
-    channels: tuple[_Channel, ...] = (topics,)
-    if options.part is BenchPart.FLEET:
-        channels = (AMusselServices(ids, codec), topics)
-    elif options.part is BenchPart.MISSION and not isinstance(vehicle, ContactsLink):
-        legacy = AMusselTopics(
-            ids, codec, scenario.time_scale, vehicle.holds, topics.senders, charge_model(scenario.board)
-        )
-        channels = (topics, legacy)
-    if options.part is not BenchPart.MISSION:
-        channels = (*channels, LegacyOrders(ids, codec, lambda: presences.simulated))
-    inlets = [laboratory.take, *(channel.take for channel in channels)]
-    relay = PacketRelay(division, inlets, {RelayOutcome.PUBLISH: topics.publish, **laboratory.outlets})
-    return _RelayParts(relay, channels)
-
-
-def _division(
-    options: RunOptions, vehicle: APadLink | ContactsLink, presences: Presences, allocation: Allocation
-) -> Division:
-    if options.is_one_of_several:
-        return one_of_several(allocation, lambda: presences.simulated)
-    if options.part is BenchPart.FLEET:
-        return FLEET_ALONE if isinstance(vehicle, ContactsLink) else FLEET_TOLD_OF_DOCKS
-    return MISSION_ALONE if options.part is BenchPart.MISSION else whole_flight(lambda: presences.simulated)
 
 
 def _allocation_watcher(allocation: Allocation, vehicle: APadLink | ContactsLink) -> tuple[Watcher, ...]:

@@ -16,6 +16,7 @@ from apad_bridge.ros import context
 from apad_bridge.ros.generation_a.contacts_link import ContactsLink
 from apad_bridge.ros.generation_b import link
 from apad_bridge.ros.generation_b.link import GenerationBLink
+from apad_bridge.ros.relay import division_of
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
@@ -117,7 +118,7 @@ def test_every_real_vehicle_that_was_stopped_waits_for_a_person_whoever_gives_th
 def test_a_fleet_is_told_of_docks_by_a_mission_where_its_aPad_does_not_report_them() -> None:
     fleet = replace(OPTIONS, part=BenchPart.FLEET)
     heard = [
-        context._division(fleet, link, MagicMock(), MagicMock()).peers
+        division_of(fleet, link, MagicMock(), MagicMock()).peers
         for link in (MagicMock(spec=ContactsLink), MagicMock(spec=GenerationBLink))
     ]
     assert [PacketOrigin.REMOTE_DOCK in it for it in heard] == [False, True]
