@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -21,12 +21,10 @@ from apad_bridge.mission.sources import Allocation
 from apad_bridge.ros.gateway.agent_topics import AgentReport
 from apad_bridge.ros.gateway.battery_alerts import BatteryAlerts
 from apad_bridge.ros.gateway.claims import ClaimBoard
-from apad_bridge.ros.gateway.fleet_diagnostics import Limits
 from apad_bridge.ros.gateway.fleet_guard import SecondFleet
 from apad_bridge.ros.gateway.fleet_services import FleetServices
 from apad_bridge.ros.gateway.gateway import Gateway, GatewayFailed, TruthSource, open_gateway
 from apad_bridge.ros.gateway.heartbeat import Heartbeat, WatchdogStates
-from apad_bridge.ros.gateway.standard_messages import ball_size_m
 from apad_bridge.ros.gateway.standard_topics import StandardTopics
 from apad_bridge.ros.generation_a.contacts_link import ContactsLink
 from apad_bridge.ros.links.laboratory import DockAlertReceiver, Laboratory, LaboratoryLink
@@ -212,10 +210,9 @@ def _gateway(
 def _beside_the_gateway(
     scenario: Scenario, options: RunOptions, shown: Sequence[int], presences: Presences
 ) -> tuple[StandardTopics, BatteryAlerts]:
-    frame, threshold = LocalFrame.about(scenario.area.origin), scenario.mission.pool_threshold
     return (
-        _standard_topics(shown, scenario, frame, options.namespace),
-        BatteryAlerts(shown, frame, threshold, options.namespace, lambda: presences.simulated),
+        StandardTopics(scenario, shown, options.namespace),
+        BatteryAlerts(scenario, shown, options.namespace, lambda: presences.simulated),
     )
 
 
@@ -278,22 +275,6 @@ def _allocation_watcher(allocation: Allocation, vehicle: APadLink | ContactsLink
             vehicle.serve(served)
 
     return (watch,)
-
-
-def _standard_topics(
-    shown: Iterable[int], scenario: Scenario, frame: LocalFrame, namespace: str
-) -> StandardTopics:
-    mission = scenario.mission
-    limits = Limits(mission.silence_timeout_s, mission.pool_threshold)
-    return StandardTopics(
-        shown,
-        scenario.apad.name,
-        frame,
-        limits,
-        ball_m=ball_size_m(scenario.area),
-        is_one_of_several=is_one_of_several(scenario),
-        namespace=namespace,
-    )
 
 
 class _Listener(Protocol):

@@ -28,7 +28,6 @@ from apad_bridge.ros.gateway.fleet_guard import SecondFleet
 from apad_bridge.ros.gateway.fleet_services import FleetServices
 from apad_bridge.ros.gateway.gateway import open_gateway
 from apad_bridge.ros.links.packet_topics import PacketTopics
-from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
@@ -88,8 +87,7 @@ def main() -> None:
         print(refused, flush=True)
         gateway.close()
         return
-    frame, threshold = LocalFrame.about(flown.area.origin), flown.mission.pool_threshold
-    alerts = BatteryAlerts(initial_states, frame, threshold, "", lambda: presences.simulated)
+    alerts = BatteryAlerts(flown, initial_states, "", lambda: presences.simulated)
     services = FleetServices(presences, claims)
     division = whole_flight(lambda: presences.simulated)
     topics = PacketTopics(initial_states, division.peers)

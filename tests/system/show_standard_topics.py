@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import select
 import sys
+from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -18,10 +20,9 @@ from apad_bridge.beliefs.modes import Mode
 from apad_bridge.events.mission import MissionState
 from apad_bridge.mission.sources import Allocation
 from apad_bridge.planning.solution import Step, StepKind
-from apad_bridge.ros.gateway.fleet_diagnostics import Limits
 from apad_bridge.ros.gateway.gateway import open_gateway
 from apad_bridge.ros.gateway.standard_topics import StandardTopics
-from apad_bridge.scenario.area.local_frame import LocalFrame
+from apad_bridge.scenario.loader import load
 from apad_bridge.supervisor.forecast import Forecast
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
 from firmware_model.packets import StatusPacket
@@ -79,9 +80,9 @@ def supervisor() -> SimpleNamespace:
 
 def main() -> None:
     gateway = open_gateway([], TimeScale(30), node_name="shower")
-    frame = LocalFrame(43.9330937, 15.4443468)
+    pool = load(Path(__file__).parents[1] / "shared/scenarios/pool.yaml")
     standard = StandardTopics(
-        (1, 2, 3), "apad1", frame, Limits(silence_s=3600.0, pool_threshold=0.8), ball_m=0.5
+        replace(pool, mission=replace(pool.mission, silence_timeout_s=3600.0)), (1, 2, 3)
     )
     shown: Any = supervisor()
     watches = [standard.watcher(shown), gateway.watcher(shown)]

@@ -16,6 +16,7 @@ from apad_bridge.ros.gateway.agent_topics import AgentReport, nav_sts
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import BATTERY_ALERT, amussel_in_full
 from apad_bridge.scenario.area.local_frame import LocalFrame
+from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.context import Watcher
 from apad_bridge.supervisor.core import Supervisor
 
@@ -71,16 +72,15 @@ class BatteryAlerts:
 
     def __init__(
         self,
+        scenario: Scenario,
         agent_ids: Iterable[int],
-        frame: LocalFrame,
-        threshold: float,
         namespace: str,
         simulated: Callable[[], frozenset[int]],
     ) -> None:
         """Alerts only for `simulated` ones of `agent_ids`: a real aMussel publishes its own alerts."""
         self._ids = frozenset(agent_ids)
-        self._frame = frame
-        self._threshold = threshold
+        self._frame = LocalFrame.about(scenario.area.origin)
+        self._threshold = scenario.mission.pool_threshold
         self._namespace = namespace
         self._simulated = simulated
         self._publisher = rospy.Publisher(BATTERY_ALERT, NavSts, queue_size=_QUEUE)

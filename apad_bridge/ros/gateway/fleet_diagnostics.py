@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import sqrt
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -10,22 +9,15 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from agents.time_scale import MissionMs
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.ros.system.ros_time import stamp
+from apad_bridge.scenario.schema import Mission
 from apad_bridge.supervisor.core import Supervisor
 from firmware_model.state_groups import BEYOND_HELP, STRANDED
-
-
-@dataclass(frozen=True, slots=True)
-class Limits:
-    """From the scenario: the age at which an aMussel counts as silent, and the charge at which it wants to be collected."""
-
-    silence_s: float
-    pool_threshold: float
 
 
 def diagnose(
     supervisor: Supervisor,
     agent_ids: tuple[int, ...],
-    limits: Limits,
+    rules: Mission,
     now_ms: MissionMs,
     apad: str = "",
     namespace: str = "",
@@ -34,7 +26,7 @@ def diagnose(
     beliefs = {belief.agent_id: belief for belief in supervisor.beliefs.all()}
     array = DiagnosticArray(status=[_mission(supervisor, apad), _apad(supervisor, apad)])
     array.header.stamp = stamp(now_ms)
-    array.status += [_agent(agent_id, beliefs.get(agent_id), limits, now_ms) for agent_id in agent_ids]
+    array.status += [_agent(agent_id, beliefs.get(agent_id), rules, now_ms) for agent_id in agent_ids]
     if namespace:
         for status in array.status:
             status.name, status.hardware_id = (
@@ -44,7 +36,7 @@ def diagnose(
     return array
 
 
-def _agent(agent_id: int, belief: Belief | None, limits: Limits, now_ms: MissionMs) -> DiagnosticStatus:
+def _agent(agent_id: int, belief: Belief | None, rules: Mission, now_ms: MissionMs) -> DiagnosticStatus:
     status = DiagnosticStatus(name=f"musselbed: aMussel {agent_id}", hardware_id=f"amussel{agent_id}")
     if belief is None:
         status.level, status.message = DiagnosticStatus.STALE, "no report yet"
@@ -61,10 +53,10 @@ def _agent(agent_id: int, belief: Belief | None, limits: Limits, now_ms: Mission
         status.level, status.message = DiagnosticStatus.ERROR, "lost: both batteries are empty"
     elif belief.state in STRANDED or belief.primary <= 0.0:
         status.level, status.message = DiagnosticStatus.ERROR, "its primary battery is empty"
-    elif belief.age_s(now_ms) > limits.silence_s:
+    elif belief.age_s(now_ms) > rules.silence_timeout_s:
         status.level = DiagnosticStatus.STALE
         status.message = f"silent for {belief.age_s(now_ms):.0f} s"
-    elif belief.primary <= limits.pool_threshold:
+    elif belief.primary <= rules.pool_threshold:
         status.level, status.message = DiagnosticStatus.WARN, f"wants charging: {100 * belief.primary:.0f} %"
     else:
         status.level, status.message = DiagnosticStatus.OK, f"{100 * belief.primary:.0f} %"

@@ -28,11 +28,13 @@ from agents.time_scale import MissionMs
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.planning.solution import StepKind
 from apad_bridge.ros.gateway import standard_messages as make
-from apad_bridge.ros.gateway.fleet_diagnostics import Limits, diagnose
+from apad_bridge.ros.gateway.fleet_diagnostics import diagnose
 from apad_bridge.ros.gateway.never_blocking import Stalls, never_blocking_publisher
 from apad_bridge.ros_names.frames import NED_IN_ENU, UPRIGHT, Frames, enu, yaw
 from apad_bridge.ros_names.names import DIAGNOSTICS, TF, TF_STATIC, of_amussel, ours
+from apad_bridge.ros_names.namespaces import is_one_of_several
 from apad_bridge.scenario.area.local_frame import LocalFrame
+from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.context import Watcher
 from apad_bridge.supervisor.core import Supervisor
 
@@ -47,25 +49,15 @@ _NOTHING_KNOWN = (0.0, 0.0, 0.0)
 class StandardTopics:
     """Owned by the flight's thread; the node is initialised before (`open_gateway`)."""
 
-    def __init__(
-        self,
-        agent_ids: Iterable[int],
-        apad: str,
-        frame: LocalFrame,
-        limits: Limits,
-        *,
-        ball_m: float,
-        is_one_of_several: bool = False,
-        namespace: str = "",
-    ) -> None:
+    def __init__(self, scenario: Scenario, agent_ids: Iterable[int], namespace: str = "") -> None:
         frames = self._frames = Frames(namespace)
         self.stalls = Stalls()
         self._ids = tuple(agent_ids)
-        self._apad = apad
-        self._diagnosed = apad if is_one_of_several else ""
+        self._apad = scenario.apad.name
+        self._diagnosed = self._apad if is_one_of_several(scenario) else ""
         self._namespace = namespace
-        self._frame = frame
-        self._limits = limits
+        self._frame = LocalFrame.about(scenario.area.origin)
+        self._rules = scenario.mission
         self._track: list[tuple[float, float]] = []
         self._agents = {
             agent_id: (
@@ -79,7 +71,7 @@ class StandardTopics:
         self._path = rospy.Publisher(ours("apad/path"), Path, queue_size=_QUEUE)
         self._plan = rospy.Publisher(ours("plan"), Path, queue_size=_QUEUE)
         self._markers = rospy.Publisher(ours("markers"), MarkerArray, queue_size=_QUEUE)
-        self._fleet_markers = FleetMarkers(self._ids, frames.enu, ball_m)
+        self._fleet_markers = FleetMarkers(self._ids, frames.enu, make.ball_size_m(scenario.area))
         self._diagnostics = rospy.Publisher(DIAGNOSTICS, DiagnosticArray, queue_size=_QUEUE)
         self._tf = rospy.Publisher(TF, TFMessage, queue_size=_QUEUE)
         self._tf_static = rospy.Publisher(TF_STATIC, TFMessage, queue_size=1, latch=True)
@@ -96,7 +88,7 @@ class StandardTopics:
             _publish(
                 self._diagnostics,
                 lambda: diagnose(
-                    supervisor, self._ids, self._limits, now_ms, self._diagnosed, self._namespace
+                    supervisor, self._ids, self._rules, now_ms, self._diagnosed, self._namespace
                 ),
             )
 

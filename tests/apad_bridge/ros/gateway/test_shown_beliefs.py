@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scenario_files import POOL_FILE
 from sensor_msgs.msg import BatteryState, NavSatFix
 
 from apad_bridge.beliefs.belief import Belief, ClockBelief, Source
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.events.mission import MissionState
-from apad_bridge.ros.gateway.fleet_diagnostics import Limits, diagnose
+from apad_bridge.ros.gateway.fleet_diagnostics import diagnose
 from apad_bridge.ros.gateway.standard_messages import (
     agent_battery,
     agent_markers,
@@ -25,6 +27,9 @@ from apad_bridge.ros_names.frames import ellipse_95
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.loader import load
 from firmware_model.states import State
+
+POOL = load(POOL_FILE)
+RULES = replace(POOL.mission, silence_timeout_s=120.0, pool_threshold=0.5)
 
 
 def carried(mode: Mode, charge: float) -> Belief:
@@ -120,7 +125,7 @@ def test_diagnostics_name_the_silent_and_how_sure_one_is() -> None:
         dropped={},
         mission=SimpleNamespace(state=MissionState(), docks=(None,) * 4, unheard="position"),
     )
-    array = diagnose(supervisor, (7, 8), Limits(silence_s=120.0, pool_threshold=0.5), 300_000)  # type: ignore[arg-type]
+    array = diagnose(supervisor, (7, 8), RULES, 300_000)  # type: ignore[arg-type]
     statuses = {status.name: status for status in array.status}
     silent = statuses["musselbed: aMussel 7"]
     assert silent.message == "silent for 299 s"
@@ -133,10 +138,10 @@ def test_diagnostics_name_the_silent_and_how_sure_one_is() -> None:
     assert statuses["musselbed: aMussel 8"].message == "no report yet"
     assert {"musselbed: aPad", "musselbed: mission"} <= statuses.keys()
     # One of several on a master adds its name: otherwise their statuses would replace each other.
-    array = diagnose(supervisor, (), Limits(120.0, 0.5), 300_000, "apad2")  # type: ignore[arg-type]
+    array = diagnose(supervisor, (), RULES, 300_000, "apad2")  # type: ignore[arg-type]
     assert {status.name for status in array.status} == {"musselbed: aPad apad2", "musselbed: mission apad2"}
     # One of several namespaces adds the namespace.
-    array = diagnose(supervisor, (7,), Limits(120.0, 0.5), 300_000, namespace="lab/basin")  # type: ignore[arg-type]
+    array = diagnose(supervisor, (7,), RULES, 300_000, namespace="lab/basin")  # type: ignore[arg-type]
     assert "lab/basin/musselbed: aMussel 7" in {status.name for status in array.status}
 
 
