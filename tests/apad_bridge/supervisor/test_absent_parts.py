@@ -21,6 +21,7 @@ from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.runs.resuming import restore_allocation
 from apad_bridge.scenario.loader import load
 from apad_bridge.supervisor.packet_relay import no_relay
+from apad_bridge.supervisor.run_spec import RunSpec
 from apad_bridge.supervisor.sample_collection import NoSampleCollection
 from apad_bridge.vehicle.outcomes import PrimitiveFailed
 from apad_bridge.world.fleet import NoFleet
@@ -48,7 +49,7 @@ def test_without_water_packets_arrive_at_once_and_strangers_are_counted() -> Non
 
 
 def test_a_supervisor_without_water_delays_no_packet_and_counts_a_ping() -> None:
-    supervisor = parts.supervisor(flight_config(POOL), calls=CallQueue())
+    supervisor = parts.supervisor(flight_config(POOL), RunSpec(calls=CallQueue()))
     assert [supervisor.send(it, MissionMs(0)) for it in (SOUND, WIFI)] == [[SOUND], [WIFI]]
     assert isinstance(supervisor.mission, FlightMission)
     supervisor.mission.order(PingAgent(4))

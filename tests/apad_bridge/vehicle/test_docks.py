@@ -52,7 +52,7 @@ def test_after_any_reports_and_a_kill_all_know_the_same_docks_and_no_amussel_is_
     notes = [it for it in bench.book.take_orders() if isinstance(it, Event)]
     lines = [{"t": at_ms, "kind": it.kind, **it.data} for at_ms, it in enumerate(notes)]
     state = find_resume_point(state_of(lines), epoch=2, gap_ms=0).state
-    resumed = parts.supervisor(CONFIG, RunSpec(ResumePoint(MissionMs(0), state, 1, None)))
+    resumed = parts.supervisor(CONFIG, RunSpec(ResumePoint(MissionMs(0), state, 0, None)))
     assert bench.port.docked == bench.book.state.docked == resumed.mission.state.docked == resumed.port.docked
 
 
@@ -68,7 +68,7 @@ def test_a_vehicle_s_later_report_moves_an_amussel_and_frees_no_other() -> None:
 
 def test_a_resumed_port_asks_for_no_amussel_twice_and_opens_the_dock_that_holds_it() -> None:
     port = parts.supervisor(
-        CONFIG, RunSpec(ResumePoint(MissionMs(0), MissionState(docked=((3, 9),)), 1, None))
+        CONFIG, RunSpec(ResumePoint(MissionMs(0), MissionState(docked=((3, 9),)), 0, None))
     ).port
     assert port.receive(CloseDock(1, 2, 9), 0) == [PrimitiveSucceeded(0, 1)]
     assert port.receive(OpenDock(2, 2, 9), 0) == []
