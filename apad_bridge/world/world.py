@@ -12,7 +12,7 @@ from apad_bridge.world.roster import NoRoster, Roster
 
 @dataclass(frozen=True, slots=True)
 class World:
-    """What is true in a flight. The defaults are parts that do nothing."""
+    """The truth of a flight. The defaults are parts that do nothing."""
 
     fleet: FlightFleet | NoFleet
     faults: FaultInjection | NoFaults = field(default_factory=NoFaults)
