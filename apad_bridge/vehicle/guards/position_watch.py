@@ -35,6 +35,8 @@ PLACE_ERROR_M = 0.1
 """The error of the way between two positions of the last two seconds (a GPS, after the vehicle's filter)."""
 ARRIVAL_ERROR_MS = 1_000
 """The error of the time between two positions without stamps: it is the ticks of their arrival."""
+LATE_MS = 5_000
+"""A position that is later waited for a bench that stood still. The vehicle's watchdog may stop it after twice as long."""
 CLOCK_SET_MS = 5_000
 """Stamps and arrivals that differ by more tell that the vehicle's clock was set."""
 BACK_MS = 100
@@ -161,12 +163,14 @@ class _VehicleClock:
             self._since_ms, self._least_before_ms, self._least_ms = heard_ms, self._least_ms, None
         self._least_ms = offset_ms if self._least_ms is None else min(self._least_ms, offset_ms)
 
+    def late_ms(self, pose: PoseReported) -> int:
+        """The delay of this position beyond the least delay."""
+        known = [it for it in (self._least_ms, self._least_before_ms) if it is not None]
+        return 0 if pose.stamp_ms is None or not known else _heard_ms(pose) - pose.stamp_ms - min(known)
+
     def earliest_ms(self, pose: PoseReported) -> int:
         """The mission time at which this position would have come without more than the least delay."""
-        known = [it for it in (self._least_ms, self._least_before_ms) if it is not None]
-        if pose.stamp_ms is None or not known:
-            return pose.at_ms
-        return pose.at_ms - (_heard_ms(pose) - pose.stamp_ms - min(known))
+        return pose.at_ms - self.late_ms(pose)
 
 
 class PositionWatch:
@@ -314,12 +318,16 @@ class PositionWatch:
             self._samples.popleft()
 
     def look_at(self, pose: PoseReported) -> None:
-        """Looks if the positions alternate between two places. It sees each, also those that a newer one replaces.
+        """Looks if a position came late, or alternates between two places. It sees each that a newer one replaces.
 
-        A vehicle that a person gives back can wait for a person; of others, noise of the link looks alike.
+        A bench that wakes may hear all positions of its sleep before it looks: the newest is fresh then, and somebody may
+        have stopped the vehicle meanwhile. A vehicle that a person gives back can wait for a person; of others, noise of
+        the link looks alike.
         """
         if self.limits.settled_ms is not None:
             return
+        if self._clock.step_ms(pose) >= 0 and (late_ms := self._clock.late_ms(pose)) > LATE_MS:
+            self._doubt_it(f"one came {late_ms / 1000:.1f} s late", pose.at_ms)
         at_ms = _heard_ms(pose) if pose.stamp_ms is None else pose.stamp_ms
         if (apart_m := self._two_places.take(at_ms, _place(pose))) > 0:
             self._doubt_it(f"it alternates between two places {apart_m:.1f} m apart", pose.at_ms)

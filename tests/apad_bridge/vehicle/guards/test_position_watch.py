@@ -316,6 +316,21 @@ def test_a_delay_that_goes_on_growing_is_noticed_within_two_seconds() -> None:
     assert "its delay grows" in watch.fault(noticed_ms)
 
 
+def test_positions_that_waited_for_a_bench_that_slept_are_a_doubt_though_the_newest_of_them_is_fresh() -> (
+    None
+):
+    """A laptop wakes after a minute, and hears all positions of it before its guards look."""
+    readings, gate = Readings((10.5, 16.0)), Gate([], PositionWatch(PositionLimits(settled_ms=None)))
+    stamps_ms, asleep_ms = range(0, 90_000, 100), range(20_000, 80_000)
+    for stamp_ms in stamps_ms:
+        heard_ms = asleep_ms.stop if stamp_ms in asleep_ms else stamp_ms
+        readings.receive(PoseReceived(heard_ms, 0.0, 0.0, 0.0, stamp_ms, heard_ms=heard_ms))
+        if stamp_ms not in asleep_ms:
+            readings.take(gate)
+            assert bool(gate.watch.fault(heard_ms)) is (stamp_ms >= asleep_ms.stop)
+    assert "one came 60.0 s late" in gate.watch.fault(90_000)
+
+
 @pytest.mark.parametrize("late_ms", [1_200, 4_000, 60_000])
 def test_a_tick_of_ours_that_is_late_is_no_step_of_the_vehicles_stamps(late_ms: int) -> None:
     """Our machine is busy for a while, so that a late tick takes a position that is newer than its own time."""
