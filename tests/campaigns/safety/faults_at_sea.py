@@ -30,6 +30,8 @@ SERVO_S = 27.0
 IDLE_S = 1200.0
 """A healthy mission of four aMussels at theta 30 orders a way more often than that."""
 OUTSIDE_M = (SIDE_M + 15.0, SIDE_M / 2)
+FENCE_AHEAD_S = 90.0
+"""From anywhere inside, the way to the fence takes less."""
 NURSERY = ("nursery",)
 PARENT = ("apad_bridge.commands.main run",)
 GATEWAYS = ("commands.main console", "commands.main imc")
@@ -62,11 +64,15 @@ def second_publisher(**how: Any) -> Act:
 
 
 def other_goal(it: Try) -> Case:
-    """Both generations show the goals of their action servers to all."""
+    """Both generations show the goals of their action servers to all.
+
+    The counterpart's server does not show those of its services: it is stopped when the fence comes ahead.
+    """
     begun_s = time.monotonic()
+    limit_s = FENCE_AHEAD_S if it.flight.is_counterpart else LIMIT_S
     it.flight.stranger("goal", generation=it.flight.generation, place=OUTSIDE_M)
-    it.flight.pause(SHOWN_S + AFTER_S)
-    return it.case(begun_s)
+    it.flight.pause(SHOWN_S + AFTER_S - LIMIT_S + limit_s)
+    return it.case(begun_s, limit_s=limit_s)
 
 
 def other_goal_after_a_guard(it: Try) -> Case:
