@@ -401,6 +401,7 @@ class DockingPort:
         if self._queued is not None or self._tries >= self._docking.attempts:
             self._end(Effect.FAIL, event, at_ms, actions, self._first_cause)
         else:
+            self.dropped[f"a dock was tried again: {reason}"] += 1
             self._command_id = None
             self._start_mechanism(primitive, at_ms, actions)
 

@@ -316,6 +316,7 @@ def test_a_mechanism_that_misses_is_tried_again_and_its_first_cause_told() -> No
         told = port.receive(CommandFailed(attempt * 15_000, attempt, f"miss {attempt}"), attempt * 15_000)
         assert told == ([] if attempt < 3 else [PrimitiveFailed(45_000, 1, "miss 1")])
     assert port.first_failure == PrimitiveFailed(45_000, 1, "miss 1")
+    assert port.dropped == {f"a dock was tried again: miss {attempt}": 1 for attempt in (1, 2)}
 
 
 def test_one_that_holds_at_the_second_try_has_succeeded() -> None:
