@@ -55,6 +55,7 @@ def _accepted(flight: Flight, name: str, **request: Any) -> bool:
 
 def stopped_and_continued(it: Try) -> Case:
     """Without a person who has taken over, `continue` is the mission's."""
+    it.flight.actor("caller")  # a person has it at hand: its start is no part of the stop
     begun_s = time.monotonic()
     refused = [] if _accepted(it.flight, "stop") else ["`stop` was refused"]
     it.flight.pause(6.0)
