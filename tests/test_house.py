@@ -60,6 +60,12 @@ def files_that_import(names: set[str], root: Path = ROOT) -> Iterator[Path]:
                 yield path.relative_to(root)
 
 
+def test_a_counterpart_imports_nothing_of_ours() -> None:
+    """A stranger's vehicle shows an assumption of ours only where it does not share it."""
+    paths = list((ROOT / "tests" / "counterparts").glob("*/**/*.py"))
+    assert paths and [str(it) for it in paths if imported_names(it) & set(ROOMS)] == []
+
+
 def run_tool(*command: str) -> None:
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, f"{done.stdout}\n{done.stderr}"
