@@ -1,23 +1,20 @@
 """Opens and closes each dock of a real aPad once.
 
-    python -m apad_bridge.ros.prove_docks /apad1 4 [by-eye]
+    python -m apad_bridge.ros.prove_docks /apad1 4
 
 By perches and releases of generation A, or by the arms that `dock_out` moves for generation B. It prints one
-line. With `by-eye` a generation B also begins an undocking, and a second line has the seconds that a stop waits
-then. Without docks to move it prints the reason to stderr and ends with exit code 3.
+line; without docks to move it prints the reason to stderr and ends with exit code 3.
 """
 
 from __future__ import annotations
 
 import sys
 import threading
-import time
 from typing import Any
 
 import rospy
 from actionlib import SimpleActionClient
 from std_msgs.msg import Float32MultiArray
-from std_srvs.srv import Trigger
 
 from apad_bridge.ros.system.node import start_node
 from apad_bridge.ros.types.messages import use_generated_messages
@@ -28,11 +25,9 @@ from apad_bridge.vehicle.generation_b.messages import arms
 use_generated_messages()
 
 from apad.msg import aPadAction, aPadGoal  # noqa: E402
-from misc_msgs.srv import DockingPrimitiveService, GetDockingInfo  # noqa: E402
+from misc_msgs.srv import GetDockingInfo  # noqa: E402
 
 STANDS_OPEN_S = 1.0
-_BEGINS_S = 0.5
-"""From the answer to an undocking until its camera turns."""
 _WAIT_S, _GOAL_S = 5.0, 30.0
 
 
@@ -97,21 +92,6 @@ def by_arms(apad: str, docks: int) -> str:
     return f"{docks} arms opened and closed"
 
 
-def stop_waits_s(apad: str) -> float:
-    """Seconds from a stop to its answer while generation B turns its camera, before it undocks nothing from dock 1.
-
-    Its sources block about 27 s there; which of its services wait as long is not published.
-    """
-    undock = rospy.ServiceProxy(of_apad(apad, "commander/primitive/docking"), DockingPrimitiveService)
-    stop = rospy.ServiceProxy(of_apad(apad, "commander/stop_mission"), Trigger)
-    if not undock(docking_action=False, docking_slot=0).status:
-        raise CannotMove("an undocking is refused")
-    threading.Event().wait(_BEGINS_S)
-    asked_s = time.monotonic()
-    stop()
-    return time.monotonic() - asked_s
-
-
 def main() -> int:
     apad, docks = sys.argv[1], int(sys.argv[2])
     start_node("musselbed_prove_docks", is_anonymous=True)
@@ -120,8 +100,6 @@ def main() -> int:
             rospy.wait_for_service(of_apad(apad, "check_docking_availability"), 1.0)
         except rospy.ROSException:
             print(by_arms(apad, docks))
-            if "by-eye" in sys.argv[3:]:
-                print(f"{stop_waits_s(apad):.1f}")
         else:
             print(by_perches(apad, docks))
     except (CannotMove, rospy.ServiceException, rospy.ROSException) as error:
