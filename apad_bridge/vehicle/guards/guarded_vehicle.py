@@ -393,7 +393,9 @@ class GuardedVehicle:
             and self._keeper.way_back is None
             and (stop.kind is StopKind.OFF or not wants_off)
         ):
-            if finding.cause is not Cause.POSITION:
+            # A hull that has not obeyed yet gets no new time by what a guard sees of it.
+            is_news = finding.cause is Cause.OTHERS or not self._keeper.is_judging
+            if finding.cause is not Cause.POSITION and is_news:
                 self._keeper.send_again(finding.reason, now_ms)
             return
         if stop is not None and stop.kind is StopKind.HOLD and wants_off:

@@ -67,6 +67,12 @@ class StopKeeper:
         self._restored = self._stops.in_force
         """The stop that a former supervisor left in force, until it is decided whether it goes out again."""
 
+    @property
+    def is_judging(self) -> bool:
+        """The vehicle has taken the stop in force, and its hull has not obeyed yet."""
+        stop = self._stops.in_force
+        return self._obedience is not None and stop is not None and stop.obeyed_ms is None
+
     def begin(
         self,
         kind: StopKind,

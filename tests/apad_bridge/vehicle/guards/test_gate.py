@@ -102,14 +102,19 @@ class Guarded:
     """A vehicle in the U of the guards' tests, which is wherever it is put."""
 
     def __init__(
-        self, *, is_real: bool = False, outside: Reaction = Reaction.HOLD, obeys_speed: bool = True
+        self,
+        *,
+        is_real: bool = False,
+        outside: Reaction = Reaction.HOLD,
+        obeys_speed: bool = True,
+        most_m_s: float = 2.0,
     ) -> None:
         guards = [SoundNumbers(), PersonsWord(), GoodPosition(), InWaters(WATERS, outside is Reaction.RETURN)]
         checks = [
             PositionIsGood(),
             IsInWaters(WATERS, outside),
             CanStopInWaters(WATERS, Stopping(0.5)),
-            SpeedIsAllowed(2.0),
+            SpeedIsAllowed(most_m_s),
             EndsInTime(100.0),
             MakesProgress(),
         ]

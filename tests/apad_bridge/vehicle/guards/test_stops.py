@@ -198,6 +198,22 @@ def test_a_deaf_hull_gets_off_in_place_of_a_hold_and_the_alarm() -> None:
     assert stop is not None and stop.state.value == "not obeyed"
 
 
+def test_a_guards_finding_gives_a_hull_that_does_not_obey_no_new_time() -> None:
+    """Reversed thrusters drive it ever faster, so that the speed guard speaks before the hull is judged."""
+    bench, north_m = Guarded(is_real=True, most_m_s=0.8), 5.0
+    for _ in range(5):
+        north_m += 0.6
+        bench.at(north_m, 5.0)
+    bench.stop()
+    stopped_ms = bench.now_ms
+    while not any(isinstance(it, Stop) for it in bench.wire.out):
+        north_m += 0.95
+        bench.at(north_m, 5.0)
+        assert bench.now_ms - stopped_ms <= 4_500
+    assert ("guard", "speed") in bench.events()
+    assert [type(it) for it in bench.wire.out] == [Hold, Stop]
+
+
 def test_a_hold_that_was_not_taken_is_ordered_again_and_told() -> None:
     bench = Journaled()
     bench.wire.takes = False
