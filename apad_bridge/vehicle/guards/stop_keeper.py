@@ -92,7 +92,10 @@ class StopKeeper:
         self.send(now_ms)
 
     def go_on(self, now_ms: int) -> None:
-        """Sends a restored OFF again, and a restored HOLD that nobody knows to be taken, as soon as it may hold."""
+        """Sends a restored OFF again, and a restored HOLD that nobody knows to be taken, as soon as it may hold.
+
+        A hull that has left the place to hold meanwhile gets OFF: a way back to it would be a motion of ours.
+        """
         if (stop := self._restored) is None:
             return
         if self._restored_ms is None:
@@ -104,7 +107,19 @@ class StopKeeper:
             self._restored = None  # another stop has come
         elif not is_blind or now_ms - self._restored_ms >= TAKEN_MS:
             self._restored = None
+            if reason := self._why_place_is_stale(now_ms):
+                self.become_off(reason)
             self.send(now_ms)
+
+    def _why_place_is_stale(self, now_ms: int) -> str:
+        """The reason why the hull may not be sent to the place of the HOLD in force; empty where it may."""
+        stop, place_m = self._stops.in_force, self._gate.situation(now_ms).place_m
+        if stop is None or stop.place_m is None or place_m is None:
+            return ""
+        away_m, stopping = math.dist(stop.place_m, place_m), self._safety.stopping
+        if away_m <= stopping.way_m(stopping.coasting_speed_m_s):
+            return ""
+        return f"the aPad is {away_m:.1f} m from the place to hold, which nobody knows that it took"
 
     def note_cut(self, now_ms: int) -> None:
         """A stop has ended an order on its way, which the vehicle may carry out late."""

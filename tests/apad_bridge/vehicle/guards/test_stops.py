@@ -149,6 +149,16 @@ def test_a_resumed_run_sends_an_off_again_a_hold_that_was_not_taken_and_nothing_
     assert go in bench.command(go)
 
 
+@pytest.mark.parametrize(("away_m", "sent"), [(1.0, Hold), (6.0, Stop)])
+def test_a_hull_that_has_left_the_place_of_a_hold_not_taken_gets_off(away_m: float, sent: type) -> None:
+    """A watchdog may have switched it off meanwhile, and it drifts: a way back would be a motion that nobody ordered."""
+    bench = resumed(crashed(takes=False))
+    for _ in range(3):
+        bench.at(5.0 + away_m, 5.0)
+    assert type(bench.wire.out[0]) is sent
+    assert sent is Stop or all(isinstance(it, Hold) and it.north_m == 5.0 for it in bench.wire.out)
+
+
 def test_a_restored_hold_waits_for_a_position_and_becomes_off_without_one() -> None:
     bench = resumed(crashed(takes=False))
     bench.silent(2)
