@@ -81,7 +81,7 @@ def noted(run: Path) -> dict[int, int]:
         line = json.loads(text)
         heard |= {agent_id: data["heard_ms"] for agent_id, _, data in line.get("beliefs", ())}
         for kind, agent_id, *rest in line.get("learned", ()):
-            if kind == "heard":
+            if kind.startswith("heard"):
                 heard[agent_id] = rest[0]
             elif kind == "forgot":
                 heard.pop(agent_id, None)
