@@ -14,14 +14,20 @@ Wi-Fi, after the first one of each aMussel.
 from __future__ import annotations
 
 import math
+import os
 import random
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import partial
+from multiprocessing import get_context
 from pathlib import Path
 from statistics import fmean
 from typing import Any, TypeVar
+
+from rich.console import Console
+from rich.progress import Progress
 
 from agents.fleet import Spread
 from agents.hosting.in_process import InProcessHost
@@ -40,7 +46,7 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.supervisor.sample_collection import SampleCollection
-from benchmarks.rows import side_by_side, told
+from benchmarks.rows import told
 from firmware_model.config import BoardConfig
 from firmware_model.packets import ShortStatus, StatusPacket
 from firmware_model.power.ageing import AS_NEW, rescaled
@@ -325,10 +331,24 @@ def measure(seeds: tuple[int, ...] = JUDGED_ON, short: bool = False) -> dict[str
     cases += [Case(Boards.LIAR, 1.0), *(Case(Boards.UNTOLD, HEARD[-1], arrives) for arrives in ASSUMED)]
     jobs = [(seed, case) for case in cases for seed in seeds]
     found: dict[Case, list[list[Row]]] = {}
-    for (seed, case), rows in side_by_side(partial(flown, mission_s=mission_s), jobs):
+    for (seed, case), rows in _side_by_side(partial(flown, mission_s=mission_s), jobs):
         found.setdefault(case, []).append(rows)
         told({**_head(case), "seed": seed, **score(rows)})
     return judged(seeds, mission_s, found)
+
+
+def _side_by_side(
+    fly: Callable[[tuple[int, Case]], list[Row]], jobs: Sequence[tuple[int, Case]]
+) -> Iterator[tuple[tuple[int, Case], list[Row]]]:
+    """Each job with its rows, in order, from as many processes as there are processors; a bar counts them."""
+    with (
+        Progress(console=Console(stderr=True), transient=True) as progress,
+        ProcessPoolExecutor(os.cpu_count(), mp_context=get_context("spawn")) as pool,
+    ):
+        task = progress.add_task("flying", total=len(jobs))
+        for job, rows in zip(jobs, pool.map(fly, jobs), strict=True):
+            yield job, rows
+            progress.advance(task)
 
 
 def _head(case: Case) -> dict[str, Any]:
