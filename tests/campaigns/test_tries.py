@@ -66,3 +66,15 @@ def test_a_table_has_a_line_for_each_row_and_its_lists_stand_below() -> None:
         ["nan,", "a:", "failures:", "late"],
     ]
     assert "not tried: pilot: no channel" in said
+
+
+def test_a_table_has_the_columns_of_all_its_rows() -> None:
+    out = io.StringIO()
+    show(
+        {"suspects": [{"case": "untold", "suspects": 2}, {"case": "liar", "covered": 0.5}]},
+        Console(file=out, width=80),
+    )
+    lines = [
+        it.replace("│", " ").split() for it in out.getvalue().splitlines() if "untold" in it or "liar" in it
+    ]
+    assert lines == [["untold", "2", "-"], ["liar", "-", "0.5"]]

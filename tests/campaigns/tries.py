@@ -152,10 +152,12 @@ def show(result: dict[str, Any], console: Console, under: str = "") -> None:
 
 
 def _show_rows(title: str, rows: list[Result], console: Console) -> None:
-    names = [name for name, cell in rows[0].items() if not isinstance(cell, list | dict)]
+    names = dict.fromkeys(
+        name for row in rows for name, cell in row.items() if not isinstance(cell, list | dict)
+    )
     table = Table(*map(_in_words, names), title=title)
     for row in rows:
-        table.add_row(*(_in_short(row[name]) for name in names))
+        table.add_row(*(_in_short(row.get(name)) for name in names))
     console.print(table)
     for row in rows:
         head = ", ".join(cell for cell in row.values() if isinstance(cell, str))

@@ -214,7 +214,7 @@ def _docked_so_far(run: Path) -> int:
 
 
 def _counted(looks: list[Any]) -> list[Any]:
-    return looks[int(WARM_PART * len(looks)) : -1]  # at the last look it may be ending
+    return looks[int(WARM_PART * len(looks)) : -1] or looks[-1:]  # at the last look it may be ending
 
 
 def _three(values: list[Any]) -> list[Any]:
