@@ -96,7 +96,7 @@ class Gate:
         self._waters = waters or OpenWaters()
         self.watch = watch
         self.battery = BatteryWatch()
-        self._watchdog = watchdog or WatchdogWatch()
+        self.watchdog = watchdog or WatchdogWatch()
         self.events: list[Event] = []
         self.latch = Latch()
         self.stops = Stops(self.events, self.latch)
@@ -139,8 +139,8 @@ class Gate:
 
     def hear_watchdog(self, said: Sequence[str], now_ms: int) -> None:
         """Takes what the vehicle's watchdog said since the last tick; a line when it stops watching or begins again."""
-        if self._watchdog.look(said, now_ms):
-            fault = self._watchdog.fault
+        if self.watchdog.look(said, now_ms):
+            fault = self.watchdog.fault
             self.events.append(WatchdogTold(not fault, fault or None))
 
     def why_not_continue(self, number: int | None, now_ms: int, *, pilot_left: bool = False) -> str:
@@ -208,7 +208,7 @@ class Gate:
             self._bodies,
             self.awaits_person,
             now_ms,
-            self._watchdog.fault,
+            self.watchdog.fault,
         )
 
     def _outside(self) -> str:

@@ -17,6 +17,7 @@ from apad_bridge.vehicle.guards.gate import PILOT_STEERS, Safety
 from apad_bridge.vehicle.guards.obedience import Obedience, Obeys, Sight
 from apad_bridge.vehicle.guards.orders import Point, may_hold
 from apad_bridge.vehicle.guards.stops import SIMULATED_TAKEN_MS, TAKEN_MS
+from apad_bridge.vehicle.guards.watchdog_watch import FIRST_STATE_MS
 from apad_bridge.vehicle.link import Cleared
 
 REST_M = 0.5
@@ -94,27 +95,36 @@ class StopKeeper:
     def go_on(self, now_ms: int) -> None:
         """Sends a restored OFF again, and a restored HOLD that nobody knows to be taken, as soon as it may hold.
 
-        A hull that has left the place to hold meanwhile gets OFF: a way back to it would be a motion of ours.
+        A hull that has left the place to hold meanwhile gets OFF: a way back to it would be a motion of ours. So does one
+        whose watchdog has switched its thrusters off: a HOLD would start them.
         """
         if (stop := self._restored) is None:
             return
         if self._restored_ms is None:
             self._restored_ms = now_ms
+        waited_ms = now_ms - self._restored_ms
         is_blind = stop.kind is StopKind.HOLD and not may_hold(self._gate.situation(now_ms))
+        is_early = (
+            stop.kind is StopKind.HOLD and not self._gate.watchdog.is_heard and waited_ms < FIRST_STATE_MS
+        )
         if stop.kind is StopKind.HOLD and (stop.taken_ms is not None or stop.stills_arms):
             self._restored = None  # the vehicle holds by itself, or hands are near its thrusters
         elif self._stops.in_force is not stop:
             self._restored = None  # another stop has come
-        elif not is_blind or now_ms - self._restored_ms >= TAKEN_MS:
+        elif waited_ms >= TAKEN_MS or not (is_blind or is_early):
             self._restored = None
-            if reason := self._why_place_is_stale(now_ms):
+            if reason := self._why_not_hold_late(now_ms):
                 self.become_off(reason)
             self.send(now_ms)
 
-    def _why_place_is_stale(self, now_ms: int) -> str:
-        """The reason why the hull may not be sent to the place of the HOLD in force; empty where it may."""
+    def _why_not_hold_late(self, now_ms: int) -> str:
+        """The reason why the HOLD in force, which a former supervisor ordered, may not go out; empty where it may."""
         stop, place_m = self._stops.in_force, self._gate.situation(now_ms).place_m
-        if stop is None or stop.place_m is None or place_m is None:
+        if stop is None or stop.kind is StopKind.OFF:
+            return ""
+        if self._gate.watchdog.has_put_off:
+            return "the vehicle's watchdog has switched the thrusters off, and nobody knows that the hold was taken"
+        if stop.place_m is None or place_m is None:
             return ""
         away_m, stopping = math.dist(stop.place_m, place_m), self._safety.stopping
         if away_m <= stopping.way_m(stopping.coasting_speed_m_s):

@@ -6,6 +6,10 @@ from collections.abc import Sequence
 
 WATCHING = "WATCHING"
 """The state of `launch_scripts/vehicle_watchdog` in which a silence of the bench stops the vehicle."""
+_OFF = "OFF"
+"""Its state after it has switched the thrusters off, until the bench's heartbeats come again."""
+FIRST_STATE_MS = 2_000
+"""A watchdog of which nothing was heard for so long after the start counts as none, where an order waits for its word."""
 UNWATCHED_MS = 15_000
 """A watchdog that has not said so for longer is lost. It says its state twice a second; a poor link has gaps of seconds."""
 _LONGEST_STATE = 20
@@ -22,11 +26,19 @@ class WatchdogWatch:
         self._says = ""
         self._said_ms: int | None = None
         self.fault = ""
+        self.has_put_off = False
+        """It has said, since this bench began to listen, that it has switched the thrusters off."""
+
+    @property
+    def is_heard(self) -> bool:
+        """It has said anything yet."""
+        return self._said_ms is not None
 
     def look(self, said: Sequence[str], now_ms: int) -> bool:
         """Takes the states since the last look, in order. True when `fault` begins or ends with this look."""
         if said:
             self._says, self._said_ms = said[-1], now_ms
+        self.has_put_off = self.has_put_off or _OFF in said
         if (self._says == WATCHING and said) or (self._watched_ms is None and self._is_demanded):
             self._watched_ms = now_ms
         was_lost = bool(self.fault)

@@ -133,7 +133,7 @@ def test_a_resumed_run_sends_an_off_again_a_hold_that_was_not_taken_and_nothing_
     how: dict[str, bool], sent: list[type]
 ) -> None:
     bench = resumed(crashed(**how))
-    for _ in range(3):
+    for _ in range(4):
         bench.at(5.0, 5.0)
     assert [type(it) for it in bench.wire.out[:1]] == sent
     bench.wire.out = []
@@ -157,6 +157,23 @@ def test_a_hull_that_has_left_the_place_of_a_hold_not_taken_gets_off(away_m: flo
         bench.at(5.0 + away_m, 5.0)
     assert type(bench.wire.out[0]) is sent
     assert sent is Stop or all(isinstance(it, Hold) and it.north_m == 5.0 for it in bench.wire.out)
+
+
+@pytest.mark.parametrize(
+    ("said", "sent"), [("OFF", Stop), ("WATCHING", Hold), ("HELD", Hold), (None, Hold)], ids=str
+)
+def test_a_hold_not_taken_does_not_follow_the_off_of_the_vehicle_s_watchdog(
+    said: str | None, sent: type
+) -> None:
+    """The watchdog's word is waited for, and counts also when the new supervisor's heartbeats have ended its OFF."""
+    bench = resumed(crashed(takes=False))
+    bench.at(5.0, 5.0)
+    assert bench.wire.out == []
+    for it in (said, "WATCHING"):
+        bench.vehicle.gate.hear_watchdog([] if said is None or it is None else [it], bench.now_ms)
+    bench.at(5.0, 5.0)
+    bench.at(5.0, 5.0)
+    assert {type(it) for it in bench.wire.out} == {sent}
 
 
 def test_a_restored_hold_waits_for_a_position_and_becomes_off_without_one() -> None:
