@@ -119,6 +119,7 @@ def _waters(scenario: Scenario, options: GuardOptions) -> Waters:
 
 def _guards(scenario: Scenario, options: GuardOptions, waters: Waters) -> list[Guard]:
     docking, area = scenario.mission.docking, scenario.area
+    adrift_s = ADRIFT_MS / 1000 if options.adrift_s is None else options.adrift_s
     guards: list[Guard] = [
         SoundNumbers(),
         PersonsWord(),
@@ -126,7 +127,7 @@ def _guards(scenario: Scenario, options: GuardOptions, waters: Waters) -> list[G
         InWaters(waters, returns=options.outside is WhenOutside.RETURN),
         RoomToDock(
             waters,
-            max(options.drift_m_s, fastest_drift_m_s(scenario)) * ADRIFT_MS / 1000
+            max(options.drift_m_s, fastest_drift_m_s(scenario)) * adrift_s
             + options.search_m
             + _PULLED_BACK_M,
             lambda agent_id: docking.profile_of(agent_id) is not DockingProfile.VIRTUAL,

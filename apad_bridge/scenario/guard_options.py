@@ -4,7 +4,14 @@ from __future__ import annotations
 
 from enum import StrEnum
 
-from apad_bridge.scenario.quantities import Fraction, NotNegative, Positive, PositiveSeconds, frozen
+from apad_bridge.scenario.quantities import (
+    Fraction,
+    NotNegative,
+    NotNegativeSeconds,
+    Positive,
+    PositiveSeconds,
+    frozen,
+)
 
 LOOK_MS = 200
 """A real vehicle's position is looked at so often between two ticks: a tick is a third of the time that a stop may take."""
@@ -56,6 +63,8 @@ class GuardOptions:
     """The least distance of a way to real aMussels at the surface and to other aPads."""
     drift_m_s: NotNegative = 0.2
     """The fastest drift of an aPad whose controllers are off, for the room that a visual docking and a stop need."""
+    adrift_s: NotNegativeSeconds | None = None
+    """The longest that the aPad lies without thrust before it docks or undocks: 27 s if left out, as generation B."""
     search_m: NotNegative = 2.0
     """Greatest distance that a visual docking may move in its search."""
     battery_reserve: Fraction | None = None

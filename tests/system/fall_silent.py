@@ -1,7 +1,7 @@
 """Simulates a mission that sends the aPad away and falls silent, beside the vehicle's watchdog.
 
-Use: fall_silent.py WATCHDOG a|b silent|lost|blocked, on the master at ROS_MASTER_URI, where the aPad's node runs and nobody
-else publishes /clock.
+Use: fall_silent.py WATCHDOG a|b silent|lost|blocked PYTHON, on the master at ROS_MASTER_URI, where the aPad's node runs and
+nobody else publishes /clock. PYTHON runs the watchdog.
 `silent`: the mission falls silent, comes back, and falls silent under a pilot. `lost`: the master ends, which is asked for
 by `end the master` and confirmed by a line on the standard input; then the mission falls silent, first with a good position
 and then with a bad one. `blocked`: the mission falls silent while the servo of a docking turns.
@@ -109,10 +109,10 @@ class Mission:
 
 
 class Watchdog:
-    def __init__(self, path: str) -> None:
+    def __init__(self, path: str, python: str) -> None:
         # As on a vehicle: the machine's ROS and a workspace's messages, without our package.
         self.process = subprocess.Popen(
-            ["/usr/bin/python3", path, "--silence-s", "1", "/apad1/position:=/relayed/position"],
+            [python, path, "--silence-s", "1", "/apad1/position:=/relayed/position"],
             env=rospy_environment(),
             stdout=subprocess.PIPE,
             text=True,
@@ -243,7 +243,7 @@ def main() -> None:
     rospy.init_node("mission", disable_signals=True)
     play, speed = PLAYS[sys.argv[3]]
     mission = Mission(speed)
-    watchdog = Watchdog(sys.argv[1])
+    watchdog = Watchdog(sys.argv[1], sys.argv[4])
     try:
         hears = watchdog.until("WATCHING")
         result = play(mission, watchdog, sys.argv[2])

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from older_pythons import NoOlderPython, older_python
 from scenario_files import POOL_FILE
 
 from apad_bridge.ros.simulated_node.apad_process import start_apad_node, stop_apad_node
@@ -23,8 +24,10 @@ PREEMPTED = 2
 DRIFT_M_S = (0.05, -0.1)
 
 
-def told_by(tmp_path: Path, generation: str, play: str, **apad: Any) -> dict[str, Any]:
-    """The report of a mission that falls silent, with the vehicle's own node and a watchdog in the machine's Python."""
+def told_by(
+    tmp_path: Path, generation: str, play: str, python: str = "/usr/bin/python3", **apad: Any
+) -> dict[str, Any]:
+    """The report of a mission that falls silent, with the vehicle's own node and a watchdog that `python` runs."""
     data = loader.resolve(loader.load(POOL_FILE))
     data["apad"] |= {"generation": generation, "drift_m_s": list(DRIFT_M_S)} | apad
     scenario = tmp_path / "scenario.yaml"
@@ -35,7 +38,7 @@ def told_by(tmp_path: Path, generation: str, play: str, **apad: Any) -> dict[str
         stack.callback(stop_apad_node, start_apad_node(scenario, master.uri, tmp_path / "apad.log"))
         mission = stack.enter_context(
             subprocess.Popen(
-                [sys.executable, "-m", "tests.system.fall_silent", str(WATCHDOG), generation, play],
+                [sys.executable, "-m", "tests.system.fall_silent", str(WATCHDOG), generation, play, python],
                 env=loopback_environment(tmp_path / "ros", master.uri),
                 cwd=ROOT,
                 stdin=subprocess.PIPE,
@@ -58,11 +61,19 @@ def told_by(tmp_path: Path, generation: str, play: str, **apad: Any) -> dict[str
     return told
 
 
-@pytest.mark.parametrize("generation", ["a", "b"])
+@pytest.mark.parametrize(
+    ("generation", "version"),
+    [("a", ""), ("b", ""), ("a", "2.7"), ("b", "3.8")],
+    ids=["a", "b", "a-python-2.7", "b-python-3.8"],
+)
 def test_an_apad_whose_mission_falls_silent_is_held_where_it_is_and_a_pilot_is_not_fought(
-    tmp_path: Path, generation: str
+    tmp_path: Path, generation: str, version: str
 ) -> None:
-    told = told_by(tmp_path, generation, "silent")
+    try:
+        python = older_python(version) if version else "/usr/bin/python3"
+    except NoOlderPython as error:
+        pytest.skip(str(error))
+    told = told_by(tmp_path, generation, "silent", python)
     assert told["hears"] == ["WATCHING"] and told["hears_again"] == ["WATCHING"]
     assert "SILENT" in told["falls_silent"] and told["falls_silent"][-1].startswith("HELD at ")
     # Nobody held it, it would be 1.5 m north and 3 m west of there after half a minute.

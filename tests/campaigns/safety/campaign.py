@@ -20,6 +20,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from older_pythons import NoOlderPython, older_python
 from tries import Job, Kept, NoFlight, Result, fly_all, in_cells, in_turns
 from two_machines import why_no_two_machines
 
@@ -58,6 +59,7 @@ def measure(
         raise SystemExit(
             "a vehicle whose clock is off needs faketime: install Debian's package, or name other rows (--row)"
         )
+    chosen, without = _with_their_pythons(chosen)
     with tempfile.TemporaryDirectory(prefix="musselbed-campaign-") as folder:
         kept = Kept(resume or Path(folder))
         fly_all(chosen, kept, side_by_side, lambda job, attempt: flown(job, attempt, kept, minutes), figures)
@@ -67,7 +69,7 @@ def measure(
         for name in dict.fromkeys(name for name, _ in cells)
         for gen in BOTH
         if gen not in ROWS[name].generations
-    }
+    } | without
     return {"rows": [summary(*cell, results) for cell, results in cells.items()], "not_tried": not_tried}
 
 
@@ -82,6 +84,19 @@ def jobs(rows: list[str], generations: list[str], tries: int | None, *, short: b
             if generation in generations
         ]
     )
+
+
+def _with_their_pythons(chosen: list[Job]) -> tuple[list[Job], dict[str, str]]:
+    """The jobs whose watchdog's Python this machine has, and for the other rows the reason."""
+    missing: dict[str, str] = {}
+    for version in {ROWS[it.row].setup.watchdog_python for it in chosen} - {""}:
+        try:
+            older_python(version)
+        except NoOlderPython as error:
+            missing[version] = str(error)
+    flown = [it for it in chosen if ROWS[it.row].setup.watchdog_python not in missing]
+    versions = {it.row: ROWS[it.row].setup.watchdog_python for it in chosen}
+    return flown, {row: missing[version] for row, version in versions.items() if version in missing}
 
 
 def flown(job: Job, attempt: int, kept: Kept, minutes: float) -> Result:

@@ -7,6 +7,8 @@ import signal
 import time
 from typing import Any
 
+from older_pythons import NEEDS
+
 from safety.flight import IMC_PORT, SIDE_M, Setup
 from safety.judge import LIMIT_S, Case, Kind
 from safety.row import (
@@ -102,14 +104,22 @@ def master_and_supervisor_killed(it: Try) -> Case:
     return it.case(begun_s, limit_s=WATCHDOG_LIMIT_S, deaf=(begun_s, begun_s), must_be=Kind.HOLD)
 
 
-def wifi_cut(it: Try) -> Case:
-    begun_s = time.monotonic()
-    it.flight.link(1.0)
-    it.flight.pause(25.0)
-    healed_s = time.monotonic()
-    it.flight.link(0.0)
-    it.flight.pause(20.0)
-    return it.case(begun_s, limit_s=WATCHDOG_LIMIT_S, deaf=(begun_s, healed_s), must_be=Kind.HOLD)
+def wifi_cut(loss: float = 0.0, delay_s: float = 0.0) -> Act:
+    """The link is away for 25 s; before and after it loses that share and is so late."""
+
+    def act(it: Try) -> Case:
+        if loss or delay_s:
+            it.flight.link(loss, delay_s)
+            it.flight.pause(5.0)
+        begun_s = time.monotonic()
+        it.flight.link(1.0)
+        it.flight.pause(25.0)
+        healed_s = time.monotonic()
+        it.flight.link(loss, delay_s)
+        it.flight.pause(20.0)
+        return it.case(begun_s, limit_s=WATCHDOG_LIMIT_S, deaf=(begun_s, healed_s), must_be=Kind.HOLD)
+
+    return act
 
 
 def supervisor_killed(it: Try) -> Case:
@@ -356,7 +366,7 @@ ROWS: dict[str, Row] = {
     "other goal, stopped": Row("another node's goal outside the fence, after NaN", other_goal_after_a_guard),
     "master killed": Row("master killed, then `stop`", master_killed, tries=_T, is_short=True),
     "master and supervisor": Row("master and supervisor killed", master_and_supervisor_killed, tries=_T),
-    "wifi cut": Row("Wi-Fi cut for 25 s", wifi_cut, tries=_T, is_short=True),
+    "wifi cut": Row("Wi-Fi cut for 25 s", wifi_cut(), tries=_T, is_short=True),
     "supervisor killed": Row("supervisor killed", supervisor_killed, tries=_T),
     "supervisor stopped": Row("supervisor stopped for 25 s", frozen_for(25.0, *SUPERVISOR), tries=_T),
     "laptop asleep": Row("the laptop asleep for 60 s", frozen_for(60.0), tries=_T),
@@ -439,3 +449,14 @@ ROWS: dict[str, Row] = {
     "nuisance": Row("a healthy mission for --minutes", healthy, tries=1),
     "nuisance hold": Row("a healthy hold for --minutes", healthy, Setup(rests=True), tries=1),
 }
+for _version in NEEDS:
+    for _name, _act, _off_s in (
+        ("late", wifi_cut(delay_s=0.3), 0.0),
+        ("losing", wifi_cut(loss=0.2), 0.0),
+        ("clock off", wifi_cut(), 3.0),
+    ):
+        ROWS[f"wifi cut, {_name}, python {_version}"] = Row(
+            f"Wi-Fi cut for 25 s, {_name}, with the watchdog under Python {_version}",
+            _act,
+            Setup(watchdog_python=_version, clock_off_s=_off_s),
+        )

@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Any
 
 import yaml
+from older_pythons import older_python
 from tries import NoFlight
 from two_machines import Link, Lose, Machine, Programs, linked_machines, master_uri
 
@@ -86,6 +87,8 @@ class Setup:
     full: bool = False
     """The laptop's disk can be filled: the run's folder is a small file system of its own."""
     watchdog: bool = True
+    watchdog_python: str = ""
+    """The version of the Python that runs the watchdog; by default the machine's."""
     fault: str | None = None
     """A fault of the simulated vehicle, as its scenario names it."""
     docks_by_eye: bool = False
@@ -216,8 +219,10 @@ class Flight:
         return [*words, f"/apad1/position:={HULL}", "/apad1/battery_level:=/hull/battery_level"]
 
     def start_watchdog(self, *clock: str, environment: dict[str, str] | None = None) -> None:
-        words = [*clock, "/usr/bin/python3", str(ROOT / "launch_scripts" / "vehicle_watchdog")]
-        words += ["--apad", "/apad1", "--silence-s", f"{self.setup.silence_s:g}"]
+        version = self.setup.watchdog_python
+        python = older_python(version) if version else "/usr/bin/python3"
+        words = [*clock, python, str(ROOT / "launch_scripts" / "vehicle_watchdog"), "--apad"]
+        words += ["/apad1", "--silence-s", f"{self.setup.silence_s:g}"]
         self._start("watchdog", *words, environment=environment or self._workspace(PATH))
 
     def actor(self, name: str, *words: str) -> None:
