@@ -37,6 +37,8 @@ ARRIVAL_ERROR_MS = 1_000
 """The error of the time between two positions without stamps: it is the ticks of their arrival."""
 LATE_MS = 5_000
 """A position that is later waited for a bench that stood still. The vehicle's watchdog may stop it after twice as long."""
+LATE_FAULT_MS = 3_000
+"""Such a position is a fault for so long. Newer ones are good again then, and tell if the vehicle obeys its stop."""
 CLOCK_SET_MS = 5_000
 """Stamps and arrivals that differ by more tell that the vehicle's clock was set."""
 BACK_MS = 100
@@ -188,6 +190,8 @@ class PositionWatch:
         self._clock = _VehicleClock()
         self._doubt = ""
         self._doubted_ms = 0
+        self._late: tuple[int, int] | None = None
+        """The newest arrival of a position that came late, and the greatest lateness since a person believed it; in ms."""
         self._invalid: tuple[int, str] | None = None
         """Time and reason of a newest position that is no place at all."""
         self._frozen_ms = 0
@@ -327,7 +331,8 @@ class PositionWatch:
         if self.limits.settled_ms is not None:
             return
         if self._clock.step_ms(pose) >= 0 and (late_ms := self._clock.late_ms(pose)) > LATE_MS:
-            self._doubt_it(f"one came {late_ms / 1000:.1f} s late", pose.at_ms)
+            before_ms = 0 if self._late is None else self._late[1]
+            self._late = pose.at_ms, max(late_ms, before_ms)
         at_ms = _heard_ms(pose) if pose.stamp_ms is None else pose.stamp_ms
         if (apart_m := self._two_places.take(at_ms, _place(pose))) > 0:
             self._doubt_it(f"it alternates between two places {apart_m:.1f} m apart", pose.at_ms)
@@ -339,7 +344,7 @@ class PositionWatch:
 
     def believe(self) -> None:
         """A person has looked at the position, and believes it: every doubt ends."""
-        self._doubt, self._frozen_ms = "", 0
+        self._doubt, self._frozen_ms, self._late = "", 0, None
         self._witnesses.clear()
         self._two_places.forget()
         self._clock = _VehicleClock()
@@ -359,6 +364,8 @@ class PositionWatch:
         if self._doubt and (limits.settled_ms is None or now_ms - self._doubted_ms < limits.settled_ms):
             since = "" if limits.settled_ms is None else f" within the last {limits.settled_ms / 1000:g} s"
             return f"the aPad's position is not believed{since}: {self._doubt}"
+        if self._late is not None and now_ms - self._late[0] < LATE_FAULT_MS:
+            return f"one of the aPad's positions came {self._late[1] / 1000:.1f} s late"
         if self._frozen_ms >= limits.frozen_ms:
             return f"the aPad's position has not changed at all for {limits.frozen_ms / 1000:g} s under way"
         return ""
