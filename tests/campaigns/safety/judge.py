@@ -121,7 +121,7 @@ class Case:
     may_stand: bool = False
     """A stop that the vehicle had taken before `begun_s`, and still follows, counts as one at once."""
     goes_on_s: float = math.inf
-    """A healthy mission orders a way, or a dock, at least that often, until the last fact."""
+    """A healthy mission whose hull rests at the last fact ordered a way, or a dock, at most so long before."""
     must_move: bool = False
     """After the last word the bench orders a way again."""
     at_place_m: float = AT_PLACE_M
@@ -274,7 +274,8 @@ def judge(facts: list[Fact], case: Case) -> Verdict:
     _judge_places(verdict, ours, case, track)
     _judge_pilot(verdict, ours, facts)
     beats = [(it["at_s"], it["says_off"]) for it in facts if it["fact"] == "heartbeat"]
-    _judge_motion(verdict, ours, stop, case, beats, track.times_s[-1] if track.times_s else case.begun_s)
+    _judge_motion(verdict, ours, stop, case, beats)
+    _judge_going_on(verdict, ours, case, track)
     for it in case.told:
         _judge_told(verdict, orders, it, case, track)
         if case.is_stop_due and case.must_take and it.code != 0 and it.what.startswith(("stop", "hands")):
@@ -369,7 +370,6 @@ def _judge_motion(
     stop: Order | None,
     case: Case,
     beats: list[tuple[float, bool]],
-    ends_s: float,
 ) -> None:
     """Counts what moves the vehicle after it was stopped, or should have been, until a person's word."""
     stopped_s = math.inf if stop is None else stop.at_s
@@ -399,8 +399,13 @@ def _judge_motion(
             verdict.failures.append(f"{_said(it, case)} {reason}, without a person's word")
     if case.must_move and not any(it.kind is Kind.MOVE and it.at_s > max(case.words_s) for it in ours):
         verdict.failures.append("`continue` did not make the mission go on")
+
+
+def _judge_going_on(verdict: Verdict, ours: list[Order], case: Case, track: Track) -> None:
+    """A healthy vehicle is on a way, or gets one again before long, and nobody stops it."""
+    ends_s = track.times_s[-1] if track.times_s else case.begun_s
     way_s = max((it.at_s for it in ours if it.kind in (Kind.MOVE, Kind.DOCK)), default=case.begun_s)
-    if ends_s - way_s > case.goes_on_s:
+    if ends_s - way_s > case.goes_on_s and track.ends_at_rest():
         verdict.failures.append(f"no way was ordered in the last {ends_s - way_s:.0f} s")
     if not case.may_stop:
         for it in ours:
