@@ -178,7 +178,7 @@ def _adopt_fleet(run: _Run) -> tuple[_Run, FlightFleet | NoFleet]:
     if run.options.part is BenchPart.MISSION:
         return run, NoFleet()
     fleet = adopt(run.config, run.path, run.options.epoch, start_ms, run.options.open_modems, run.sea)
-    start_state.recorder.truths(fleet.take_truths())
+    start_state.recorder.truths(fleet.water.take_truths())
     start_state.presences.mute_as_before(fleet.coordinator)
     return replace(run, start_state=start_state.deliver_again(fleet.coordinator)), fleet
 

@@ -320,13 +320,13 @@ def _relive(
         felt[-(-t // TICK_MS) * TICK_MS].append(event)
     newest: dict[int, Truth] = {}
     for now_ms in map(MissionMs, range(0, at_ms + 1, TICK_MS)):
-        for result in fleet.advance(now_ms):
+        for result in fleet.water.advance(now_ms):
             match result:
                 case WifiSent(sent_ms, _, data):
                     listener.receive(WifiHeard(fleet.mission_ms(sent_ms), data))
                 case SoundSent(sent_ms, _, data):
                     listener.receive(SoundHeard(fleet.mission_ms(sent_ms), data))
-        truths = fleet.take_truths()
+        truths = fleet.water.take_truths()
         recorder.truths(truths)
         newest.update((truth.agent_id, truth) for truth in truths)
         listener.advance(now_ms)

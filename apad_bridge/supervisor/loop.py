@@ -78,6 +78,7 @@ class Flight:
         self._vehicle = GuardedVehicle(faulty, context.safety, obeys_speed=obeys_speed)
         self._recorder = recorder
         self._fleet = self._world.fleet
+        self._water = self._fleet.water
         self._relay = context.relay
         self._serial_lines = context.serial_lines
         self._fleet_results: list[SeaResult] = []
@@ -97,7 +98,7 @@ class Flight:
     def stop_serving(self, agent_id: int) -> None:
         """Leaves the aMussel to another aPad from now on; what waits to be sent to it by sound is dropped."""
         self.supervisor.stop_serving(agent_id)
-        self._fleet.cancel_sends(agent_id)
+        self._water.cancel_sends(agent_id)
 
     def stop(self, end: MissionEnd) -> None:
         self._stop_end = end
@@ -107,7 +108,7 @@ class Flight:
         """Ends the mission at the tick that the flight waits for, which its clock does not reach."""
         self.stop(end)
         self.tick(self.now_ms)
-        self._fleet.leave_water()
+        self._water.leave()
 
     def run(self) -> MissionEnd:
         """Flies until the mission has ended; returns its end."""
@@ -129,7 +130,7 @@ class Flight:
         self._context.pace.reach(self.now_ms, self._stopped, between)
         self.tick(self.now_ms)
         if self.supervisor.has_ended:
-            self._fleet.leave_water()
+            self._water.leave()
             return True
         self.now_ms = MissionMs(self.now_ms + TICK_MS)
         return False
@@ -189,14 +190,14 @@ class Flight:
                     pass
                 case KeepSamples(agent_id, samples):
                     self._recorder.samples(agent_id, samples)
-                case Send(Medium.SOUND) as send if self._fleet.has_other_apads:
+                case Send(Medium.SOUND) as send if self._water.has_others:
                     self._send(send, now_ms)
                 case Send() as send:
                     if send.agent_id not in self.supervisor.allocation.served_for_others:
                         self._send(send, now_ms)
                     self._relay.forward(send, now_ms)
                 case Ping(agent_id, not_before_ms):
-                    self._fleet.ping(agent_id, not_before_ms)
+                    self._water.ping(agent_id, not_before_ms)
                 case _:
                     mechanism_commanded |= isinstance(action, CloseDock | OpenDock)
                     self._vehicle.command(action, now_ms)
@@ -221,8 +222,8 @@ class Flight:
         """Advances the fleet's time, and reads and writes the serial lines."""
         self._fleet_ms = now_ms
         for burst in self._serial_lines.poll(now_ms):
-            self._fleet.write(burst.agent_id, burst.data)
-        results = self._fleet.advance(now_ms)
+            self._water.write(burst.agent_id, burst.data)
+        results = self._water.advance(now_ms)
         if not self._serial_lines.any_open:
             return list(results)
         return [it for it in results if not self._serial_lines.route(it, now_ms)]
@@ -264,7 +265,7 @@ class Flight:
                     self.dropped[reason] += 1
                 case StateDoubted(_, agent_id, reason):
                     self._recorder.event(now_ms, StateDisbelieved(agent_id, reason))
-                case SoundReached(at_ms, agent_id, data) if self._fleet.has_other_apads:
+                case SoundReached(at_ms, agent_id, data) if self._water.has_others:
                     # Each aPad in the water hears for itself, so nothing is relayed.
                     if self.supervisor.allocation.concerns(agent_id):
                         self.supervisor.receive(SoundHeard(at_ms, data))
@@ -287,7 +288,7 @@ class Flight:
                     self._recorder.event(now_ms, APadLeftWater(name, reason))
                 case SeaLost(_, reason):
                     self.stop(MissionEnd(EndReason.SEA_LOST, f"{EndReason.SEA_LOST}: {reason}"))
-        truths = self._fleet.take_truths()
+        truths = self._water.take_truths()
         self._world.contacts.see(truths)
         self._recorder.truths(truths)
 
@@ -326,7 +327,7 @@ class Flight:
     def _receive_from_vehicle(self, now_ms: MissionMs) -> None:
         for fact in self._vehicle.advance(now_ms):
             if isinstance(fact, PoseReported | APadSeen):
-                self._fleet.carry_apad(fact.north_m, fact.east_m, MissionMs(fact.at_ms))
+                self._water.carry_apad(fact.north_m, fact.east_m, MissionMs(fact.at_ms))
             if isinstance(fact, APadSeen):
                 continue
             if isinstance(fact, (Carried, LetGo)):

@@ -7,7 +7,6 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 from agents.coordinator import Coordinator
 from agents.hosting.host import Host
@@ -83,121 +82,43 @@ class NoLinks:
 NO_LINKS = NoLinks()
 
 
-class FlightWater(Protocol):
-    """The medium between the aPad and the agents."""
-
-    @property
-    def dropped(self) -> Counter[str]:
-        """Counts of losses that are not the outcome of a packet."""
-        ...
-
-    @property
-    def sound_speed_m_s(self) -> float: ...
-
-    def advance(self, now_ms: MissionMs) -> Sequence[SeaResult]:
-        """Advances the agents to mission time `now_ms`; returns what they did and what arrived."""
-        ...
-
-    def take_truths(self) -> list[Truth]: ...
-
-    def send(self, send: Send, now_ms: MissionMs) -> Stimulus | None:
-        """Sends the aPad's packet. Returns the aMussel's stimulus if the packet arrives at once, or else None."""
-        ...
-
-    def ping(self, agent_id: int, not_before_ms: int) -> None:
-        """Measures the range to an aMussel."""
-        ...
-
-    def cancel_sends(self, agent_id: int) -> None:
-        """Drops what waits for the aPad's modem to be sent to an aMussel."""
-        ...
-
-    def carry_apad(self, north_m: float, east_m: float, at_ms: MissionMs) -> None:
-        """Places the aPad's modem."""
-        ...
-
-    def write(self, agent_id: int, data: bytes) -> None:
-        """Writes bytes to an opened modem's serial line."""
-        ...
-
-    def set_topology(self, topology: Topology) -> None:
-        """Replaces the links from now on."""
-        ...
-
-    @property
-    def has_other_apads(self) -> bool:
-        """True if the aPads of other flights send and receive in the same water."""
-        ...
-
-    def leave_water(self) -> None:
-        """Takes the fleet and its aPad out of the water, at the flight's end."""
-        ...
-
-
-class InSea:
-    """Sound travels through the sea, and Wi-Fi through the air over it."""
-
-    def __init__(self, station: Station | RemoteStation) -> None:
-        self._station = station
-        self.has_other_apads = station.has_others
-        self.sound_speed_m_s = station.config.sound.sound_speed_m_s
-        self.advance = station.advance
-        self.take_truths = station.take_truths
-        self.ping = station.ping
-        self.cancel_sends = station.cancel_sends
-        self.carry_apad = station.carry_apad
-        self.write = station.write
-        self.set_topology = station.set_topology
-        self.leave_water = station.leave
-
-    @property
-    def dropped(self) -> Counter[str]:
-        return self._station.all_dropped
-
-    def send(self, send: Send, now_ms: MissionMs) -> Stimulus | None:
-        if send.medium is Medium.SOUND:
-            agent_id = None if send.agent_id == EVERYONE else send.agent_id
-            self._station.send_sound(agent_id, send.data, send.not_before_ms)
-            return None
-        return WifiArrived(send.data) if self._station.wifi_reaches(send.agent_id, now_ms) else None
-
-
 class NoModems:
     """No water that carries sound: there is no modem here, and a ping is lost."""
 
-    has_other_apads = False
+    has_others = False
 
     def __init__(self) -> None:
-        self.dropped: Counter[str] = Counter()
+        self.all_dropped: Counter[str] = Counter()
 
     def ping(self, agent_id: int, not_before_ms: int) -> None:
-        self.dropped["a ping without water to send it through"] += 1
+        self.all_dropped["a ping without water to send it through"] += 1
 
     def cancel_sends(self, agent_id: int) -> None:
         pass
 
-    def carry_apad(self, north_m: float, east_m: float, at_ms: MissionMs) -> None:
+    def carry_apad(self, north_m: float, east_m: float, at_ms: int) -> None:
         pass
 
     def write(self, agent_id: int, data: bytes) -> None:
         pass
 
-    def leave_water(self) -> None:
+    def leave(self) -> None:
         pass
 
 
 class WithoutWater(NoModems):
-    """Every packet arrives at once and whole, as in the paper's experiments."""
-
-    sound_speed_m_s = math.inf
+    """Has the verbs of a `Station`. Every packet arrives at once and whole, as in the paper's experiments."""
 
     def __init__(self, coordinator: Coordinator, host: Host) -> None:
         super().__init__()
         self.advance = coordinator.advance
         self.take_truths = host.take_truths
 
-    def send(self, send: Send, now_ms: MissionMs) -> Stimulus:
-        return SoundArrived(send.data) if send.medium is Medium.SOUND else WifiArrived(send.data)
+    def send_sound(self, agent_id: int | None, data: bytes, not_before_ms: int) -> SoundArrived:
+        return SoundArrived(data)
+
+    def wifi_reaches(self, agent_id: int, now_ms: MissionMs) -> bool:
+        return True
 
     def set_topology(self, topology: Topology) -> None:
         pass
@@ -210,27 +131,20 @@ class FlightFleet:
         self,
         coordinator: Coordinator,
         host: Host,
-        water: FlightWater,
+        water: Station | RemoteStation | WithoutWater,
         timeslots: Timeslots | None = None,
         links: LinksFile | NoLinks = NO_LINKS,
+        sound_m_s: float = math.inf,
     ) -> None:
-        """Packets are counted in `timeslots`; `links` is checked at each tick."""
+        """Packets are counted in `timeslots`; `links` is checked at each tick; `sound_m_s` gives the ranges of packets."""
         self.coordinator = coordinator
-        self._water = water
+        self.host = host
+        self.close = host.close
+        self.water = water
         self._timeslots = timeslots
         self._links = links
+        self._sound_m_s = sound_m_s
         self._dropped: Counter[str] = Counter()
-        self.advance = water.advance
-        self.take_truths = water.take_truths
-        self.send = water.send
-        self.ping = water.ping
-        self.cancel_sends = water.cancel_sends
-        self.carry_apad = water.carry_apad
-        self.write = water.write
-        self.leave_water = water.leave_water
-        self.has_other_apads = water.has_other_apads
-        self.close = host.close
-        self.host = host
 
     @property
     def ids(self) -> Sequence[int]:
@@ -239,7 +153,14 @@ class FlightFleet:
     @property
     def dropped(self) -> Counter[str]:
         """Counts of losses that are not the outcome of a packet."""
-        return self._water.dropped + self._dropped
+        return self.water.all_dropped + self._dropped
+
+    def send(self, send: Send, now_ms: MissionMs) -> Stimulus | None:
+        """Sends the aPad's packet. Returns the aMussel's stimulus if the packet arrives at once, or else None."""
+        if send.medium is Medium.SOUND:
+            agent_id = None if send.agent_id == EVERYONE else send.agent_id
+            return self.water.send_sound(agent_id, send.data, send.not_before_ms)
+        return WifiArrived(send.data) if self.water.wifi_reaches(send.agent_id, now_ms) else None
 
     def receive(self, agent_id: int, stimulus: Stimulus, now_ms: MissionMs) -> int | None:
         """Passes a stimulus to an agent; returns its agent time, or None, counted, for an agent of another fleet."""
@@ -256,7 +177,7 @@ class FlightFleet:
         """Applies a change of the links file, and returns it; None without one."""
         changed = self._links.look()
         if changed is not None and changed.topology is not None:
-            self._water.set_topology(changed.topology)
+            self.water.set_topology(changed.topology)
         return changed
 
     def packet_event(self, packet: PacketEnded) -> PacketPassed:
@@ -271,7 +192,7 @@ class FlightFleet:
             lasted_ms=frame.duration_ms,
             timeslot=None if slots is None else packet.began_ms % slots.frame_ms // slots.slot_ms,
             unsent=packet.unsent,
-            heard=[_heard_row(it, self._water.sound_speed_m_s) for it in packet.receptions],
+            heard=[_heard_row(it, self._sound_m_s) for it in packet.receptions],
             data_=frame.data.hex(),
         )
 
@@ -293,6 +214,11 @@ class NoFleet(NoModems):
     ids: Sequence[int] = ()
 
     lost: MissionEnd | None = None
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.water = self
+        self.dropped = self.all_dropped
 
     def advance(self, now_ms: MissionMs) -> Sequence[SeaResult]:
         return ()

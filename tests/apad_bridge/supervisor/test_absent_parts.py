@@ -44,7 +44,7 @@ def test_without_water_packets_arrive_at_once_and_strangers_are_counted() -> Non
     fleet = flight._fleet
     assert fleet.send(SOUND, 0) == SoundArrived(b"up") and fleet.send(WIFI, 0) == WifiArrived(b"down")
     assert fleet.receive(4, WifiArrived(b""), 0) == 0 and fleet.receive(99, WifiArrived(b""), 0) is None
-    fleet.ping(4, 0)
+    fleet.water.ping(4, 0)
     assert flight.all_dropped == {PING: 1, "for an aMussel that is not of this fleet": 1}
 
 
