@@ -42,6 +42,24 @@ REAL_HULL = "a real aPad flies: faults are for runs with the simulated one"
 _LEAK_MS = 10_000
 """A leaking battery loses its charge in steps of so much mission time."""
 
+_DEFECTS = {
+    TimedFault.LINK_CUT: LinkDefect.CUT,
+    TimedFault.LINK_DELAY: LinkDefect.DELAY,
+    TimedFault.BIT_FLIP: LinkDefect.FLIPS,
+    TimedFault.MODEM_DEAF: LinkDefect.DEAF,
+}
+_STIMULI: dict[TimedFault, tuple[Callable[[float], Stimulus], Stimulus | None]] = {
+    # What begins the fault, by its value, and what heals it.
+    TimedFault.BROWN_OUT: (lambda _: WasReset(ResetCause.BROWN_OUT), None),
+    TimedFault.WATCHDOG: (lambda _: WasReset(ResetCause.WATCHDOG), None),
+    TimedFault.COIL_SLIP: (lambda _: CoilSlipped(), None),
+    TimedFault.CLOCK_JUMP: (lambda shift_s: ClockShifted(round(1000 * shift_s)), None),
+    TimedFault.CLOCK_SKEW: (lambda ppm: CrystalSkewed(round(1000 * ppm)), CrystalSkewed(0)),
+    TimedFault.BATTERY_LOSS: (lambda charge: ChargeLost(grains(charge), 0), None),
+    TimedFault.BUOYANCY_STUCK: (lambda _: BuoyancyJammed(1), BuoyancyJammed(0)),
+    TimedFault.EDGE_CHATTER: (lambda times: ContactBounced(round(times)), None),
+}
+
 Action = tuple[int, Stimulus] | Event
 _Key = tuple[TimedFault, int | None, float | None]
 
@@ -98,11 +116,11 @@ class FaultInjection:
         again, self._again = self._again, []
         for fault in again:
             self._active[_key(fault.injection)] = fault
-            actions += self._begin(fault.injection)
+            actions += self._switch(fault.injection, begins=True)
         for key, fault in list(self._active.items()):
             if fault.until_ms <= now_ms:
                 del self._active[key]
-                actions += [*self._end(fault.injection), _ended(fault.injection)]
+                actions += [*self._switch(fault.injection, begins=False), _ended(fault.injection)]
         while self._planned and self._planned[0][0] <= now_ms:
             _, injection = self._planned.pop(0)
             agent_id = injection.agent_id
@@ -125,7 +143,7 @@ class FaultInjection:
         refusal = self._refusal(injection, beliefs)
         if refusal is not None:
             return refusal
-        actions = self._begin(injection)
+        actions = self._switch(injection, begins=True)
         if injection.span_ms:
             self._active[_key(injection)] = Ongoing(injection, now_ms + injection.span_ms)
         return [*actions, _began(injection, now_ms)]
@@ -147,83 +165,35 @@ class FaultInjection:
             return f"aMussel {agent_id} has no process of its own: {injection.fault} needs one"
         return None
 
-    def _begin(self, injection: Injection) -> list[Action]:
-        host, value, agent_id = self._host, injection.value, injection.agent_id or 0
+    def _switch(self, injection: Injection, *, begins: bool) -> list[Action]:
+        """Begins a fault, or heals it."""
         if injection.agent_id is None:
             if self._link is not None:
-                self._link.begin(injection)
+                (self._link.begin if begins else self._link.end)(injection)
             return []
-        match injection.fault:
-            case TimedFault.BROWN_OUT:
-                return _to(injection, WasReset(ResetCause.BROWN_OUT))
-            case TimedFault.WATCHDOG:
-                return _to(injection, WasReset(ResetCause.WATCHDOG))
-            case TimedFault.COIL_SLIP:
-                return _to(injection, CoilSlipped())
-            case TimedFault.CLOCK_JUMP:
-                return _to(injection, ClockShifted(round(1000 * value)))
-            case TimedFault.CLOCK_SKEW:
-                return _to(injection, CrystalSkewed(round(1000 * value)))
-            case TimedFault.BATTERY_LOSS:
-                return _to(injection, ChargeLost(grains(value), 0))
-            case TimedFault.BUOYANCY_STUCK:
-                return _to(injection, BuoyancyJammed(1))
-            case TimedFault.EDGE_CHATTER:
-                return _to(injection, ContactBounced(round(value)))
-            case TimedFault.EDGE_FALSE | TimedFault.EDGE_MISSED:
-                return self._pin(injection, begins=True)
-            case TimedFault.READINGS_SCATTER:
-                return _to(injection, PartFailed(BoardPart.CONVERTER, grains(value)))
-            case _ if (part := injection.row.part) is not None:
-                has_value = injection.row.parameter is not None
-                return _to(injection, PartFailed(part, round(value) if has_value else 1))
-            case TimedFault.KILLED if host is not None:
-                host.kill(agent_id)
-            case TimedFault.STOPPED if host is not None:
-                host.stop(agent_id)
-            case TimedFault.MEMORY_LIMIT if host is not None:
-                host.limit_memory(agent_id, value)
-            case TimedFault.LINK_CUT if host is not None:
-                host.set_defect(agent_id, LinkDefect.CUT)
-            case TimedFault.MODEM_DEAF if host is not None:
-                host.set_defect(agent_id, LinkDefect.DEAF)
-            case TimedFault.LINK_DELAY if host is not None:
-                host.set_defect(agent_id, LinkDefect.DELAY, self._scale.agent_span(round(1000 * value)))
-            case TimedFault.BIT_FLIP if host is not None:
-                host.set_defect(agent_id, LinkDefect.FLIPS, value)
-            case _:
-                pass  # a leak, of which `advance` takes each step
+        if injection.fault in (TimedFault.EDGE_FALSE, TimedFault.EDGE_MISSED):
+            return self._pin(injection, begins=begins)
+        if (stimulus := _stimulus(injection, begins=begins)) is not None:
+            return _to(injection, stimulus)
+        if self._host is not None:
+            self._switch_at_host(self._host, injection, injection.agent_id, begins=begins)
         return []
 
-    def _end(self, injection: Injection) -> list[Action]:
-        """Heals what lasts; the rest heals by itself."""
-        host, agent_id = self._host, injection.agent_id or 0
-        if injection.agent_id is None:
-            if self._link is not None:
-                self._link.end(injection)
-            return []
-        match injection.fault:
-            case TimedFault.CLOCK_SKEW:
-                return _to(injection, CrystalSkewed(0))
-            case TimedFault.BUOYANCY_STUCK:
-                return _to(injection, BuoyancyJammed(0))
-            case TimedFault.EDGE_FALSE | TimedFault.EDGE_MISSED:
-                return self._pin(injection, begins=False)
-            case _ if (part := injection.row.part) is not None:
-                return _to(injection, PartFailed(part, 0))
-            case TimedFault.MEMORY_LIMIT if host is not None:
-                host.limit_memory(agent_id, None)
-            case TimedFault.LINK_CUT if host is not None:
-                host.heal(agent_id, LinkDefect.CUT)
-            case TimedFault.MODEM_DEAF if host is not None:
-                host.heal(agent_id, LinkDefect.DEAF)
-            case TimedFault.LINK_DELAY if host is not None:
-                host.heal(agent_id, LinkDefect.DELAY)
-            case TimedFault.BIT_FLIP if host is not None:
-                host.heal(agent_id, LinkDefect.FLIPS)
-            case _:
-                pass
-        return []
+    def _switch_at_host(self, host: FaultyHost, injection: Injection, agent_id: int, *, begins: bool) -> None:
+        fault, value = injection.fault, injection.value
+        if fault is TimedFault.KILLED and begins:
+            host.kill(agent_id)
+        elif fault is TimedFault.STOPPED and begins:
+            host.stop(agent_id)
+        elif fault is TimedFault.MEMORY_LIMIT:
+            host.limit_memory(agent_id, value if begins else None)
+        elif (defect := _DEFECTS.get(fault)) is not None and begins:
+            delays = defect is LinkDefect.DELAY
+            host.set_defect(
+                agent_id, defect, self._scale.agent_span(round(1000 * value)) if delays else value
+            )
+        elif defect is not None:
+            host.heal(agent_id, defect)
 
     def _pin(self, injection: Injection, *, begins: bool) -> list[Action]:
         """The pin's two defects share its state: each keeps the other as it is."""
@@ -264,6 +234,20 @@ def _key(injection: Injection) -> _Key:
     """One of a kind happens at a time to an aMussel or to the aPad; each dock jams by itself."""
     dock_index = injection.value if injection.fault is TimedFault.DOCK_JAMMED else None
     return injection.fault, injection.agent_id, dock_index
+
+
+def _stimulus(injection: Injection, *, begins: bool) -> Stimulus | None:
+    """What the body feels; None for a fault that is none of a body, or heals by itself."""
+    row, value = injection.row, injection.value
+    if (begin_and_end := _STIMULI.get(injection.fault)) is not None:
+        return begin_and_end[0](value) if begins else begin_and_end[1]
+    if row.part is None:
+        return None
+    if row.part is BoardPart.CONVERTER:
+        value = grains(value)
+    elif row.parameter is None:
+        value = 1
+    return PartFailed(row.part, round(value) if begins else 0)
 
 
 def _to(injection: Injection, stimulus: Stimulus) -> list[Action]:
