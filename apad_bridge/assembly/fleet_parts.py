@@ -23,7 +23,7 @@ from apad_bridge.scenario.firmware_config import clock_drift_ppb, spread_of
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start
 from apad_bridge.scenario.surface import current_config
-from apad_bridge.world.fleet import NO_LINKS, FlightFleet, LinksFile, WithoutWater
+from apad_bridge.world.fleet import NO_LINKS, FlightFleet, LinksFile, NoLinks, WithoutWater
 
 _START_MS = MissionMs(0)
 
@@ -91,7 +91,8 @@ def fleet_of(
         return FlightFleet(coordinator, host, WithoutWater(coordinator, host), config.timeslots)
     if sea is None:
         sea = Sea(config.sea, scenario.time_scale, granted_ms, now_ms=now_ms, opened=opened)
-    station, links = sea.join(coordinator, host), NO_LINKS
+    station = sea.join(coordinator, host)
+    links: LinksFile | NoLinks = NO_LINKS
     if scenario.water.links_file is not None:
         links = LinksFile(Path(scenario.water.links_file), scenario.time_scale)
         station.set_topology(links.read())

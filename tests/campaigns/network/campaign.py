@@ -1,10 +1,11 @@
-"""A mission over a poor Wi-Fi, between two machines whose clocks differ: what it costs, and whether the logs merge whole.
+"""A mission between two machines whose clocks differ, with a poor Wi-Fi or none: its cost, and if the logs merge whole.
 
 The machines are network namespaces. The vehicle's has the master, the aPad of generation B, the watchdog and `rosbag
-record`, with a clock that is ahead; the bench's has `musselbed run`, which takes the aPad for a real one, and `rosbag
-record`. The link between them loses and delays packets either way. What the preflight says of such a network is overridden,
-and a person is played who says `musselbed continue` when a guard has stopped the aPad and its cause is over. The same
-scenario in virtual time is the peer.
+record`, with a clock that is ahead. In the row `ashore` the other one has `musselbed run`, which takes the aPad for a real
+one, and `rosbag record`; the link loses and delays packets either way. In the row `aboard` supervisor and aMussels run on
+the vehicle's computer. The shore only records then, and is cut off from the begin of the mission until shortly before its
+end. What the preflight says of such a network is overridden, and a person is played who says `musselbed continue` when a
+guard has stopped the aPad and its cause is over. The same scenario in virtual time is the peer.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ import time
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import ExitStack, closing
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -52,6 +53,11 @@ ROOT = Path(__file__).parents[3]
 MUSSELBED = [sys.executable, "-m", "apad_bridge.commands.main"]
 LINK = Link(loss=0.05, delay_s=0.2)
 CALM = Link(loss=0.0, delay_s=0.0)
+ABOARD = "aboard"
+ROWS = {"ashore": LINK, ABOARD: Link(loss=1.0, delay_s=0.0)}
+"""Where the bench runs, and the link between vehicle and shore once it flies."""
+END_S = 30.0
+"""The shore is back so long before the mission ends."""
 AHEAD_S = 2.0
 """The vehicle's clock is so far ahead of the bench's."""
 THETA = 30
@@ -70,14 +76,16 @@ CALM_S = 5.0
 """The person waits for so long after a guard's newest line."""
 
 
-def measure(minutes: float = 60.0, short: bool = False) -> dict[str, Any]:
-    """The flight, its peer in virtual time, and the merged logs.
+def measure(minutes: float = 60.0, short: bool = False, row: list[str] | None = None) -> dict[str, Any]:
+    """Each row's flight and merged logs, beside the same scenario in virtual time.
 
     In the short tier the link is good until the flight has begun: to start over a poor one takes minutes. Its two
     aMussels have few topics to register.
     """
     if why := why_no_two_machines() or ("" if shutil.which("faketime") else "faketime is missing"):
         raise SystemExit(f"this machine cannot play two: {why}")
+    if unknown := [it for it in row or () if it not in ROWS]:
+        raise SystemExit(f"no such row: {', '.join(unknown)}; rows: {', '.join(ROWS)}")
     minutes = SHORT_MINUTES if short else minutes
     with tempfile.TemporaryDirectory(prefix="musselbed-network-") as folder:
         home = Path(folder)
@@ -89,21 +97,25 @@ def measure(minutes: float = 60.0, short: bool = False) -> dict[str, Any]:
             cwd=home,
         )
         told({"virtual_time": figures(json.loads(peer.stdout))})
-        with linked_machines(CALM if short else LINK) as (vehicle, bench, lose):
-            flown = fly(home, scenario, minutes, vehicle, bench, lose)
-        told({"flight": figures(flown.summary)})
-        return {
+        result: dict[str, Any] = {
             "minutes": minutes,
             "theta": THETA,
-            "loss": LINK.loss,
-            "delay_s": LINK.delay_s,
             "clock_ahead_s": AHEAD_S,
-            "flight": figures(flown.summary),
             "virtual_time": figures(json.loads(peer.stdout)),
-            "run": told_by_journal(flown.run),
-            "red": red(flown.run / "preflight.json"),
-            "logs": merged(flown.bags, home / "whole.bag"),
         }
+        for name in row or ROWS:
+            (home / name).mkdir()
+            with linked_machines(CALM if short or name == ABOARD else LINK) as (vehicle, shore, lose):
+                flown = fly(home / name, scenario, minutes, vehicle, shore, lose, is_aboard=name == ABOARD)
+            result[name] = {
+                "link": asdict(ROWS[name]),
+                "flight": figures(flown.summary),
+                "run": told_by_journal(flown.run),
+                "red": red(flown.run / "preflight.json"),
+                "logs": merged(flown.bags, home / name / "whole.bag"),
+            }
+            told({name: result[name]["flight"]})
+        return result
 
 
 def written_scenario(home: Path, minutes: float, agents: int | None) -> Path:
@@ -127,8 +139,17 @@ class Flown:
     """The vehicle's and the bench's."""
 
 
-def fly(home: Path, scenario: Path, minutes: float, vehicle: Machine, bench: Machine, lose: Lose) -> Flown:
-    """Flies it to its end, `minutes` over a poor link; what it started ends with this process, too."""
+def fly(
+    home: Path,
+    scenario: Path,
+    minutes: float,
+    vehicle: Machine,
+    shore: Machine,
+    lose: Lose,
+    *,
+    is_aboard: bool,
+) -> Flown:
+    """Flies it to its end, `minutes` over its row's link; what it started ends with this process, too."""
     sleeping = {"PYTHONPATH": str(ROOT / "tests" / "shared" / "beside_faketime")}
     ahead = ["faketime", "--exclude-monotonic", "-f", f"+{AHEAD_S:g}s"]
     messages = str(generated_folder())
@@ -145,18 +166,28 @@ def fly(home: Path, scenario: Path, minutes: float, vehicle: Machine, bench: Mac
         apad_bag = [*ahead, *record, "apad.bag", "-e", RECORDED]
         recorders = [
             programs.start(vehicle, "apad-bag", *apad_bag, environment=sleeping),
-            programs.start(bench, "station-bag", *record, "station.bag", "-a"),
+            programs.start(shore, "station-bag", *record, "station.bag", "-a"),
         ]
         run = [*MUSSELBED, "run", str(scenario), "--apad", "ros", "--out", "run", "--json", *ON_RED]
         errors = home / "run.log"
-        flight = programs.start(bench, "run", *run, errors=errors)
+        bench, clock = (vehicle, ahead) if is_aboard else (shore, [])
+        flight = programs.start(
+            bench, "run", *clock, *run, errors=errors, environment=sleeping if is_aboard else {}
+        )
         journal = programs.folder(bench) / "run" / "journal.jsonl"
         with person(journal.parent):
             programs.wait_until(
                 lambda: flight.poll() is not None or (journal.exists() and read_journal(journal).last_ms > 0),
                 "no flight began",
             )
-            lose(LINK.loss, LINK.delay_s)
+            link = ROWS[ABOARD if is_aboard else "ashore"]
+            lose(link.loss, link.delay_s)
+            if is_aboard:
+                back_s = time.monotonic() + 60 * minutes - min(END_S, 20 * minutes)
+                programs.wait_until(
+                    lambda: flight.poll() is not None or time.monotonic() > back_s, "the cut did not end"
+                )
+                lose(CALM.loss, CALM.delay_s)
             with closing(JournalTail(journal)) as tail:
                 programs.wait_until(
                     lambda: flight.poll() is not None or any(tail.read_new().events(RunEnded)),
@@ -170,7 +201,7 @@ def fly(home: Path, scenario: Path, minutes: float, vehicle: Machine, bench: Mac
         for recorder in recorders:
             interrupt(recorder)
         # The recorder outlives `rosbag`, which started it, and then gives its bag the final name.
-        bags = [programs.folder(vehicle) / "apad.bag", programs.folder(bench) / "station.bag"]
+        bags = [programs.folder(vehicle) / "apad.bag", programs.folder(shore) / "station.bag"]
         programs.wait_until(lambda: all(it.exists() for it in bags), "a recorder did not close its bag")
         return Flown(json.loads(programs.said("run")), programs.folder(bench) / "run", (bags[0], bags[1]))
 
