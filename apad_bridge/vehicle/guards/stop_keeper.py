@@ -96,7 +96,7 @@ class StopKeeper:
         """Sends a restored OFF again, and a restored HOLD that nobody knows to be taken, as soon as it may hold.
 
         A hull that has left the place to hold meanwhile gets OFF: a way back to it would be a motion of ours. So does one
-        whose watchdog has switched its thrusters off: a HOLD would start them.
+        whose watchdog may have switched its thrusters off: a HOLD would start them.
         """
         if (stop := self._restored) is None:
             return
@@ -122,8 +122,8 @@ class StopKeeper:
         stop, place_m = self._stops.in_force, self._gate.situation(now_ms).place_m
         if stop is None or stop.kind is StopKind.OFF:
             return ""
-        if self._gate.watchdog.has_put_off:
-            return "the vehicle's watchdog has switched the thrusters off, and nobody knows that the hold was taken"
+        if self._gate.watchdog.may_have_put_off:
+            return "the vehicle's watchdog may have switched the thrusters off, and nobody knows that the hold was taken"
         if stop.place_m is None or place_m is None:
             return ""
         away_m, stopping = math.dist(stop.place_m, place_m), self._safety.stopping

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 WATCHING = "WATCHING"
 """The state of `launch_scripts/vehicle_watchdog` in which a silence of the bench stops the vehicle."""
-_OFF = "OFF"
-"""Its state after it has switched the thrusters off, until the bench's heartbeats come again."""
+_STOPS = frozenset({"SILENT", "OFF"})
+"""Its states while it stops the vehicle, perhaps without an answer, and after it has switched the thrusters off."""
 FIRST_STATE_MS = 2_000
 """A watchdog of which nothing was heard for so long after the start counts as none, where an order waits for its word."""
 UNWATCHED_MS = 15_000
@@ -26,8 +26,8 @@ class WatchdogWatch:
         self._says = ""
         self._said_ms: int | None = None
         self.fault = ""
-        self.has_put_off = False
-        """It has said, since this bench began to listen, that it has switched the thrusters off."""
+        self.may_have_put_off = False
+        """It has said, since this bench began to listen, that it stops the vehicle, or has switched the thrusters off."""
 
     @property
     def is_heard(self) -> bool:
@@ -38,7 +38,7 @@ class WatchdogWatch:
         """Takes the states since the last look, in order. True when `fault` begins or ends with this look."""
         if said:
             self._says, self._said_ms = said[-1], now_ms
-        self.has_put_off = self.has_put_off or _OFF in said
+        self.may_have_put_off = self.may_have_put_off or not _STOPS.isdisjoint(said)
         if (self._says == WATCHING and said) or (self._watched_ms is None and self._is_demanded):
             self._watched_ms = now_ms
         was_lost = bool(self.fault)

@@ -160,7 +160,9 @@ def test_a_hull_that_has_left_the_place_of_a_hold_not_taken_gets_off(away_m: flo
 
 
 @pytest.mark.parametrize(
-    ("said", "sent"), [("OFF", Stop), ("WATCHING", Hold), ("HELD", Hold), (None, Hold)], ids=str
+    ("said", "sent"),
+    [("OFF", Stop), ("SILENT", Stop), ("WATCHING", Hold), ("HELD", Hold), (None, Hold)],
+    ids=str,
 )
 def test_a_hold_not_taken_does_not_follow_the_off_of_the_vehicle_s_watchdog(
     said: str | None, sent: type
