@@ -22,7 +22,6 @@ from apad_bridge.runs.exits import (
     shortage,
 )
 from apad_bridge.runs.terminal import show_control_characters
-from apad_bridge.scenario.errors import ScenarioError
 
 try:
     from agents.hosting.interrupts import interruptible, leave_at_once
@@ -247,7 +246,7 @@ def _run(arguments: list[str]) -> int:
         with interruptible():
             code: int = chosen.run(chosen)
             sys.stdout.flush()
-    except (UserError, ScenarioError) as error:
+    except UserError as error:
         print(f"musselbed {chosen.command}: {error}", file=sys.stderr)
         return Exit.USER_MISTAKE
     except ImportError as error:

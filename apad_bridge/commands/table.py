@@ -5,12 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from rich.padding import Padding
-from rich.table import Table
 from rich.text import Text
 
 from apad_bridge.assembly.capacity import Bounds
 from apad_bridge.records.summary import interruption
-from apad_bridge.runs.rich_console import Console
+from apad_bridge.runs.rich_console import Console, table_of
 
 # Table II of the paper: average, maximum, minimum uptime in percent, movement cost in metres, mean number active.
 # The Greedy rows are left out: their Active column contradicts their Avg (it should be N * Avg / 100).
@@ -41,9 +40,7 @@ def print_table(
     why_none = interruption(summary)
     is_row = why_none is None and not has_faults
     title = "a row of the paper's Table II" if is_row else "no row of the paper's Table II"
-    table = Table(title=f"{name}: {title}")
-    for column in ("", "Avg %", "Max %", "Min %", "Cost [m]", "Active"):
-        table.add_column(column, justify="left" if not column else "right")
+    table = table_of(f"{name}: {title}", ("", "Avg %", "Max %", "Min %", "Cost [m]", "Active"))
     if summary["uptime_paper"] is not None:
         table.add_row(f"{collection} (this run)", *_figures(summary))
     for apad, apad_summary in summary.get("apads", {}).items():

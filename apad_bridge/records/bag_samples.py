@@ -18,6 +18,7 @@ from rosbags.typesys.store import Typestore
 
 from apad_bridge.records.bag_messages import BELIEFS, TRUTH
 from apad_bridge.records.samples import BeliefSample, TruthSample
+from apad_bridge.scenario.errors import UserError
 
 _MESSAGE_NAMES = {
     "agent_id": "id",
@@ -31,7 +32,7 @@ _MESSAGE_NAMES = {
 _FIELDS = tuple((name, _MESSAGE_NAMES.get(name, name)) for name in BeliefSample._fields)
 
 
-class BagUnreadable(Exception):
+class BagUnreadable(UserError):
     """A bag cannot be read; the message is one line with its path and the reason."""
 
 

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from apad_bridge.planning.registry import digest_of_file, label
+from apad_bridge.scenario.errors import UserError
 from apad_bridge.scenario.loader import load, with_strategy_copies, with_values, write_resolved
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start, save_starts
@@ -31,7 +32,7 @@ _GIT_S = 3.0
 _PACKAGES = ("musselbed", "numpy", "rosbags", "rospy")
 
 
-class RunDirectoryError(ValueError):
+class RunDirectoryError(UserError, ValueError):
     """The directory cannot be used; the message is one line with the remedy."""
 
 

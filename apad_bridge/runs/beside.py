@@ -24,7 +24,7 @@ from xml.parsers.expat import ExpatError
 
 from agents.hosting.link_protocol import readable
 from apad_bridge.runs.children import Child
-from apad_bridge.runs.exits import UserError
+from apad_bridge.scenario.errors import UserError
 from apad_bridge.supervisor.control_client import Act, Request, answer_of, listens
 
 _STARTS_S = 60.0

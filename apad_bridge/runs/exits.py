@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from enum import IntEnum
 from pathlib import Path
 
+from apad_bridge.scenario.errors import UserError
 from apad_bridge.vehicle.errors import PeerFailed
 
 _SAYS_NO_MEMORY = ("failed to map segment", "annot allocate memory")
@@ -32,10 +33,6 @@ EXITS = (
     "0 done, 1 a bug of ours (with its traceback), 2 a user's mistake (one line that says what to do), "
     "3 a dependency failed or timed out, 130 ended by Ctrl-C, SIGTERM or SIGHUP, with complete records"
 )
-
-
-class UserError(Exception):
-    """A mistake of the user's: the text is one clear line, with the mend."""
 
 
 def refuse(*rules: tuple[object, str]) -> None:

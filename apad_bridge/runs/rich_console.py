@@ -1,15 +1,18 @@
-"""The console for people. Each text in it comes from others, so its control characters are shown and not obeyed."""
+"""The console for people, and the forms of a result. Control characters of others' texts are shown and not obeyed."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import json
+from collections.abc import Callable, Collection, Iterable, Sequence
 from typing import IO, Any
 
 import rich.console
 from rich.console import ConsoleOptions, RenderableType
 from rich.segment import Segment
+from rich.table import Table
 from rich.text import Text
 
+from apad_bridge.runs.exits import Exit
 from apad_bridge.runs.terminal import PlainStream
 from firmware_model.bench.control_characters import shown
 
@@ -33,3 +36,20 @@ class Console(rich.console.Console):
     def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
         for segment in super().render(renderable, options):
             yield segment if segment.control else segment._replace(text=shown(segment.text))
+
+
+def print_result(as_json: bool, data: Any, show: Callable[[], object], indent: int | None = None) -> Exit:
+    """Prints a command's result on stdout, as JSON or as `show` does for a person. Returns `Exit.DONE`."""
+    if as_json:
+        print(json.dumps(data, indent=indent))
+    else:
+        show()
+    return Exit.DONE
+
+
+def table_of(title: str, headings: Sequence[str], left: Collection[str] = ("",), **style: Any) -> Table:
+    """An empty table; its columns stand on the right but for those of `left`. `style` is of rich's Table."""
+    table = Table(title=title, **style)
+    for heading in headings:
+        table.add_column(heading, justify="left" if heading in left else "right")
+    return table

@@ -1,11 +1,15 @@
-"""The error for an invalid scenario, with a line for each mistake, and ids in a message for a person."""
+"""The errors for a user's mistakes and for an invalid scenario, and ids in a message for a person."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 
 
-class ScenarioError(ValueError):
+class UserError(Exception):
+    """A mistake of the user's: the text is one clear line, with the mend. A command that raises it ends with that line."""
+
+
+class ScenarioError(UserError, ValueError):
     """All mistakes in a file, one `FILE: path.to.key: message` a line (`FILE:LINE: message` for a CSV).
 
     A character that does not print is escaped, because a name or a key of YAML may hold a line break or a terminal's codes.

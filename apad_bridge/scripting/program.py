@@ -23,6 +23,7 @@ from apad_bridge.events.run import EndReason
 from apad_bridge.mission.manual import ManualMission
 from apad_bridge.planning.registry import Trust
 from apad_bridge.scenario.area.local_frame import LocalFrame
+from apad_bridge.scenario.errors import UserError
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.text_file import read_text
 from apad_bridge.scripting.api import Api
@@ -41,7 +42,7 @@ Program = Callable[[Api], object]
 _JOIN_S = 2.0
 
 
-class ScriptError(ValueError):
+class ScriptError(UserError, ValueError):
     """The file is not a script; the message is one line."""
 
 

@@ -42,7 +42,7 @@ from apad_bridge.runs.resuming import find_resume_point, with_apad_as_seen
 from apad_bridge.runs.several.in_memory import open_lockstep
 from apad_bridge.runs.several.lockstep import Exchange, LockstepRunner, MemberFlight
 from apad_bridge.scenario.cross_checks import check_code
-from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.scenario.errors import ScenarioError, UserError
 from apad_bridge.scenario.firmware_config import charge_models, takes_samples, works_on_secondary
 from apad_bridge.scenario.loader import with_values
 from apad_bridge.scenario.run_options import RunOptions, TimeSource
@@ -89,7 +89,7 @@ _FELT: tuple[type[Stimulated | ProcessDied], ...] = (Stimulated, ProcessDied)
 """The events that reach an aMussel."""
 
 
-class NoBranch(ValueError):
+class NoBranch(UserError, ValueError):
     """The run has no such branch; the text is one line with the mend."""
 
 

@@ -20,7 +20,7 @@ from packaging.requirements import Requirement
 from apad_bridge.planning.registry import GROUP as STRATEGIES
 from apad_bridge.records.run_directory import RunDirectory, versions
 from apad_bridge.runs.children import supervisor_of
-from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.scenario.errors import ScenarioError, UserError
 from apad_bridge.scenario.loader import write_with_files
 from apad_bridge.scenario.run_options import RunOptions, TimeSource
 from apad_bridge.studies.runner import JOURNAL, is_flying
@@ -36,7 +36,7 @@ _NOT_PACKED = ("fleet", "modems", "checkpoint.jsonl", "supervisor.pid", "scenari
 """Names of a run that belong to its processes; its scenario is written anew."""
 
 
-class NotPacked(ValueError):
+class NotPacked(UserError, ValueError):
     """Nothing was packed; the text is one line with the mend."""
 
 

@@ -24,6 +24,7 @@ from agents.hosting import started
 from apad_bridge.mission.plans import StrategyFailed
 from apad_bridge.records.line_file import LineFile, read_lines
 from apad_bridge.records.run_directory import PRIVATE
+from apad_bridge.scenario.errors import UserError
 from apad_bridge.studies.models import fly
 from apad_bridge.studies.specification import StudyPlan, write_study
 
@@ -44,7 +45,7 @@ class StudyFailed(Exception):
     """The study cannot go on; the text is one line with the mend."""
 
 
-class AnotherStudy(ValueError):
+class AnotherStudy(UserError, ValueError):
     """The directory holds the rows of another study; the text is one line with the mend."""
 
 

@@ -11,15 +11,14 @@ from math import fsum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rich.table import Table
-
 from apad_bridge.commands.firmware.mu_conform import add_conform
 from apad_bridge.commands.firmware.mu_program import BOARDS, WORST_CASE, is_program, run_program, write_vcd
-from apad_bridge.commands.firmware.mu_script import Budget, MuScriptError, budget_of, play, read_script
+from apad_bridge.commands.firmware.mu_script import Budget, budget_of, play, read_script
 from apad_bridge.commands.help_text import ending
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
-from apad_bridge.runs.exits import Exit, UserError
-from apad_bridge.runs.rich_console import Console
+from apad_bridge.runs.exits import Exit
+from apad_bridge.runs.rich_console import Console, print_result, table_of
+from apad_bridge.scenario.errors import UserError
 from firmware_model.bench.state_diagram import blocks
 from firmware_model.bench.table_one_runs import ROWS, rows
 from firmware_model.bench.trace import line
@@ -109,10 +108,7 @@ def add_parser(commands: Any) -> None:
 
 def run_table1(arguments: argparse.Namespace) -> int:
     result = table_one()
-    if arguments.json:
-        print(json.dumps(result, indent=1))
-    else:
-        _show_table_one(result, Console())
+    print_result(arguments.json, result, lambda: _show_table_one(result, Console()), indent=1)
     return Exit.DONE if all(row["within"] for row in result["rows"]) else Exit.PEER_FAILED
 
 
@@ -145,15 +141,16 @@ def table_one() -> dict[str, Any]:
 
 
 def _show_table_one(result: dict[str, Any], console: Console) -> None:
-    table = _table("Table I", "mode", "paper (min)", "run (min)", "metered (min)", "bounds (min)")
+    table = table_of(
+        "Table I", ("mode", "paper (min)", "run (min)", "metered (min)", "bounds (min)"), ("mode",)
+    )
     for row in result["rows"]:
         bounds = f"{row['low_min']:.0f} - {row['high_min']:.0f}"
         minutes = (f"{row['paper_min']:.0f}", f"{row['run_min']:.1f}", f"{row['metered_min']:.1f}")
         table.add_row(row["mode"], *minutes, bounds)
     console.print(table)
-    fitted = Table(title="fitted here")
-    for name in ("parameter", "value", "what it is", "fitted to"):
-        fitted.add_column(name)
+    headings = ("parameter", "value", "what it is", "fitted to")
+    fitted = table_of("fitted here", headings, left=headings)
     for parameter in result["fitted"]:
         value = f"{parameter['value']:.10g} {parameter['unit']}"
         fitted.add_row(parameter["name"], value, parameter["source"], parameter["fitted_to"])
@@ -175,10 +172,7 @@ def run_script(arguments: argparse.Namespace) -> int:
         if arguments.json or arguments.trace:
             raise UserError("a program takes no --json or --trace: it prints its trace")
         return run_program(arguments.script, arguments.profile, arguments.vcd)
-    try:
-        script = read_script(arguments.script)
-    except MuScriptError as error:
-        raise UserError(str(error)) from None
+    script = read_script(arguments.script)
     bench = play(script)
     if arguments.vcd is not None:
         write_vcd(arguments.vcd, bench)
@@ -196,8 +190,8 @@ def run_script(arguments: argparse.Namespace) -> int:
 def _show_budget(budget: Budget, console: Console) -> None:
     energy = "mWh" if budget.capacity_mwh is not None else "% of a battery"
     scale = 100 if budget.capacity_mwh is None else budget.capacity_mwh
-    by_rail = _table("by module", "module", energy, "share")
-    by_state = _table("by state", "state", energy, "hours")
+    by_rail = table_of("by module", ("module", energy, "share"), ("module",))
+    by_state = table_of("by state", ("state", energy, "hours"), ("state",))
     total = fsum(budget.by_rail.values()) or 1.0
     for name, drawn in sorted(budget.by_rail.items(), key=lambda item: -item[1]):
         by_rail.add_row(name, f"{drawn * scale:.3f}", f"{100 * drawn / total:.1f} %")
@@ -222,10 +216,7 @@ def run_energy(arguments: argparse.Namespace) -> int:
         found = energy_of(RunDirectory.open(arguments.directory), tuple(dict.fromkeys(arguments.agent)))
     except (RunDirectoryError, OSError) as error:
         raise UserError(str(error)) from error
-    if arguments.json:
-        print(json.dumps([asdict(it) for it in found]))
-    else:
-        _show_energy(found, Console())
+    print_result(arguments.json, [asdict(it) for it in found], lambda: _show_energy(found, Console()))
     if strange := [it.agent_id for it in found if not it.is_exact]:
         print(
             f"warning: another version flew this run, or another codec: aMussels {', '.join(map(str, strange))} went "
@@ -244,7 +235,8 @@ def _show_energy(found: list[AgentEnergy], console: Console) -> None:
         "by state": lambda it: it.by_state,
     }
     for title, of in columns.items():
-        table = _table(f"{whose}, {title}: % of a battery", title[3:], "mean", "least", "most", "share")
+        headings = (title[3:], "mean", "least", "most", "share")
+        table = table_of(f"{whose}, {title}: % of a battery", headings, headings[:1])
         totals = summed(found, of)
         for name, drawn in totals.items():
             each = [of(it).get(name, 0.0) for it in found]
@@ -271,14 +263,6 @@ def _with_secondary(lives: float) -> str:
     if lives == 1:
         return "the secondary is a backup, on which it listens"
     return f"with the secondary {'twice' if lives == 2 else f'{lives:g} times'} that"
-
-
-def _table(title: str, first: str, *others: str) -> Table:
-    table = Table(title=title)
-    table.add_column(first)
-    for name in others:
-        table.add_column(name, justify="right")
-    return table
 
 
 def run_states(arguments: argparse.Namespace) -> int:

@@ -26,8 +26,9 @@ from apad_bridge.commands.firmware.mu_program import (
     rig_of,
 )
 from apad_bridge.commands.help_text import ending
-from apad_bridge.runs.exits import Exit, UserError
+from apad_bridge.runs.exits import Exit
 from apad_bridge.runs.rich_console import Console
+from apad_bridge.scenario.errors import UserError
 from apad_bridge.scenario.text_file import read_text, write_atomically
 from apad_bridge.scenario.yaml_text import parse_yaml
 from firmware_model.bench.conformance import (

@@ -11,7 +11,8 @@ from agents.mussel.agent_rig import AgentRig
 from agents.mussel.bench_firmware import firmware_of
 from agents.mussel.board_link import SERIAL, serial_line
 from agents.mussel.firmware_failure import FirmwareFailed
-from apad_bridge.runs.exits import Exit, UserError
+from apad_bridge.runs.exits import Exit
+from apad_bridge.scenario.errors import UserError
 from firmware_model.bench import Bench
 from firmware_model.bench.conformance import Case, CaseReading, worst_case_of
 from firmware_model.bench.costly_firmware import CostlyFirmware

@@ -13,6 +13,7 @@ from annotated_types import Ge, Le
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 
+from apad_bridge.scenario.errors import UserError
 from apad_bridge.scenario.explained import abbreviated, explain
 from apad_bridge.scenario.quantities import Fraction, NotNegative, Positive
 from apad_bridge.scenario.text_file import read_text
@@ -42,7 +43,7 @@ BoardFact = Literal[
 _STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 
-class MuScriptError(ValueError):
+class MuScriptError(UserError, ValueError):
     """The script cannot be used: the text names every fault, in one line."""
 
 

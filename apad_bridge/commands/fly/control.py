@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from apad_bridge.commands.help_text import ending
-from apad_bridge.runs.exits import Exit, UserError
+from apad_bridge.runs.exits import Exit
+from apad_bridge.scenario.errors import UserError
 from apad_bridge.supervisor.control_client import (
     LATE_S,
     LONGEST_REMARK,

@@ -19,12 +19,12 @@ from apad_bridge.commands.outcome import plan_line, print_plan, report
 from apad_bridge.events.mission import PlanMade
 from apad_bridge.planning.registry import Trust, label
 from apad_bridge.records.journal import read_journal
-from apad_bridge.records.run_directory import PRIVATE, RunDirectory, RunDirectoryError
-from apad_bridge.runs.exits import Exit, UserError, peers_may_fail
+from apad_bridge.records.run_directory import PRIVATE, RunDirectory
+from apad_bridge.runs.exits import Exit, peers_may_fail
 from apad_bridge.runs.progress import FlightProgress
 from apad_bridge.runs.several.summary import Flown, combined_summary
 from apad_bridge.scenario.cross_checks import check_code
-from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.scenario.errors import ScenarioError, UserError
 from apad_bridge.scenario.loader import load, with_overrides, with_values
 from apad_bridge.scenario.run_options import APadKind, BenchPart, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
@@ -97,10 +97,7 @@ def fly(
     if options.dry_run and options.apad is APadKind.SIM:
         return _print_plans(all_members, as_json, trust)
     stem = scenario.name if script is None else f"{script.file.stem}-{scenario.name}"
-    try:
-        whole = RunDirectory.create(stem, datetime.now(UTC), out)
-    except RunDirectoryError as error:
-        raise UserError(str(error)) from error
+    whole = RunDirectory.create(stem, datetime.now(UTC), out)
     only_bags = options.part is BenchPart.FLEET and out is None
     _write_inputs(whole, options, scenario, starts, all_members, script)
     _mark_own(whole, all_members)

@@ -9,7 +9,8 @@ from typing import Any
 
 from apad_bridge.commands.help_text import ending
 from apad_bridge.commands.trust import add_trust_argument, trust_of_run
-from apad_bridge.runs.exits import UserError, peers_may_fail
+from apad_bridge.runs.exits import peers_may_fail
+from apad_bridge.scenario.errors import UserError
 from apad_bridge.scenario.run_options import APadKind, RunOptions, TimeSource
 from apad_bridge.vehicle.errors import PeerFailed
 

@@ -12,8 +12,9 @@ from apad_bridge.commands.entry_points import entry_points
 from apad_bridge.commands.help_text import STRATEGY, ending
 from apad_bridge.commands.look import console
 from apad_bridge.commands.trust import trust_of_typed
-from apad_bridge.runs.exits import UserError, refuse
+from apad_bridge.runs.exits import refuse
 from apad_bridge.scenario.choices import Generation, Hosting
+from apad_bridge.scenario.errors import UserError
 from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource
 
 SLOWEST, FASTEST = 0.01, 10_000.0

@@ -12,9 +12,9 @@ from agents.mussel.board_link import serial_line
 from apad_bridge.doctor.finding import CheckStatus
 from apad_bridge.ros.system.route import somebodys_master
 from apad_bridge.ros_names.names import in_full
-from apad_bridge.runs.exits import UserError, refuse
+from apad_bridge.runs.exits import refuse
 from apad_bridge.scenario.cross_checks import problems_with_real_vehicle, warnings
-from apad_bridge.scenario.errors import in_ranges
+from apad_bridge.scenario.errors import UserError, in_ranges
 from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start

@@ -11,7 +11,7 @@ from typing import Any
 from apad_bridge.commands.fly import run as run_command
 from apad_bridge.commands.help_text import ending
 from apad_bridge.commands.trust import trust_of_typed
-from apad_bridge.runs.exits import UserError
+from apad_bridge.scenario.errors import UserError
 from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath
 
 _SCENARIO = re.compile(r"^# scenario:\s*(\S+)\s*$", re.MULTILINE)
@@ -50,14 +50,11 @@ def add_parser(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     from apad_bridge.commands.fly.flight import Script, fly, read_scenario
-    from apad_bridge.scripting.program import ScriptError, as_program
+    from apad_bridge.scripting.program import as_program
 
     file: Path = arguments.file
     trust = trust_of_typed()
-    try:
-        program = as_program(file, trust)
-    except ScriptError as error:
-        raise UserError(str(error)) from None
+    program = as_program(file, trust)
     if arguments.scenario is None:
         arguments.scenario = _scenario_of(file)
     if arguments.part is BenchPart.MISSION and arguments.apad != APadKind.ROS:

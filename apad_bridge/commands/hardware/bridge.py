@@ -14,7 +14,8 @@ from agents.hosting import interrupts
 from agents.time_scale import MissionMs
 from apad_bridge.commands.help_text import ending
 from apad_bridge.doctor.finding import CheckStatus
-from apad_bridge.runs.exits import Exit, UserError
+from apad_bridge.runs.exits import Exit
+from apad_bridge.scenario.errors import UserError
 
 
 def add_parser(commands: Any) -> None:
@@ -67,18 +68,14 @@ def run(arguments: argparse.Namespace) -> int:
         print(line, flush=True)
 
     from agents.serial_port import SerialPort
-    from apad_bridge.records.run_directory import RunDirectoryError
     from apad_bridge.ros.amussel_bridge import AMusselBridge
     from apad_bridge.ros.system.route import enter_graph_of
     from apad_bridge.supervisor.clock import StopSign
 
     stop = StopSign()
     with interrupts.received_by(stop.set):
-        try:
-            if run_dir is not None and not enter_graph_of(run_dir, stop.wait):
-                return Exit.INTERRUPTED
-        except RunDirectoryError as error:
-            raise UserError(str(error)) from error
+        if run_dir is not None and not enter_graph_of(run_dir, stop.wait):
+            return Exit.INTERRUPTED
         begun_s = time.monotonic()
         bridge = AMusselBridge.on_graph(
             ids, codec_of(scenario), AttachedModem(SerialPort(str(arguments.port))), tell

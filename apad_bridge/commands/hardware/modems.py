@@ -9,7 +9,8 @@ from typing import Any
 
 from agents.hosting import interrupts
 from apad_bridge.commands.help_text import ending
-from apad_bridge.runs.exits import Exit, UserError
+from apad_bridge.runs.exits import Exit
+from apad_bridge.scenario.errors import UserError
 
 _MOST = 16
 

@@ -39,10 +39,11 @@ from apad_bridge.events.persons import ScriptTold
 from apad_bridge.records.journal import read_journal
 from apad_bridge.records.run_directory import PRIVATE, RunDirectory
 from apad_bridge.ros.system.route import somebodys_master
-from apad_bridge.runs.exits import Exit, UserError, peers_may_fail
+from apad_bridge.runs.exits import Exit, peers_may_fail
 from apad_bridge.runs.progress import WorkProgress
 from apad_bridge.runs.rich_console import Console
 from apad_bridge.scenario.cross_checks import problems_with_real_vehicle
+from apad_bridge.scenario.errors import UserError
 from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scripting import PROVE_STOP, STOP_PROVEN

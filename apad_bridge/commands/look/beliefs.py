@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from pathlib import Path
 from typing import Any
@@ -14,9 +13,10 @@ from apad_bridge.analysis.belief_scores.comparisons import Record, best_record, 
 from apad_bridge.analysis.belief_scores.scores import LOW_COVERAGE, Score, Scores, scores_of
 from apad_bridge.commands.help_text import ending
 from apad_bridge.records.run_directory import RunDirectoryError
-from apad_bridge.runs.exits import Exit, UserError
+from apad_bridge.runs.exits import Exit
 from apad_bridge.runs.progress import WorkProgress
-from apad_bridge.runs.rich_console import Console
+from apad_bridge.runs.rich_console import Console, print_result
+from apad_bridge.scenario.errors import UserError
 
 FIGURE_ENDINGS = (".png", ".svg", ".pdf")
 """The formats of `--figure`, here and in `musselbed fit battery`."""
@@ -81,10 +81,9 @@ def run(arguments: argparse.Namespace) -> int:
             draw(scores, figure, f"beliefs in {arguments.directory.name}")
         except OSError as error:
             raise UserError(f"--figure {figure}: {error.strerror}") from error
-    if arguments.json:
-        print(json.dumps({"record": record, **scores.to_json()}))
-    else:
-        _show(scores, record, Console())
+    print_result(
+        arguments.json, {"record": record, **scores.to_json()}, lambda: _show(scores, record, Console())
+    )
     _warn(scores)
     return Exit.DONE
 

@@ -11,9 +11,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 from apad_bridge.commands.help_text import ending
-from apad_bridge.runs.exits import Exit, UserError
+from apad_bridge.runs.exits import Exit
 from apad_bridge.runs.progress import WorkProgress
-from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.runs.rich_console import print_result
+from apad_bridge.scenario.errors import ScenarioError, UserError
 
 if TYPE_CHECKING:
     from apad_bridge.analysis.invariants import Broken
@@ -58,10 +59,11 @@ def run(arguments: argparse.Namespace) -> int:
         for directory in arguments.directories:
             progress.step(f"checking {directory}")
             broken |= broken_rules(directory)
-    if arguments.json:
-        print(json.dumps({str(path): [_as_json(it) for it in each] for path, each in broken.items()}))
-    else:
-        print_rules(broken, sys.stdout)
+    print_result(
+        arguments.json,
+        {str(path): [_as_json(it) for it in each] for path, each in broken.items()},
+        lambda: print_rules(broken, sys.stdout),
+    )
     return exit_of_rules(broken)
 
 

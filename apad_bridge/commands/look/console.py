@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 from apad_bridge.commands.help_text import ending
-from apad_bridge.runs.exits import Exit, UserError
+from apad_bridge.runs.exits import Exit
+from apad_bridge.scenario.errors import UserError
 from apad_bridge.vehicle.errors import PeerFailed
 
 if TYPE_CHECKING:
@@ -68,7 +69,6 @@ def add_parser(commands: Any) -> None:
 def run(arguments: argparse.Namespace) -> int:
     from apad_bridge.console.process import ListenAddress, serve
     from apad_bridge.console.server import order_line
-    from apad_bridge.records.run_directory import RunDirectoryError
 
     if not 0 <= arguments.port < 65536:
         raise UserError(f"--port must be 0 to 65535, not {arguments.port}")
@@ -103,8 +103,6 @@ def run(arguments: argparse.Namespace) -> int:
                 tell_end,
                 warn,
             )
-    except RunDirectoryError as error:
-        raise UserError(str(error)) from error
     except OSError as error:
         raise UserError(
             f"cannot listen on {arguments.host} port {arguments.port}: {error.strerror}"

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
 from typing import Any
-
-from rich.table import Table
 
 from apad_bridge.commands.help_text import MISSION_TIME, ending, mission_seconds
 from apad_bridge.events.mission import PlanMade
 from apad_bridge.records.journal import Entry, read_journal
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
-from apad_bridge.runs.exits import Exit, UserError
 from apad_bridge.runs.progress import WorkProgress
-from apad_bridge.runs.rich_console import Console
+from apad_bridge.runs.rich_console import Console, print_result, table_of
+from apad_bridge.scenario.errors import UserError
 from firmware_model.packets import QUANTITIES
 
 
@@ -58,11 +55,7 @@ def run(arguments: argparse.Namespace) -> int:
     if not made:
         raise UserError(f"--at {arguments.at:g}: the first plan was made at {plans[0][0] / 1000:g} s")
     at_ms, plan = made[-1]
-    if arguments.json:
-        print(json.dumps(Entry(at_ms, plan).line))
-    else:
-        _show(at_ms, plan, Console())
-    return Exit.DONE
+    return print_result(arguments.json, Entry(at_ms, plan).line, lambda: _show(at_ms, plan, Console()))
 
 
 def _show(at_ms: int, plan: PlanMade, console: Console) -> None:
@@ -78,8 +71,7 @@ def _show(at_ms: int, plan: PlanMade, console: Console) -> None:
         f"{costs['distance_cost']:.1f} and {costs['energy_cost']:.1f}",
         highlight=False,
     )
-    table = Table(title="The candidates, as they were believed", title_justify="left")
-    for name in (
+    headings = (
         "aMussel",
         "place in the plan",
         "charge",
@@ -88,8 +80,8 @@ def _show(at_ms: int, plan: PlanMade, console: Console) -> None:
         "north m",
         "east m",
         *(f"{it.text} {it.unit}".strip() for it in QUANTITIES.values()),
-    ):
-        table.add_column(name, justify="right")
+    )
+    table = table_of("The candidates, as they were believed", headings, title_justify="left")
     for belief in plan.beliefs:
         reported = belief.get("reported", {})
         table.add_row(
@@ -117,14 +109,12 @@ def _show_options(plan: PlanMade, console: Console) -> None:
         )
         return
     names = list(options[0]["parts"])
-    table = Table(
-        title="The plans that were weighed, by the strategy's own cost: the least is the best",
+    table = table_of(
+        "The plans that were weighed, by the strategy's own cost: the least is the best",
+        ("", "aMussels", "cost", *names),
+        left=("", "aMussels"),
         title_justify="left",
     )
-    table.add_column("")
-    table.add_column("aMussels")
-    for name in ("cost", *names):
-        table.add_column(name, justify="right")
     for rank, option in enumerate(options):
         parts = [f"{option['parts'].get(name, 0.0):.3f}" for name in names]
         rank_name = ("the plan", "runner-up")[rank] if rank < 2 else ""

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
 from typing import Any
 
 from apad_bridge.analysis.export.formats import Format, default_path, export
 from apad_bridge.commands.help_text import ending
-from apad_bridge.records.bag_samples import BagUnreadable
-from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
-from apad_bridge.runs.exits import Exit, UserError
+from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.progress import WorkProgress
+from apad_bridge.runs.rich_console import print_result
+from apad_bridge.scenario.errors import UserError
 
 
 def add_parser(commands: Any) -> None:
@@ -54,12 +53,6 @@ def run(arguments: argparse.Namespace) -> int:
             counts = export(directory, Format(arguments.to), path)
     except ImportError as error:
         raise UserError(f"--to {arguments.to} needs {error.name}: pip install 'musselbed[export]'") from error
-    except (RunDirectoryError, BagUnreadable) as error:
-        raise UserError(str(error)) from error
     except OSError as error:
         raise UserError(f"{error.filename or path}: {error.strerror}") from error
-    if arguments.json:
-        print(json.dumps({"path": str(path), "rows": counts}))
-    else:
-        print(path)
-    return Exit.DONE
+    return print_result(arguments.json, {"path": str(path), "rows": counts}, lambda: print(path))

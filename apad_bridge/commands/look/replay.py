@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import argparse
-import json
 import webbrowser
 from pathlib import Path
 from typing import Any
 
 from apad_bridge.commands.help_text import ending
-from apad_bridge.runs.exits import Exit, UserError
+from apad_bridge.runs.exits import Exit
+from apad_bridge.runs.rich_console import print_result
+from apad_bridge.scenario.errors import UserError
 
 
 def add_parser(commands: Any) -> None:
@@ -48,10 +49,7 @@ def run(arguments: argparse.Namespace) -> int:
                 page = build_comparison(arguments.directory, arguments.other)
     except (RunDirectoryError, OSError) as error:
         raise UserError(str(error)) from error
-    if arguments.json:
-        print(json.dumps({"page": str(page), "bytes": page.stat().st_size}))
-    else:
-        print(page)
+    print_result(arguments.json, {"page": str(page), "bytes": page.stat().st_size}, lambda: print(page))
     if arguments.open and not webbrowser.open(page.absolute().as_uri()):
         raise UserError(f"no browser could be started: open {page.absolute().as_uri()} in one")
     return Exit.DONE

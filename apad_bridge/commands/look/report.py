@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from apad_bridge.commands.help_text import ending
-from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
-from apad_bridge.runs.exits import Exit, UserError
+from apad_bridge.records.run_directory import RunDirectory
+from apad_bridge.runs.exits import Exit
 from apad_bridge.runs.progress import WorkProgress
+from apad_bridge.scenario.errors import UserError
 
 _DATA = ("csv", "parquet")
 
@@ -41,7 +42,6 @@ def run(arguments: argparse.Namespace) -> int:
     from apad_bridge.analysis.export.formats import Format, export
     from apad_bridge.analysis.report.contents import contents_of
     from apad_bridge.analysis.report.document import write_report
-    from apad_bridge.records.bag_samples import BagUnreadable
 
     out: Path = arguments.out
     try:
@@ -64,8 +64,6 @@ def run(arguments: argparse.Namespace) -> int:
                     export(directory, Format(arguments.data), out / name)
     except ImportError as error:
         raise UserError(f"--data parquet needs {error.name}: pip install 'musselbed[export]'") from error
-    except (RunDirectoryError, BagUnreadable) as error:
-        raise UserError(str(error)) from error
     except OSError as error:
         raise UserError(f"{error.filename or out}: {error.strerror}") from error
     if arguments.json:

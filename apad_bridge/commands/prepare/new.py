@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from apad_bridge.commands.help_text import ending
-from apad_bridge.runs.exits import Exit, UserError
+from apad_bridge.runs.exits import Exit
+from apad_bridge.scenario.errors import UserError
 from apad_bridge.scenario.text_file import write_atomically
 
 _SCENARIO = """\

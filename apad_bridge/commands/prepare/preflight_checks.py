@@ -21,7 +21,7 @@ from apad_bridge.records.run_directory import RUNS
 from apad_bridge.ros.system.route import environment_for
 from apad_bridge.ros_names.names import in_full, plain
 from apad_bridge.ros_names.namespaces import is_one_of_several
-from apad_bridge.runs.exits import UserError
+from apad_bridge.scenario.errors import UserError
 from apad_bridge.scenario.run_options import BenchPart, RunOptions
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start

@@ -8,7 +8,7 @@ import sys
 from typing import Any, NoReturn
 
 from apad_bridge.commands.help_text import ending
-from apad_bridge.runs.exits import UserError
+from apad_bridge.scenario.errors import UserError
 
 
 def add_parser(commands: Any) -> None:

@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from agents.water.table import number_of
+from apad_bridge.scenario.errors import UserError
 from apad_bridge.scenario.text_file import read_text
 
 Floats = npt.NDArray[np.float64]
@@ -36,7 +37,7 @@ _VALUE_NAMES = re.compile(
 )
 
 
-class LogError(ValueError):
+class LogError(UserError, ValueError):
     """The log cannot be used; the message is one line with the remedy."""
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,9 +10,9 @@ from rich.table import Table
 
 from apad_bridge.commands.fly.run import namespace_of_shell
 from apad_bridge.commands.help_text import ending
-from apad_bridge.runs.exits import Exit, UserError
 from apad_bridge.runs.progress import WorkProgress
-from apad_bridge.runs.rich_console import Console
+from apad_bridge.runs.rich_console import Console, print_result, table_of
+from apad_bridge.scenario.errors import UserError
 
 if TYPE_CHECKING:
     from apad_bridge.field.calibration.calibration import Calibration, ReadBag
@@ -80,8 +79,6 @@ def _span(text: str) -> tuple[float, float]:
 def run(arguments: argparse.Namespace) -> int:
     # scipy's statistics take a second, which no other command should pay.
     from apad_bridge.field.calibration.calibration import calibrate, read_recording, with_block
-    from apad_bridge.records.bag_samples import BagUnreadable
-    from apad_bridge.scenario.errors import ScenarioError
     from apad_bridge.scenario.loader import load, write_resolved
 
     if arguments.out is not None and arguments.out.exists():
@@ -102,15 +99,9 @@ def run(arguments: argparse.Namespace) -> int:
             found = calibrate(recordings, scenario, adrift_s, others)
         if arguments.out is not None:
             write_resolved(arguments.out, with_block(scenario, found.block))
-    except (ScenarioError, BagUnreadable) as error:
-        raise UserError(str(error)) from error
     except OSError as error:
         raise UserError(f"{arguments.out} cannot be written: {error.strerror}") from error
-    if arguments.json:
-        print(json.dumps(found.to_json()))
-    else:
-        _show(found, Console())
-    return Exit.DONE
+    return print_result(arguments.json, found.to_json(), lambda: _show(found, Console()))
 
 
 def _begin_s(recording: ReadBag) -> float:
@@ -122,9 +113,10 @@ def _show(found: Calibration, console: Console) -> None:
 
     for note in found.notes:
         console.print(f"note: {note}", highlight=False, markup=False)
-    table = Table(title="Measured, with the interval of 95 %", title_justify="left")
-    for name in ("", "value", "from", "to", "unit", "samples", "method"):
-        table.add_column(name, justify="left" if name in ("", "unit", "method") else "right")
+    headings = ("", "value", "from", "to", "unit", "samples", "method")
+    table = table_of(
+        "Measured, with the interval of 95 %", headings, ("", "unit", "method"), title_justify="left"
+    )
     for name, it in found.figures.items():
         table.add_row(
             name, f"{it.value:.4g}", f"{it.low:.4g}", f"{it.high:.4g}", it.unit, str(it.samples), it.method
@@ -153,9 +145,8 @@ def _show(found: Calibration, console: Console) -> None:
 
 
 def _losses(medium: str, losses: list[Loss]) -> Table:
-    table = Table(title=f"Lost packets of {medium}, by range", title_justify="left")
-    for name in ("range [m]", "lost %", "from", "to", "sent"):
-        table.add_column(name, justify="right")
+    headings = ("range [m]", "lost %", "from", "to", "sent")
+    table = table_of(f"Lost packets of {medium}, by range", headings, title_justify="left")
     for it in losses:
         end = "on" if it.to_m is None else f"to {it.to_m:g}"
         lost = it.lost

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
 from typing import Any
 
@@ -15,13 +14,12 @@ from apad_bridge.field.battery_fit.battery_fit import BatteryFit, Direction, fit
 from apad_bridge.field.battery_fit.battery_log import (
     MINUTES_IN,
     VALUE_UNITS,
-    LogError,
     LogFormat,
     read_log,
 )
 from apad_bridge.field.battery_fit.figure import draw
-from apad_bridge.runs.exits import Exit, UserError
-from apad_bridge.runs.rich_console import Console
+from apad_bridge.runs.rich_console import Console, print_result
+from apad_bridge.scenario.errors import UserError
 
 
 def add_parser(commands: Any) -> None:
@@ -99,21 +97,19 @@ def run_battery(arguments: argparse.Namespace) -> int:
         arguments.full_mv,
     )
     direction = Direction(arguments.direction) if arguments.direction else None
-    try:
-        fits = [fit_log(read_log(path, log_format), arguments.segments, direction) for path in arguments.logs]
-    except LogError as error:
-        raise UserError(str(error)) from None
+    fits = [fit_log(read_log(path, log_format), arguments.segments, direction) for path in arguments.logs]
     if len({fitted.direction for fitted in fits}) < len(fits):
         raise UserError(
             f"both logs are {fits[0].direction}: give one log, or one of a charge and one of a discharge"
         )
     if arguments.figure is not None:
         _write_figure(arguments.figure, fits[0])
-    if arguments.json:
-        print(json.dumps({"fits": [fitted.to_json() for fitted in fits], "board": block_of(fits)}, indent=1))
-    else:
-        _show(fits, Console())
-    return Exit.DONE
+    return print_result(
+        arguments.json,
+        {"fits": [fitted.to_json() for fitted in fits], "board": block_of(fits)},
+        lambda: _show(fits, Console()),
+        indent=1,
+    )
 
 
 def _refuse_contradictions(arguments: argparse.Namespace) -> None:

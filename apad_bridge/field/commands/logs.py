@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +11,9 @@ from rich.table import Table
 from apad_bridge.commands.help_text import ending
 from apad_bridge.field.bag_merge.figures import RunFigures
 from apad_bridge.field.bag_merge.merge import Merge, merge
-from apad_bridge.records.bag_samples import BagUnreadable
-from apad_bridge.runs.exits import Exit, UserError
 from apad_bridge.runs.progress import WorkProgress
-from apad_bridge.runs.rich_console import Console
+from apad_bridge.runs.rich_console import Console, print_result
+from apad_bridge.scenario.errors import UserError
 
 _MOST_GAPS = 20
 
@@ -58,15 +56,13 @@ def run(arguments: argparse.Namespace) -> int:
         with WorkProgress(arguments.json) as progress:
             progress.step(f"merging {first} and {second}")
             merged = merge(first, second, out)
-    except BagUnreadable as error:
-        raise UserError(str(error)) from error
     except OSError as error:
         raise UserError(f"{error.filename or out}: {error.strerror}") from error
-    if arguments.json:
-        print(json.dumps({"out": str(out), **merged.to_json()}))
-    else:
-        _show(merged, out, Console(highlight=False))
-    return Exit.DONE
+    return print_result(
+        arguments.json,
+        {"out": str(out), **merged.to_json()},
+        lambda: _show(merged, out, Console(highlight=False)),
+    )
 
 
 def _show(merged: Merge, out: Path, console: Console) -> None:

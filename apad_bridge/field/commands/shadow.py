@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import sys
 import time
@@ -13,15 +12,14 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rich.table import Table
-
 from apad_bridge.commands.fly.run import namespace_of_shell
 from apad_bridge.commands.help_text import STRATEGY, ending
 from apad_bridge.commands.trust import add_trust_argument, trust_of_looked_at
 from apad_bridge.events.mission import MissionChanged, Phase
-from apad_bridge.runs.exits import Exit, UserError
+from apad_bridge.runs.exits import Exit
 from apad_bridge.runs.progress import WorkProgress
-from apad_bridge.runs.rich_console import Console
+from apad_bridge.runs.rich_console import Console, print_result, table_of
+from apad_bridge.scenario.errors import UserError
 
 if TYPE_CHECKING:
     from apad_bridge.field.field_log.facts import EventTold, LoggedFact
@@ -68,9 +66,7 @@ def add_parser(commands: Any) -> None:
 def run(arguments: argparse.Namespace) -> int:
     from apad_bridge.field.shadow import Shadow
     from apad_bridge.mission.plans import StrategyFailed
-    from apad_bridge.records.bag_samples import BagUnreadable
     from apad_bridge.scenario.cross_checks import check_code
-    from apad_bridge.scenario.errors import ScenarioError
     from apad_bridge.scenario.loader import load, with_overrides
 
     if arguments.bag is not None and arguments.for_s is not None:
@@ -88,25 +84,20 @@ def run(arguments: argparse.Namespace) -> int:
         else:
             code, missing = _listen(scenario, shadow, arguments)
         shadow.end()
-    except (ScenarioError, BagUnreadable) as error:
-        raise UserError(str(error)) from error
     except StrategyFailed as error:
         print(f"musselbed shadow: {error}", file=sys.stderr)
         return Exit.PEER_FAILED
-    if arguments.json:
-        print(
-            json.dumps(
-                {
-                    "strategy": scenario.mission.collection,
-                    "decisions": [it.to_json() for it in shadow.decisions],
-                    "agreed": sum(it.agrees for it in shadow.decisions),
-                    "accuracy": asdict(shadow.accuracy),
-                    "notes": missing,
-                }
-            )
-        )
-    else:
-        _show(shadow, scenario.mission.collection, missing, Console())
+    print_result(
+        arguments.json,
+        {
+            "strategy": scenario.mission.collection,
+            "decisions": [it.to_json() for it in shadow.decisions],
+            "agreed": sum(it.agrees for it in shadow.decisions),
+            "accuracy": asdict(shadow.accuracy),
+            "notes": missing,
+        },
+        lambda: _show(shadow, scenario.mission.collection, missing, Console()),
+    )
     return code
 
 
@@ -174,9 +165,12 @@ def _text(move: TheirMove) -> str:
 def _show(shadow: Shadow, strategy: str, missing: list[str], console: Console) -> None:
     for note in missing:
         console.print(f"note: {note}", highlight=False, markup=False, soft_wrap=True)
-    table = Table(title=f"Their decisions beside those of {strategy} on our beliefs", title_justify="left")
-    for name in ("s", "theirs", "ours", "agree", "believed charge", "age s", "charge error", "place error m"):
-        table.add_column(name, justify="left" if name in ("theirs", "ours", "agree") else "right")
+    table = table_of(
+        f"Their decisions beside those of {strategy} on our beliefs",
+        ("s", "theirs", "ours", "agree", "believed charge", "age s", "charge error", "place error m"),
+        left=("theirs", "ours", "agree"),
+        title_justify="left",
+    )
     for it in shadow.decisions:
         estimate = it.estimate
         cells = ["", "", "", ""]

@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from apad_bridge.commands.help_text import ending
-from apad_bridge.runs.exits import Exit, UserError
+from apad_bridge.runs.exits import Exit
+from apad_bridge.scenario.errors import UserError
 
 if TYPE_CHECKING:
     from apad_bridge.runs.beside import Service
@@ -112,7 +113,6 @@ def run(arguments: argparse.Namespace) -> int:
     _require_imcpy()
     from apad_bridge.imc.gateway import GatewaySettings, ImcGateway, serve
     from apad_bridge.imc.wire import ImcConsole
-    from apad_bridge.records.run_directory import RunDirectoryError
 
     try:
         consoles = tuple(map(ImcConsole.parse, arguments.neptus or [f"{LOOPBACK}:{NEPTUS_PORT}"]))
@@ -141,8 +141,6 @@ def run(arguments: argparse.Namespace) -> int:
             listening,
             lambda text: print(f"musselbed imc: {text}", file=sys.stderr, flush=True),
         )
-    except RunDirectoryError as error:
-        raise UserError(str(error)) from error
     except OSError as error:
         raise UserError(error.strerror or str(error)) from error
     for reason, count in sorted(dropped.items()):

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rich.table import Table
-
 from apad_bridge.commands.help_text import MISSION_TIME, STRATEGY, ending, mission_seconds
 from apad_bridge.commands.trust import add_trust_argument, trust_of_run
-from apad_bridge.runs.exits import Exit, UserError
 from apad_bridge.runs.progress import WorkProgress
-from apad_bridge.runs.rich_console import Console
+from apad_bridge.runs.rich_console import Console, print_result, table_of
+from apad_bridge.scenario.errors import UserError
 from apad_bridge.scenario.yaml_text import parse_yaml
 
 if TYPE_CHECKING:
@@ -59,29 +56,26 @@ def add_parser(commands: Any) -> None:
 def run(arguments: argparse.Namespace) -> int:
     # Imported here: a branch needs all parts of a flight.
     from apad_bridge.records.run_directory import RunDirectory
-    from apad_bridge.studies.branching import NoBranch, Turn, branch
+    from apad_bridge.studies.branching import Turn, branch
 
     rules = dict(_rule(text) for text in arguments.set)
     if arguments.strategy is not None:
         rules["collection"] = arguments.strategy
     if not rules and arguments.lose_apad is None:
         raise UserError("nothing changes: give --strategy, --set or --lose-apad")
-    try:
-        with WorkProgress(arguments.json) as progress:
-            progress.step(f"flying {arguments.directory} again, unchanged and changed")
-            turn = Turn(round(arguments.at * 1000), rules, arguments.lose_apad)
-            typed = [str(rules[it]) for it in ("collection", "redeployment") if it in rules]
-            trust = trust_of_run(arguments, RunDirectory(arguments.directory), *typed)
-            branches = branch(arguments.directory, turn, trust)
-    except NoBranch as error:
-        raise UserError(str(error)) from error
+    with WorkProgress(arguments.json) as progress:
+        progress.step(f"flying {arguments.directory} again, unchanged and changed")
+        turn = Turn(round(arguments.at * 1000), rules, arguments.lose_apad)
+        typed = [str(rules[it]) for it in ("collection", "redeployment") if it in rules]
+        trust = trust_of_run(arguments, RunDirectory(arguments.directory), *typed)
+        branches = branch(arguments.directory, turn, trust)
     if branches.has_our_firmware:
         print("a branch flies our firmware in place of fleet.firmware", file=sys.stderr)
-    if arguments.json:
-        print(json.dumps(asdict(branches)))
-    else:
-        _show(branches, arguments.at, Console(markup=False, highlight=False))
-    return Exit.DONE
+    return print_result(
+        arguments.json,
+        asdict(branches),
+        lambda: _show(branches, arguments.at, Console(markup=False, highlight=False)),
+    )
 
 
 def _rule(text: str) -> tuple[str, Any]:
@@ -97,9 +91,8 @@ def _rule(text: str) -> tuple[str, Any]:
 def _show(branches: Branches, at_s: float, console: Console) -> None:
     from apad_bridge.studies.branching import FIGURES
 
-    table = Table(title=f"changed at {at_s:g} s of mission time", title_justify="left")
-    for heading in ("", "as flown", "unchanged", "changed", "difference"):
-        table.add_column(heading, justify="right" if heading else "left")
+    headings = ("", "as flown", "unchanged", "changed", "difference")
+    table = table_of(f"changed at {at_s:g} s of mission time", headings, title_justify="left")
     for key, name in FIGURES.items():
         flown, unchanged, changed = (it[key] for it in (branches.flown, branches.unchanged, branches.changed))
         difference = None if unchanged is None or changed is None else changed - unchanged

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from apad_bridge.commands.help_text import ending
 from apad_bridge.commands.trust import add_trust_argument, trust_of_looked_at
-from apad_bridge.runs.exits import Exit, UserError
+from apad_bridge.runs.exits import Exit
+from apad_bridge.scenario.errors import UserError
 
 if TYPE_CHECKING:
     from apad_bridge.planning.registry import Trust

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
 from typing import Any
 
 from apad_bridge.commands.help_text import ending
-from apad_bridge.runs.exits import Exit, UserError
 from apad_bridge.runs.progress import WorkProgress
+from apad_bridge.runs.rich_console import print_result
+from apad_bridge.scenario.errors import UserError
 
 
 def add_parser(commands: Any) -> None:
@@ -35,18 +35,14 @@ def add_parser(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     # Imported here: packing needs the parts of studies.
-    from apad_bridge.studies.packing import NotPacked, pack
+    from apad_bridge.studies.packing import pack
 
     try:
         with WorkProgress(arguments.json) as progress:
             progress.step(f"packing {arguments.directory}")
             archive = pack(arguments.directory, arguments.out)
-    except NotPacked as error:
-        raise UserError(str(error)) from error
     except OSError as error:
         raise UserError(f"{error.filename or arguments.out}: {error.strerror}") from error
-    if arguments.json:
-        print(json.dumps({"path": str(archive), "bytes": archive.stat().st_size}))
-    else:
-        print(archive)
-    return Exit.DONE
+    return print_result(
+        arguments.json, {"path": str(archive), "bytes": archive.stat().st_size}, lambda: print(archive)
+    )

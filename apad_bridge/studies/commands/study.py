@@ -17,9 +17,9 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from apad_bridge.commands.help_text import ending
 from apad_bridge.commands.trust import trust_of_typed
-from apad_bridge.runs.exits import Exit, UserError
+from apad_bridge.runs.exits import Exit
 from apad_bridge.runs.rich_console import Console
-from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.scenario.errors import ScenarioError, UserError
 
 if TYPE_CHECKING:
     from apad_bridge.studies.findings import Findings
@@ -82,7 +82,7 @@ def add_parser(commands: Any) -> None:
 def run(arguments: argparse.Namespace) -> int:
     # Imported here: a study's parts are many, and the other commands start without them.
     from apad_bridge.studies.report import RESULTS, write_parquet
-    from apad_bridge.studies.runner import AnotherStudy, StudyFailed, fly_study
+    from apad_bridge.studies.runner import StudyFailed, fly_study
 
     if find_spec("pyarrow") is None:
         raise UserError("pyarrow, which writes the results, is missing: run launch_scripts/install")
@@ -95,8 +95,6 @@ def run(arguments: argparse.Namespace) -> int:
         with _progress(arguments.json) as progress:
             task = progress.add_task(plan.study.name, total=plan.missions)
             rows = fly_study(plan, directory, workers, lambda missions: progress.advance(task, missions))
-    except AnotherStudy as error:
-        raise UserError(str(error)) from error
     except KeyboardInterrupt:
         print(f"musselbed study: ended; the same command continues from {directory}", file=sys.stderr)
         raise

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 from apad_bridge.commands.help_text import ending
-from apad_bridge.runs.exits import Exit, UserError, peers_may_fail
+from apad_bridge.runs.exits import Exit, peers_may_fail
+from apad_bridge.scenario.errors import UserError
 
 if TYPE_CHECKING:
     from apad_bridge.runs.beside import Service
@@ -94,7 +95,6 @@ def _asked(arguments: argparse.Namespace) -> Service | None:
 def run(arguments: argparse.Namespace) -> int:
     _require_foxglove()
     _refuse_port("--port", arguments.port)
-    from apad_bridge.records.run_directory import RunDirectoryError
     from apad_bridge.viewers.foxglove_server import CannotListen, serve
 
     def tell(port: int, token: str) -> None:
@@ -108,8 +108,6 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         with peers_may_fail():
             has_ended = serve(arguments.directory, arguments.host, arguments.port, tell, warn)
-    except RunDirectoryError as error:
-        raise UserError(str(error)) from error
     except CannotListen as error:
         raise UserError(f"cannot listen on {arguments.host} port {arguments.port}: {error}") from error
     if has_ended:

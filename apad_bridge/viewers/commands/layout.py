@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from apad_bridge.commands.help_text import ending
-from apad_bridge.runs.exits import Exit, UserError
+from apad_bridge.runs.exits import Exit
+from apad_bridge.scenario.errors import UserError
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.scenario.text_file import write_atomically

@@ -18,7 +18,7 @@ from apad_bridge.planning.explanation import Option
 from apad_bridge.planning.solution import Solution
 from apad_bridge.planning.strategy import CollectionStrategy
 from apad_bridge.records.journal import Journal
-from apad_bridge.runs.exits import UserError
+from apad_bridge.scenario.errors import UserError
 
 AGENTS = tuple(Candidate(k, k, 2.0, 0.1 * k, 1.0, k, 2.0) for k in (1, 2, 3, 4, 5))
 SITUATION = Situation(0.0, 0.0, AGENTS, (0, 1))

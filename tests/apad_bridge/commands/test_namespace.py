@@ -11,7 +11,7 @@ import pytest
 from apad_bridge.commands import main as commands
 from apad_bridge.commands.fly.run import options_of
 from apad_bridge.ros.system.route import environment_for
-from apad_bridge.runs.exits import UserError
+from apad_bridge.scenario.errors import UserError
 from apad_bridge.scenario.run_options import RunOptions
 
 URI = "http://127.0.0.1:11311"

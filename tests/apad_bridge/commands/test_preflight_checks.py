@@ -21,7 +21,7 @@ from apad_bridge.commands.prepare.preflight_checks import (
     report_path,
 )
 from apad_bridge.doctor.finding import CheckStatus, Finding, cannot_tell, fail, ok
-from apad_bridge.runs.exits import UserError
+from apad_bridge.scenario.errors import UserError
 from apad_bridge.scenario.loader import load
 
 MASTER = "http://boat:11311"

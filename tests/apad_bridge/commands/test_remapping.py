@@ -9,7 +9,7 @@ import pytest
 
 from apad_bridge.commands.fly.run import options_of
 from apad_bridge.commands.main import parser
-from apad_bridge.runs.exits import UserError
+from apad_bridge.scenario.errors import UserError
 from apad_bridge.scenario.run_options import RunOptions
 
 

@@ -11,8 +11,8 @@ from scenario_files import POOL_FILE
 from apad_bridge.commands.look import replay
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
-from apad_bridge.runs.exits import UserError
 from apad_bridge.runs.flying import journal_start
+from apad_bridge.scenario.errors import UserError
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.starts import starts_of
 
