@@ -4,7 +4,6 @@ watchdog says of itself.
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable
 from typing import Any
 
@@ -15,10 +14,9 @@ from std_msgs.msg import Float32, String
 from apad_bridge.doctor.graph import Graph
 from apad_bridge.doctor.network import Unreachable
 from apad_bridge.doctor.preflight import second_bench
-from apad_bridge.events.event import Event
 from apad_bridge.events.guards import StopKind
 from apad_bridge.ros.gateway.fleet_guard import SecondFleet
-from apad_bridge.ros.system.inbox import Inbox
+from apad_bridge.ros.system.inbox import Listening
 from apad_bridge.ros.types.any_listener import AnyListener
 from apad_bridge.ros_names.names import of_apad, ours
 from apad_bridge.supervisor.context import Watcher
@@ -57,28 +55,17 @@ class Heartbeat:
         return watch
 
 
-class WatchdogStates:
+class WatchdogStates(Listening[str]):
     """Brings the gate what the watchdog of the aPad called `name` says: rospy's threads queue it, the flight's takes it."""
 
     def __init__(self, name: str, gate: Gate) -> None:
+        super().__init__()
         self._gate = gate
-        self._inbox: Inbox[str] = Inbox()
         listener = AnyListener(self._inbox.refuse)
-        self._subscriber = listener.listen(of_apad(name, "watchdog"), String, ("data",), self._take)
-
-    @property
-    def dropped(self) -> Counter[str]:
-        return self._inbox.dropped
-
-    def take_events(self) -> list[Event]:
-        """Publishers whose messages cannot be read, each once."""
-        return self._inbox.take_events()
+        self._subscribers = [listener.listen(of_apad(name, "watchdog"), String, ("data",), self._take)]
 
     def watch(self, now_ms: int) -> None:
         self._gate.hear_watchdog(self._inbox.take(), now_ms)
-
-    def close(self) -> None:
-        self._subscriber.unregister()
 
     def _take(self, message: Any) -> None:
         self._inbox.put(str(message.data))

@@ -11,9 +11,8 @@ import rospy
 from actionlib_msgs.msg import GoalStatusArray
 
 from apad_bridge.beliefs.input_ranges import out_of_range
-from apad_bridge.events.event import Event
 from apad_bridge.ros.generation_a.dock_inquiry import DockInquiry
-from apad_bridge.ros.system.inbox import Inbox
+from apad_bridge.ros.system.inbox import Listening
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import AMUSSEL, of_amussel, of_apad
 from apad_bridge.vehicle.capabilities import published_docks
@@ -31,7 +30,7 @@ use_generated_messages()
 from auv_msgs.msg import NavSts  # noqa: E402
 
 
-class ContactsLink:
+class ContactsLink(Listening[HeldPositionReceived | PoseReceived | DocksReceived | GoalStatusReceived]):
     """Gives a fleet alone the contacts of docks that somebody else's planner commands.
 
     It also subscribes to the position and the action server's status of the aPad `apad` (its namespace), so that neither a
@@ -46,11 +45,11 @@ class ContactsLink:
         now_ms: int,
         dock_count: int,
     ) -> None:
+        super().__init__()
         ids = list(agent_ids)
         self._docks = ReportedDocks(
             ids, docked, now_ms, published_docks(dock_count), rospy.resolve_name(AMUSSEL)[1:]
         )
-        self._inbox: Inbox[HeldPositionReceived | PoseReceived | DocksReceived | GoalStatusReceived] = Inbox()
         self._inquiry = DockInquiry(apad, self._inbox)
         self._readings = Readings((0.0, 1.0))
         self._server = ServerWatch("")
@@ -68,10 +67,7 @@ class ContactsLink:
     @property
     def dropped(self) -> Counter[str]:
         """Unusable messages, by reason."""
-        return self._inbox.dropped + self._readings.dropped + self._docks.dropped
-
-    def take_events(self) -> list[Event]:
-        return self._inbox.take_events()
+        return super().dropped + self._readings.dropped + self._docks.dropped
 
     def advance(self, now_ms: int) -> list[LinkFact]:
         """Contacts and the aPad's place, stamped `now_ms` because the clocks of a vehicle at sea are not ours."""
@@ -114,10 +110,6 @@ class ContactsLink:
 
     def command(self, cleared: Cleared[VehicleCommand], now_ms: int) -> None:
         raise RuntimeError("a fleet alone commands no vehicle")
-
-    def close(self) -> None:
-        for subscriber in self._subscribers:
-            subscriber.unregister()
 
     def _note_apad(self, message: Any) -> None:
         place, yaw = message.position, message.orientation.yaw

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable
 from typing import Any
 
 import rospy
 
-from apad_bridge.events.event import Event
-from apad_bridge.ros.system.inbox import Inbox
+from apad_bridge.ros.system.inbox import Listening
 from apad_bridge.ros.system.ros_time import stamp
 from apad_bridge.ros.types.any_message import AnyMessages, UnknownType, class_of
 from apad_bridge.ros.types.user_texts import text_folders
@@ -29,28 +27,19 @@ _LARGEST = 1024
 """Bytes; no packet of Wi-Fi or sound here comes near it."""
 
 
-class LaboratorySubscribers:
+class LaboratorySubscribers(Listening[tuple[Subscription, int | None, Any]]):
     """rospy's threads leave raw messages in an inbox; `take` decodes and interprets them."""
 
     def __init__(self, names: Names, apad: str, agent_ids: Iterable[int]) -> None:
+        super().__init__()
         ids = list(agent_ids)
         self._known = frozenset(ids)
-        self._inbox: Inbox[tuple[Subscription, int | None, Any]] = Inbox()
         self._messages = AnyMessages()
-        self._dropped: Counter[str] = Counter()
         self._subscribers = [
             rospy.Subscriber(topic, rospy.AnyMsg, self._take, (subscription, agent_id), tcp_nodelay=True)
             for subscription in names.hear
             for topic, agent_id in _topics(subscription.topic, apad, ids)
         ]
-
-    @property
-    def dropped(self) -> Counter[str]:
-        return self._inbox.dropped + self._dropped
-
-    def take_events(self) -> list[Event]:
-        """Publishers whose messages cannot be read, each once."""
-        return self._inbox.take_events()
 
     def take(self, now_ms: int) -> list[LaboratoryMessage]:
         """The messages since the last call. One that cannot be interpreted is dropped and counted."""
@@ -64,10 +53,6 @@ class LaboratorySubscribers:
             if message is not None:
                 messages.append(message)
         return messages
-
-    def close(self) -> None:
-        for subscriber in self._subscribers:
-            subscriber.unregister()
 
     def _interpret(
         self, subscription: Subscription, topic_id: int | None, message: Any, now_ms: int

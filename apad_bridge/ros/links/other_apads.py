@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import threading
-from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
 from apad_bridge.beliefs.input_ranges import out_of_range
-from apad_bridge.events.event import Event
-from apad_bridge.ros.system.inbox import Inbox
+from apad_bridge.ros.system.inbox import Listening
 from apad_bridge.ros.types.any_listener import AnyListener
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_apad
@@ -20,35 +18,22 @@ use_generated_messages()
 from auv_msgs.msg import NavSts  # noqa: E402
 
 
-class OtherAPads:
+class OtherAPads(Listening[None]):
     """Keeps the newest place of each aPad in `names`. A silent one is still taken to be where it was heard last."""
 
     def __init__(self, names: Sequence[str]) -> None:
+        super().__init__()
         self._lock = threading.Lock()
         self._places_m: dict[str, Point] = {}
-        self._inbox: Inbox[None] = Inbox()
-        """Counts what is dropped; the places are not kept in order."""
         listener = AnyListener(self._inbox.refuse)
         fields = ("position.north", "position.east")
         self._subscribers = [
             listener.listen(of_apad(it, "position"), NavSts, fields, self._take, it) for it in names
         ]
 
-    @property
-    def dropped(self) -> Counter[str]:
-        return self._inbox.dropped
-
-    def take_events(self) -> list[Event]:
-        """Publishers whose messages cannot be read, each once."""
-        return self._inbox.take_events()
-
     def bodies(self) -> tuple[BodyInWater, ...]:
         with self._lock:
             return tuple(BodyInWater(name, it, agent_id=None) for name, it in self._places_m.items())
-
-    def close(self) -> None:
-        for subscriber in self._subscribers:
-            subscriber.unregister()
 
     def _take(self, message: Any, name: str) -> None:
         north_m, east_m = message.position.north, message.position.east

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import queue
 import threading
-from collections import Counter
 from collections.abc import Callable, Container, Iterable, Set
 from typing import Any, NamedTuple
 
@@ -20,7 +19,7 @@ from std_srvs.srv import Trigger, TriggerResponse
 from agents.packet_medium import Medium
 from agents.time_scale import MissionMs, TimeScale
 from apad_bridge.beliefs.input_ranges import out_of_range
-from apad_bridge.ros.system.inbox import Inbox
+from apad_bridge.ros.system.inbox import Listening
 from apad_bridge.ros.system.ros_time import stamp
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_amussel, ours
@@ -54,25 +53,19 @@ _END_S = 5.0
 _SERVICES = (("surface", Kind.PERMISSION, Medium.SOUND), ("sink", Kind.RELEASE, Medium.WIFI))
 
 
-class PacketTopics:
+class PacketTopics(Listening[tuple[PacketOrigin, int, str, bytes]]):
     """The topics to and from `peers`. A message that is no packet of these aMussels is dropped and counted."""
 
     def __init__(self, agent_ids: Iterable[int], peers: Iterable[PacketOrigin]) -> None:
+        super().__init__()
         self.senders: set[int] = set()
         """The aMussels of other processes that have sent packets."""
-        self._dropped: Counter[str] = Counter()
         self._known = frozenset(agent_ids)
-        self._inbox: Inbox[tuple[PacketOrigin, int, str, bytes]] = Inbox()
         self._publishers = {}
-        self._subscribers = []
         for peer in peers:
             incoming, outgoing, sends = _TOPICS[peer]
             self._publishers[sends] = rospy.Publisher(outgoing, Packet, queue_size=_QUEUE)
             self._subscribers.append(rospy.Subscriber(incoming, Packet, self._put, peer, tcp_nodelay=True))
-
-    @property
-    def dropped(self) -> Counter[str]:
-        return self._dropped + self._inbox.dropped
 
     def take(self, now_ms: MissionMs) -> list[RelayedPacket]:
         """The packets since the last call, stamped `now_ms`, because the clocks of other processes are not ours."""
@@ -101,33 +94,28 @@ class PacketTopics:
     def close(self) -> None:
         for publisher in self._publishers.values():
             publisher.unregister()
-        for subscriber in self._subscribers:
-            subscriber.unregister()
+        super().close()
 
     def _put(self, message: Any, source: PacketOrigin) -> None:
         always = source is PacketOrigin.REMOTE_DOCK
         self._inbox.put((source, message.agent, message.medium, bytes(message.data)), always=always)
 
 
-class AMusselServices:
+class AMusselServices(Listening[tuple[int, Medium, bytes]]):
     """`/amusselN/surface` and `/amusselN/sink`, by which a supervisor without packets sends a permission and a release."""
 
     def __init__(self, agent_ids: Iterable[int], codec: Codec) -> None:
+        super().__init__()
         self._codec = codec
-        self._called: Inbox[tuple[int, Medium, bytes]] = Inbox()
         self._services = [
             rospy.Service(of_amussel(agent_id, name), Trigger, self._service(agent_id, kind, medium))
             for agent_id in agent_ids
             for name, kind, medium in _SERVICES
         ]
 
-    @property
-    def dropped(self) -> Counter[str]:
-        return self._called.dropped
-
     def take(self, now_ms: MissionMs) -> list[RelayedPacket]:
         return [
-            RelayedPacket(PacketOrigin.REMOTE_SUPERVISOR, *called, now_ms) for called in self._called.take()
+            RelayedPacket(PacketOrigin.REMOTE_SUPERVISOR, *called, now_ms) for called in self._inbox.take()
         ]
 
     def close(self) -> None:
@@ -138,13 +126,13 @@ class AMusselServices:
         data = self._codec.encode(CommandPacket(kind, agent_id))
 
         def answer(_: Any) -> Any:
-            self._called.put((agent_id, medium, data))
+            self._inbox.put((agent_id, medium, data))
             return TriggerResponse(success=True, message=f"told aMussel {agent_id} by {medium.value}")
 
         return answer
 
 
-class LegacyOrders:
+class LegacyOrders(Listening[tuple[int, bool | None]]):
     """`/amusselN/goto_surface` and `/amusselN/charging`, by which legacy controllers command an aMussel, of a fleet.
 
     `goto_surface` is a permission to surface when it is true; false has no effect. `charging` has none either: a simulated
@@ -155,11 +143,9 @@ class LegacyOrders:
         self, agent_ids: Iterable[int], codec: Codec, simulated: Callable[[], Container[int]]
     ) -> None:
         """Only `simulated` aMussels are commanded: a real one subscribes to its own topics."""
+        super().__init__()  # of the messages' permissions by aMussel; None for a message of `charging`
         self._codec = codec
         self._simulated = simulated
-        self._dropped: Counter[str] = Counter()
-        self._inbox: Inbox[tuple[int, bool | None]] = Inbox()
-        """By aMussel, the permission; None for a message of `charging`."""
         self._subscribers = [
             subscriber
             for agent_id in agent_ids
@@ -168,10 +154,6 @@ class LegacyOrders:
                 rospy.Subscriber(of_amussel(agent_id, "charging"), Float64, self._take_charging, agent_id),
             )
         ]
-
-    @property
-    def dropped(self) -> Counter[str]:
-        return self._dropped + self._inbox.dropped
 
     def take(self, now_ms: MissionMs) -> list[RelayedPacket]:
         packets = []
@@ -186,10 +168,6 @@ class LegacyOrders:
                 data = self._codec.encode(CommandPacket(Kind.PERMISSION, agent_id))
                 packets.append(RelayedPacket(PacketOrigin.LABORATORY, agent_id, Medium.SOUND, data, now_ms))
         return packets
-
-    def close(self) -> None:
-        for subscriber in self._subscribers:
-            subscriber.unregister()
 
     def _take_permission(self, message: Any, agent_id: int) -> None:
         self._inbox.put((agent_id, bool(message.data)), always=True)
@@ -211,7 +189,7 @@ class PublishedCharge(NamedTuple):
     battery_percent: float
 
 
-class AMusselTopics:
+class AMusselTopics(Listening[tuple[int, PublishedPlace | PublishedCharge]]):
     """`/amusselN/position` and `battery_level` of aMussels that have no packets, as status packets.
 
     The topics of an aMussel in `senders`, which sends packets, are left for good: ten positions a second of a thousand
@@ -229,6 +207,7 @@ class AMusselTopics:
         senders: Set[int],
         charge: ChargeModel,
     ) -> None:
+        super().__init__()
         self._codec = codec
         self._scale = scale
         self._is_held = is_held
@@ -238,14 +217,12 @@ class AMusselTopics:
         """By aMussel in a dock, the mission time up to which its charging is published."""
         self._places: dict[int, PublishedPlace] = {}
         self._charges: dict[int, float] = {}
-        self._dropped: Counter[str] = Counter()
-        self._inbox: Inbox[tuple[int, PublishedPlace | PublishedCharge]] = Inbox()
         ids = list(agent_ids)
         self._charging = {
             agent_id: rospy.Publisher(of_amussel(agent_id, "charging"), Float64, queue_size=_CHARGING_QUEUE)
             for agent_id in ids
         }
-        self._subscribers = {
+        self._of_amussels = {
             agent_id: (
                 rospy.Subscriber(of_amussel(agent_id, "position"), NavSts, self._take_place, agent_id),
                 rospy.Subscriber(of_amussel(agent_id, "battery_level"), Float64, self._take_charge, agent_id),
@@ -256,10 +233,6 @@ class AMusselTopics:
         """Publishers and subscribers to unregister, each by a call to the master; None at the end."""
         self._leaver = threading.Thread(target=self._unregister_left, name="topics left", daemon=True)
         self._leaver.start()
-
-    @property
-    def dropped(self) -> Counter[str]:
-        return self._dropped + self._inbox.dropped
 
     def take(self, now_ms: MissionMs) -> list[RelayedPacket]:
         published: set[int] = set()
@@ -273,8 +246,8 @@ class AMusselTopics:
                     self._places[agent_id] = values
                 case PublishedCharge(percent):
                     self._charges[agent_id] = min(1.0, max(0.0, percent / 100))
-        for agent_id in self._subscribers.keys() & self._senders:
-            for each in (*self._subscribers.pop(agent_id), self._charging.pop(agent_id)):
+        for agent_id in self._of_amussels.keys() & self._senders:
+            for each in (*self._of_amussels.pop(agent_id), self._charging.pop(agent_id)):
                 self._left.put(each)
         self._publish_charging(now_ms)
         known = published & self._places.keys() & self._charges.keys()
@@ -283,7 +256,7 @@ class AMusselTopics:
     def close(self) -> None:
         self._left.put(None)
         self._leaver.join(_END_S)
-        for subscribers in self._subscribers.values():
+        for subscribers in self._of_amussels.values():
             for subscriber in subscribers:
                 subscriber.unregister()
         for publisher in self._charging.values():

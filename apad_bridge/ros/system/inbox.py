@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections import Counter
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 from apad_bridge.events.event import Event
 from apad_bridge.events.graph import MessagesDropped
@@ -70,3 +70,26 @@ class Inbox(Generic[Item]):
                 self._arrived.wait(wait_s)
             items, self._items = self._items, []
             return items
+
+
+class Listening(Generic[Item]):
+    """Subscribers that leave messages in an inbox, and the counts of what was dropped of them."""
+
+    def __init__(self) -> None:
+        self._inbox: Inbox[Item] = Inbox()
+        self._dropped: Counter[str] = Counter()
+        """Those of the flight's thread; the inbox has those of rospy's threads."""
+        self._subscribers: list[Any] = []
+        """Subscribers and publishers to unregister at the end."""
+
+    @property
+    def dropped(self) -> Counter[str]:
+        return self._dropped + self._inbox.dropped
+
+    def take_events(self) -> list[Event]:
+        """Publishers whose messages cannot be read, each once."""
+        return self._inbox.take_events()
+
+    def close(self) -> None:
+        for subscriber in self._subscribers:
+            subscriber.unregister()
