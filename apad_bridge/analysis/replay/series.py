@@ -110,7 +110,15 @@ class RunView:
         self._dropped = journal.dropped
         self._history = History(journal, scenario)
         ids = [agent["id"] for agent in self._starts]
-        self._sampler = _Sampler(scenario, self._history, ids, run_ms or self._history.end_ms)
+        self.times_ms: list[int] = []
+        self._ticks = max(1, (run_ms or self._history.end_ms) // _TICK_MS)
+        self._agents: dict[int, dict[str, list[Any]]] = {it: {name: [] for name in COLUMNS} for it in ids}
+        self._active: list[int] = []
+        self._cost: list[float] = []
+        self._apad: list[list[float | None] | None] = []
+        self._docks: list[list[int | None]] = []
+        self._stages: list[dict[str, Any]] = []
+        self._stage: list[int] = []
 
     @property
     def agent_count(self) -> int:
@@ -120,10 +128,6 @@ class RunView:
     def end_ms(self) -> int:
         """The newest mission time of a line."""
         return self._history.end_ms
-
-    @property
-    def times_ms(self) -> list[int]:
-        return self._sampler.times_ms
 
     @property
     def state(self) -> RunState:
@@ -144,19 +148,11 @@ class RunView:
         """True when lines were added since the newest sample that belong into it, as the run's end after its last tick."""
         return self._history.has_events_until(self.times_ms[-1])
 
-    def sample(self, now_ms: MissionMs) -> None:
-        """Takes a sample at this time, which is not before the last one. One of the same time replaces the last one."""
-        self._sampler.sample(now_ms)
-
-    def thin(self) -> None:
-        """Drops every second sample."""
-        self._sampler.thin()
-
     def newest(self, since: Counts) -> dict[str, Any]:
         """The newest sample, with what was added to the lists since these `counts`."""
         traced, events, plans, packets = since
         return {
-            **self._sampler.newest(),
+            **self._newest_sample(),
             "trace": _thinned(self._history.trace[traced:]),
             "events": [list(it) for it in self._history.events[events:]],
             "plans": [_reasons(it) for it in self._history.plans[plans:]],
@@ -203,27 +199,11 @@ class RunView:
             "quantities": [[name, it.text, it.unit] for name, it in QUANTITIES.items()],
             "rails": [rail.name.lower().replace("_", " ") for rail in Rail],
             "timeslots": _timeslots(scenario),
-            **self._sampler.columns(),
+            **self._columns(),
         }
-
-
-class _Sampler:
-    def __init__(self, scenario: Scenario, history: History, agent_ids: list[int], run_ms: int) -> None:
-        self.times_ms: list[int] = []
-        self._scenario = scenario
-        self._history = history
-        self._ticks = max(1, run_ms // _TICK_MS)
-        self._agents: dict[int, dict[str, list[Any]]] = {
-            it: {name: [] for name in COLUMNS} for it in agent_ids
-        }
-        self._active: list[int] = []
-        self._cost: list[float] = []
-        self._apad: list[list[float | None] | None] = []
-        self._docks: list[list[int | None]] = []
-        self._stages: list[dict[str, Any]] = []
-        self._stage: list[int] = []
 
     def sample(self, now_ms: MissionMs) -> None:
+        """Takes a sample at this time, which is not before the last one. One of the same time replaces the last one."""
         history, now = self._history, self._history.now
         history.advance(now_ms)
         if self.times_ms and self.times_ms[-1] == now_ms:
@@ -326,7 +306,7 @@ class _Sampler:
         ]
         return [*shared, *(column for agent in self._agents.values() for column in agent.values())]
 
-    def newest(self) -> dict[str, Any]:
+    def _newest_sample(self) -> dict[str, Any]:
         """The newest sample alone; each aMussel's values are in the order of `COLUMNS`."""
         return {
             "t": self.times_ms[-1],
@@ -339,7 +319,7 @@ class _Sampler:
             "stage": self._stages[self._stage[-1]],
         }
 
-    def columns(self) -> dict[str, Any]:
+    def _columns(self) -> dict[str, Any]:
         return {
             "times_ms": self.times_ms,
             "has_truth": bool(self._history.now.meter.agent_ids),
