@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import struct
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, get_args
 
 from agents.mussel.physical import Physical
 from firmware_model.states import State
@@ -57,7 +57,7 @@ class StateDoubted:
 
 Output = WifiSent | SoundSent | StimulusDropped | PingAnswered | StateDoubted
 
-_KINDS: tuple[type[Any], ...] = (WifiSent, SoundSent, StimulusDropped, PingAnswered, StateDoubted)
+_KINDS: tuple[type[Any], ...] = get_args(Output)
 _CODES: dict[type[Any], int] = {kind: code for code, kind in enumerate(_KINDS)}
 _VALUES = (("data", bytes), ("data", bytes), ("reason", str), ("travelled_us", int), ("reason", str))
 """The name and type of each kind's value besides its time and its agent."""

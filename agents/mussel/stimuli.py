@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, get_args, get_type_hints
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,46 +145,13 @@ Stimulus = (
     | ContactBounced
     | PartFailed
 )
+"""The order gives the kinds their codes on links and in journals: a new one comes last."""
 
-_KINDS: tuple[type[Any], ...] = (
-    ContactClosed,
-    DockMoved,
-    ContactOpened,
-    SoundArrived,
-    WifiArrived,
-    CoilSlipped,
-    PingArrived,
-    Placed,
-    WasReset,
-    ModemSent,
-    ChargeLost,
-    ClockShifted,
-    CrystalSkewed,
-    BuoyancyJammed,
-    PinDisturbed,
-    ContactBounced,
-    PartFailed,
-)
+_KINDS: tuple[type[Any], ...] = get_args(Stimulus)
+"""By code."""
 _CODES: dict[type[Any], int] = {kind: code for code, kind in enumerate(_KINDS)}
-_FIELDS: tuple[tuple[tuple[str, type], ...], ...] = (
-    (("north_um", int), ("east_um", int)),
-    (("north_um", int), ("east_um", int)),
-    (),
-    (("data", bytes),),
-    (("data", bytes),),
-    (),
-    (("travelled_us", int),),
-    (("north_um", int), ("east_um", int), ("depth_um", int), ("primary", int), ("secondary", int)),
-    (("cause", int),),
-    (("lasting_ms", int),),
-    (("primary", int), ("secondary", int)),
-    (("by_ms", int),),
-    (("skew_ppb", int),),
-    (("jammed", int),),
-    (("inverted", int), ("unseen", int)),
-    (("times", int),),
-    (("part", int), ("value", int)),
-)
+_FIELDS: tuple[tuple[tuple[str, type], ...], ...] = tuple(tuple(get_type_hints(it).items()) for it in _KINDS)
+"""The names and types of a kind's fields, by code."""
 
 
 def to_wire(stimulus: Stimulus) -> list[Any]:
