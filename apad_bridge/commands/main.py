@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 from apad_bridge.runs.exits import (
     Exit,
-    UserError,
     is_for_lack_of_memory,
     is_short_of_address_space,
     memory_shortage,
     shortage,
 )
 from apad_bridge.runs.terminal import show_control_characters
+from apad_bridge.scenario.errors import UserError
 
 try:
     from agents.hosting.interrupts import interruptible, leave_at_once
