@@ -47,16 +47,27 @@ class StatusWatch:
         self._is_running = False
         self._idle_since_ms: int | None = None
         self._last: PrimitiveStatus | None = None
+        self._ran_ms: int | None = None
+        """The time of the first RUNNING after the answer."""
+        self._is_preempted = False
+        self.is_replaced = False
+        """The order ran for `GRACE_MS` or longer, was pre-empted, and another one runs, which nobody here sent."""
 
     def receive(self, status: PrimitiveStatus, at_ms: int, *, answered: bool, plausible: bool) -> bool:
         """True when the order is done. `answered`: the service took it; `plausible`: the position looks done."""
         self._last = status
         if status is PrimitiveStatus.RUNNING:
             self._is_running, self._idle_since_ms = True, None
+            self.is_replaced = self.is_replaced or self._is_preempted
+            if answered and self._ran_ms is None:
+                self._ran_ms = at_ms
             return False
         if not answered:
             self._is_running = False
             return False
+        if status is PrimitiveStatus.PREEMPTED and self._ran_ms is not None:
+            # The end of an earlier order of ours comes with the begin of this one, and not so much later.
+            self._is_preempted = at_ms - self._ran_ms >= GRACE_MS
         if status is PrimitiveStatus.DONE and (self._is_running or plausible):
             return True
         self._is_running = False
@@ -102,6 +113,11 @@ class GoToTask:
     ) -> bool:
         """True when the vehicle reports the end; `is_near` tells whether to believe it."""
         return self._watch.receive(status, at_ms, answered=answered, plausible=self.is_near(pose))
+
+    @property
+    def is_replaced(self) -> bool:
+        """Another client's go-to runs in its place."""
+        return self._watch.is_replaced
 
     def is_near(self, pose: PoseReported | None) -> bool:
         return self.distance_m(pose) <= self.command.victory_radius_m + NEAR_M

@@ -199,6 +199,9 @@ class Tasks:
             else:
                 distance_m = self._go_to_task.distance_m(self._pose)
                 self._fail(f"the aPad reports an arrival, {distance_m:.1f} m from the goal", at_ms)
+        elif self._go_to_task is not None and self._go_to_task.is_replaced and not self._takes_back:
+            self._give_way(at_ms)
+            self._facts.append(CommandedByOthers(at_ms))
         elif self._hold_task is not None and self._hold_task.receive_goto_status(
             status, at_ms, answered=answered
         ):
@@ -232,14 +235,18 @@ class Tasks:
 
     def receive_others_goal(self, goal: Go2pointGoalSeen) -> None:
         """Another client sends the vehicle away: a go-to of ours has ended there, and its status is not ours any more."""
-        if self._go_to_task is not None:
-            self._facts.append(CommandFailed(goal.at_ms, self._go_to_task.command.command_id, REPLACED))
-            self.calls.forget()
-            self._clear()
+        self._give_way(goal.at_ms)
         self._facts += [
             GoalOfOthers(goal.at_ms, goal.client, goal.north_m, goal.east_m),
             CommandedByOthers(goal.at_ms, goal.client),
         ]
+
+    def _give_way(self, at_ms: int) -> None:
+        """A go-to of ours, if one is under way, has ended by another client's."""
+        if self._go_to_task is not None:
+            self._facts.append(CommandFailed(at_ms, self._go_to_task.command.command_id, REPLACED))
+            self.calls.forget()
+            self._clear()
 
     def _tell_of_others(self, at_ms: int) -> None:
         if not self._takes_back:

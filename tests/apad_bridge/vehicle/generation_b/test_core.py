@@ -286,6 +286,22 @@ def test_a_goal_that_nobody_here_ordered_is_anothers_and_ends_our_go_to() -> Non
     assert apad.tells(9_000) == [] and apad.answers(9_000) == []
 
 
+@pytest.mark.parametrize(("ran_ms", "is_anothers"), [(0, False), (500, False), (3_000, True), (40_000, True)])
+def test_a_go_to_that_runs_where_ours_was_pre_empted_is_anothers(ran_ms: int, is_anothers: bool) -> None:
+    """Its server shows no goal. Soon after our order, the pre-empted one was an earlier order of ours."""
+    apad = Apad(takes_back=False)
+    apad.core.command(cleared(THERE), 0)
+    apad.answers(0)
+    apad.goes(100, PrimitiveStatus.RUNNING)
+    apad.goes(100 + ran_ms, PrimitiveStatus.PREEMPTED)
+    assert apad.tells(100 + ran_ms) == []
+    apad.goes(110 + ran_ms, PrimitiveStatus.RUNNING)
+    told = [CommandFailed(110 + ran_ms, THERE.command_id, REPLACED), CommandedByOthers(110 + ran_ms)]
+    assert apad.tells(110 + ran_ms) == (told if is_anothers else [])
+    apad.goes(9_000 + ran_ms, PrimitiveStatus.DONE)
+    assert (apad.tells(9_000 + ran_ms) == []) is is_anothers
+
+
 def test_an_earlier_goal_of_ours_that_is_shown_late_is_nobody_elses() -> None:
     apad = Apad(takes_back=False)
     apad.core.command(cleared(THERE), 0)
