@@ -49,7 +49,7 @@ _DEFECTS = {
     TimedFault.MODEM_DEAF: LinkDefect.DEAF,
 }
 _STIMULI: dict[TimedFault, tuple[Callable[[float], Stimulus], Stimulus | None]] = {
-    # What begins the fault, by its value, and what heals it.
+    # The stimulus that begins the fault, by its value, and the one that heals it.
     TimedFault.BROWN_OUT: (lambda _: WasReset(ResetCause.BROWN_OUT), None),
     TimedFault.WATCHDOG: (lambda _: WasReset(ResetCause.WATCHDOG), None),
     TimedFault.COIL_SLIP: (lambda _: CoilSlipped(), None),
@@ -237,7 +237,7 @@ def _key(injection: Injection) -> _Key:
 
 
 def _stimulus(injection: Injection, *, begins: bool) -> Stimulus | None:
-    """What the body feels; None for a fault that is none of a body, or heals by itself."""
+    """The stimulus of the body; None for a fault that is none of a body, or heals by itself."""
     row, value = injection.row, injection.value
     if (begin_and_end := _STIMULI.get(injection.fault)) is not None:
         return begin_and_end[0](value) if begins else begin_and_end[1]

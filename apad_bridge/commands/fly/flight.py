@@ -90,7 +90,7 @@ def fly(
     that ends in order its bag alone stays: the run is its mission's, perhaps on another machine.
     """
     _refuse_several(live, scenario)
-    scenario = _with_end_by_in_seconds(scenario, options)
+    scenario = with_end_by_in_seconds(scenario, datetime.now(), options.speed)
     with peers_may_fail():
         preflight = check_run(options, scenario, starts)
     all_members = members(scenario, starts)
@@ -148,10 +148,6 @@ def _checked(whole: RunDirectory, code: int) -> int:
     broken = broken_rules(whole.path)
     print_rules(broken, sys.stderr)
     return exit_of_rules(broken) or code
-
-
-def _with_end_by_in_seconds(scenario: Scenario, options: RunOptions) -> Scenario:
-    return with_end_by_in_seconds(scenario, datetime.now(), options.speed)
 
 
 def flown_by_whom(options: RunOptions, scenario: Scenario) -> str:
