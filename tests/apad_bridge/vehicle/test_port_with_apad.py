@@ -3,29 +3,19 @@
 from __future__ import annotations
 
 import heapq
+from dataclasses import replace
 
 import pytest
+from scenario_files import POOL_FILE
 
-from apad_bridge.scenario.schema import APad, APadBattery, Docking, DockingProfile
+from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.schema import Docking, DockingProfile
 from apad_bridge.vehicle.commands import CloseDock, GoTo, OpenDock
 from apad_bridge.vehicle.docking import DockingPort
 from apad_bridge.vehicle.outcomes import DockChanged, PrimitiveFailed, PrimitiveSucceeded
 from apad_bridge.world.apad.apad import SimulatedAPad
 
-BATTERY = APadBattery(
-    full_v=16.0, empty_v=10.5, capacity_wh=230, start_fraction=1.0, hotel_w=25, charging_w_per_dock=10
-)
-APAD = APad(
-    start_m=(0.0, 0.0),
-    max_speed_m_s=1.0,
-    max_acceleration_m_s2=0.3,
-    max_yaw_rate_rad_s=0.5,
-    mass_kg=25,
-    drag_n_per_m2_s2=40,
-    thruster_max_n=30,
-    thruster_w_per_n=6,
-    battery=BATTERY,
-)
+APAD = replace(load(POOL_FILE).apad, start_m=(0.0, 0.0))
 VIRTUAL = Docking(profile=DockingProfile.VIRTUAL, dock_s=15, undock_s=5, timeout_s=60)
 
 

@@ -3,27 +3,16 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
+from scenario_files import POOL_FILE
 
-from apad_bridge.scenario.schema import APad, APadBattery
+from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.schema import APad
 
 
 @pytest.fixture
 def config() -> APad:
     """The pool scenario's aPad, at (0, 0)."""
-    battery = APadBattery(
-        full_v=16.0, empty_v=10.5, capacity_wh=230, start_fraction=1.0, hotel_w=25, charging_w_per_dock=10
-    )
-    return APad(
-        start_m=(0.0, 0.0),
-        max_speed_m_s=1.0,
-        max_acceleration_m_s2=0.3,
-        max_yaw_rate_rad_s=0.5,
-        mass_kg=25,
-        drag_n_per_m2_s2=40,
-        thruster_max_n=30,
-        thruster_w_per_n=6,
-        battery=battery,
-    )
+    return replace(load(POOL_FILE).apad, start_m=(0.0, 0.0))
 
 
 @pytest.fixture
