@@ -31,7 +31,7 @@ def _with_contents(_: Any, page: str, source: list[str]) -> None:
 
 
 def _with_toctree(group: str) -> str:
-    pages = re.findall(r"^- \[[^\]]*\]\(([\w-]+)\.md\)", group, re.MULTILINE)
+    pages = re.findall(r"^- \[[^\]]*\]\(([\w/-]+)\.md\)", group, re.MULTILINE)
     if not pages:
         return group
     title = group.partition("\n")[0].removeprefix("## ")

@@ -41,8 +41,11 @@ class SeaWater:
     """The water that decides the speed of sound. A scenario's block `sea_water`, in the range of Mackenzie's formula."""
 
     temperature_c: Annotated[float, Ge(2), Le(30)]
+    """Its temperature."""
     salinity_psu: Annotated[float, Ge(25), Le(40)]
+    """Its salinity, in parts of a thousand."""
     depth_m: Annotated[float, Ge(0), Le(8000)] = 0.0
+    """The depth for the formula."""
 
     @property
     def sound_speed_m_s(self) -> float:
@@ -64,8 +67,11 @@ class ErrorCurve:
     """
 
     snrs_db: tuple[Decibels, ...]
+    """The points, rising."""
     sizes: tuple[Count, ...]
+    """Bytes of payload, rising."""
     rates: tuple[tuple[OpenFraction, ...], ...]
+    """For each size the packet error rate at each point, between 0 and 1."""
 
     def __post_init__(self) -> None:
         if len(self.snrs_db) < 2 or list(self.snrs_db) != sorted(set(self.snrs_db)):
@@ -132,19 +138,21 @@ class Sound:
     sound_speed_m_s: Annotated[float, Ge(1000), Le(2000)] = 1500.0
     """With `sea_water` that of its formula instead."""
     source_level_db: Annotated[float, Gt(0), Le(300)] = 168.0
-    """Level at 1 m."""
+    """Level of every modem, at 1 m."""
     spreading_db: Annotated[float, Ge(0), Le(60)] = SPHERICAL_DB
-    """Loss per tenfold distance."""
+    """Loss per tenfold distance: 20 open water, 15 shallow, 10 between two mirrors."""
     absorption_db_per_km: NotNegative | None = None
-    """None: Thorp's formula at `frequency_khz`, which must then lie in its range, `THORP_KHZ`."""
+    """None: Thorp's formula at `frequency_khz`, which must then lie in 0.1 to 50 kHz."""
     frequency_khz: Annotated[float, Gt(0), Le(1000)] = 28.0
+    """Frequency of the modems."""
     noise_db_per_hz: Annotated[float, Ge(-200), Le(200)] = 50.0
     """Ambient noise, re 1 uPa^2/Hz."""
     bandwidth_hz: Positive = 8000.0
+    """The noise counts over this."""
     fading_db: NotNegative = 0.0
     """Multipath: standard deviation of each packet's own gain at each receiver."""
     reverberation_s: NotNegative = 0.0
-    """A packet's echoes disturb others for so long after its end."""
+    """A packet's echoes disturb others for so long after its end, in agent time."""
     reverberation_db: NotNegative = 10.0
     """Echoes are weaker than their packet by so much."""
     capture_db: Annotated[float, Ge(0), Le(300)] = 6.0
@@ -156,7 +164,7 @@ class Sound:
     range_limit_m: Positive = 5000.0
     """The model follows sound no further, neither as a packet nor as a disturbance."""
     turnaround_s: NotNegative = 0.0
-    """The time from the end of a modem's own sound until it can receive again."""
+    """The agent time from the end of a modem's own sound until it can receive again."""
     keel_m: Positive = 0.5
     """The depth of the aPad's modem."""
     range_noise_m: NotNegative = 0.1
@@ -164,7 +172,7 @@ class Sound:
     error_curve: ErrorCurve | None = None
     """None: the nanomodem's own, in harsh multipath."""
     sea_water: SeaWater | None = None
-    """None: `sound_speed_m_s` stands."""
+    """The water from which Mackenzie's formula (1981) gives the speed of sound. None: `sound_speed_m_s` stands."""
 
     def __post_init__(self) -> None:
         if self.sea_water is not None:

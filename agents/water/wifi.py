@@ -23,13 +23,17 @@ class Wifi:
     `sensitivity_dbm`."""
 
     frequency_mhz: Positive = 2440.0
+    """Frequency of the radios."""
     transmit_dbm: Decibels = 20.0
+    """Level of both."""
     sensitivity_dbm: Decibels = -85.0
+    """The level at which half of all packets arrive."""
     mussel_antenna_m: Positive = 0.05
-    """Height of a floating aMussel's antenna above the water; the next field is the aPad's."""
+    """Height of a floating aMussel's antenna above the water."""
     apad_antenna_m: Positive = 1.5
+    """Height of the aPad's antenna above the water."""
     slope_db: Positive = 1.5
-    """The dB of margin that change the odds of a packet e-fold."""
+    """A change of the margin by this changes the odds of a packet e-fold."""
 
     def __post_init__(self) -> None:
         for name in ("frequency_mhz", "mussel_antenna_m", "apad_antenna_m", "slope_db"):

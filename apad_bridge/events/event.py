@@ -1,7 +1,7 @@
 """The base of all events.
 
 The journal's line, the check of a line that is read, the text for people, the lists of the page, the report and the
-consoles, and the table in docs/records.md follow from an event's class.
+consoles, and the table in docs/reference/journal.md follow from an event's class.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ EVENTS: dict[str, type[Event]] = {
     for it in vars(family).values()
     if isinstance(it, type) and issubclass(it, Event) and it is not Event
 }
-"""The class of each kind, in the order of docs/records.md."""
+"""The class of each kind, in the order of docs/reference/journal.md."""
 
 
 @dataclass(frozen=True)

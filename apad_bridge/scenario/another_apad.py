@@ -12,11 +12,13 @@ class AnotherAPad:
     """An aPad that equals `apad` in all keys that are left out."""
 
     name: RosName
+    """Its namespace; no two have the same."""
     start_m: Place
+    """Its place at the start, where its share begins."""
     battery_start_fraction: Fraction | None = None
-    """The charge of its battery at the start."""
+    """The charge of its battery at the start; None: that of `apad`."""
     fault: Fault | None = None
-    """The fault of its simulated node."""
+    """The fault of its simulated node; None: that of `apad`."""
 
 
 @frozen

@@ -30,7 +30,7 @@ class Untold:
     ageing: Annotated[float, Ge(0), Le(0.6)] = 0.4
     """The share of both batteries' capacity that is lost."""
     drain: Annotated[float, Ge(0), Le(0.5)] = 0.2
-    """Relative, either way."""
+    """The loads, relative, either way."""
     bias: Annotated[float, Ge(0), Le(0.2)] = 0.05
     """The bias of each battery's sensor, either way."""
 
@@ -50,18 +50,23 @@ class TwinModel:
     coil_deviation: Annotated[float, Ge(0), Lt(0.5)] = 0.02
     """Deviation of the charging rate between dockings, relative, from the alignment of the coils."""
     motor_deviation: Annotated[float, Ge(0), Lt(1)] = 0.15
-    """Deviation of what the motors take for a way up or down, relative to a run of theirs."""
+    """Deviation of what the motors take for a way up or down, relative to a run of theirs. Assumed: no series of runs is
+    public."""
     fix_deviation_m: Positive
     """Deviation of a packet's place along one axis."""
     current_deviation_m_s: NotNegative = 0.0
     """Deviation along one axis of the water's current where aMussels float."""
     untold: Untold = Untold()
+    """The most by which a board may differ from its scenario's; the twin learns it, except where `hearing` is the
+    paper's."""
 
 
 @frozen
 class Beliefs:
     estimator: EstimatorKind = EstimatorKind.HOLD_LAST
+    """`hold_last`: the content of the newest packet. `twin`: the firmware run forward for each aMussel, with a filter."""
     twin: TwinModel | None = None
+    """The twins' model; `estimator: twin` needs it."""
 
     def __post_init__(self) -> None:
         if (self.estimator is EstimatorKind.TWIN) != (self.twin is not None):

@@ -15,6 +15,9 @@ Path = Sequence[str | int]
 
 # Endings that name a unit, longest first, so that `_m_s` is not read as `_s`: the schema's own and common others.
 _UNITS = {
+    "n_per_m2_s2": "newtons at 1 m/s",
+    "db_per_km": "dB a kilometre",
+    "w_per_n": "watts a newton",
     "m_s2": "m/s2",
     "rad_s": "rad/s",
     "deg_s": "degrees/s",
@@ -23,6 +26,7 @@ _UNITS = {
     "cm_s": "cm/s",
     "m_min": "m/min",
     "m_s": "m/s",
+    "mg_l": "mg/l",
     "per_min": "a minute",
     "per_hour": "an hour",
     "per_h": "an hour",
@@ -39,11 +43,21 @@ _UNITS = {
     "degrees": "degrees",
     "kmh": "km/h",
     "kph": "km/h",
+    "khz": "kHz",
+    "mhz": "MHz",
     "mps": "m/s",
     "deg": "degrees",
     "rad": "radians",
     "min": "minutes",
     "sec": "seconds",
+    "dbm": "dBm",
+    "ntu": "NTU",
+    "ohm": "ohms",
+    "ppm": "parts of a million",
+    "psu": "parts of a thousand",
+    "hz": "Hz",
+    "db": "dB",
+    "mw": "milliwatts",
     "kn": "knots",
     "wh": "Wh",
     "mah": "mAh",
@@ -54,6 +68,7 @@ _UNITS = {
     "km": "kilometres",
     "kg": "kg",
     "mv": "mV",
+    "c": "degrees Celsius",
     "h": "hours",
     "s": "seconds",
     "m": "metres",
@@ -130,6 +145,11 @@ def _dataclass_in(hint: Any) -> Any:
     if get_origin(hint) in (Union, UnionType, tuple):
         return next((found for found in map(_dataclass_in, get_args(hint)) if found is not None), None)
     return hint if isinstance(hint, type) and is_dataclass(hint) else None
+
+
+def unit_of(key: str) -> str:
+    """The unit that the ending of a key names, in words; empty for a key without one."""
+    return _UNITS.get(_split_unit(key)[1], "")
 
 
 def _split_unit(key: str) -> tuple[str, str]:

@@ -56,17 +56,20 @@ class MeteringOptions:
     """The board's readings of its batteries: a load pulls the voltage down, a charger lifts it, noise is added."""
 
     profile: Literal["table-one"] | None = None
+    """Gives the keys that are left out."""
     period_s: PositiveSeconds
     """The monitor samples at whole multiples of this."""
     settle_s: NotNegativeSeconds
     """The board accepts a level once every sample over this time was beyond it."""
     internal_resistance_ohm: NotNegative
+    """A load lowers the voltage by this, at 3.7 V."""
     idle_mw: NotNegative
     """The load at which a voltage was taken for a charge: the sag counts from here."""
     lift_mv: NotNegative
-    """The rise while the charger gives current."""
+    """The rise while the charger gives current; 600 mV are the whole range. So a docked board reports too much: with
+    `table-one` 0.99 at a true 0.95."""
     noise_mv: NotNegative
-    """The largest error of a reading."""
+    """The largest error of a reading, either way."""
 
 
 @frozen
@@ -74,7 +77,9 @@ class Ageing:
     """The past of the batteries, alike for both."""
 
     cycles: Annotated[int, Ge(0), Le(1_000_000)]
+    """Full charge cycles; a hundred take 4 % of the capacity."""
     years: NotNegative
+    """Age; each year takes 3 %."""
 
     def __post_init__(self) -> None:
         capacity_left(self.cycles, self.years)
@@ -83,9 +88,11 @@ class Ageing:
 @frozen
 class BoardPower:
     profile: Literal["table-one"] | None = None
+    """Gives the keys that are left out: all that we fitted to the paper's Table I."""
     capacity_wh: Annotated[float, Ge(0.001), Le(1e6)]
-    """The capacity of each of the two batteries."""
+    """The capacity of each of the two batteries, which converts milliwatts into charge. Charging has rates of its own."""
     loads_mw: ModuleLoads
+    """The load of each module while it is on; 0 for a module that is not fitted."""
     charge_segments: ChargeSegments
     """The charging of a battery through one coil, as the secondary has it."""
     two_coils: Annotated[float, Ge(1), Le(2)]
@@ -93,6 +100,7 @@ class BoardPower:
     path: Fraction
     """The fraction of the load that reaches the feeding battery while that battery is charged."""
     motor_run_s: PositiveSeconds
+    """The length of a run of the motors, for surfacing, for sinking and for each correction of a depth."""
     receive_ms: Milliseconds
     """The time for which the modem draws its receiving load for a packet."""
     switch_back: Fraction
@@ -100,13 +108,14 @@ class BoardPower:
     kept_on: tuple[ModuleName, ...] = ()
     """Modules that nothing switches off."""
     low_level: Fraction = 0.0
-    """A sleeping board wakes and reports when its primary battery is down to this; 0 for no such level."""
+    """A sleeping board wakes once and reports when its primary battery is down to this; 0 for no such level."""
     metering: MeteringOptions | None = None
-    """None: the board knows the charges exactly."""
+    """The board's readings of its batteries; or `table-one`. None: the board knows the charges exactly."""
     ageing: Ageing | None = None
-    """None: the batteries are new."""
+    """The past of the batteries, alike for both. None: they are new."""
     secondary: Literal["backup", "in_use"] = "backup"
-    """`in_use`: the board works on its secondary, too; with a last resort, down to its safe level."""
+    """`backup`, or `in_use`: the board works on its secondary, too, when its primary is empty; with a last resort that
+    moves or calls, down to `safe_level`."""
 
     def charge_as_new(self) -> ChargeModel:
         """The model of its batteries' charge, when they are new."""
@@ -118,7 +127,9 @@ class BoardPower:
 @frozen
 class TimeslotOptions:
     frame_s: PositiveSeconds
+    """Frames follow each other without a gap; each has a timeslot for every aMussel, in the order of the ids."""
     slot_s: PositiveSeconds
+    """One timeslot: at least a status with the guard on both sides."""
     guard_s: NotNegativeSeconds = 0.0
     """A board transmits this long after its timeslot opens: clocks that are off by no more cause no collisions."""
 
@@ -130,17 +141,21 @@ class TimeslotOptions:
 @frozen
 class SleepCycle:
     profile: Literal["hourly", "field"] | None = None
+    """Gives the keys that are left out. `hourly`: Table I's short wake of 10 s an hour. `field`: the wake of several
+    minutes of Fig. 4: sample, process, await the timeslot, transmit."""
     alarm_s: PositiveSeconds
-    """The clock wakes the board at whole multiples of this."""
+    """The clock wakes the board at whole multiples of this, longer than a wake; in a dock the board then reports."""
     sample_s: PositiveSeconds
+    """The time for which the sensors are on: the whole of a short wake."""
     processing_s: NotNegativeSeconds
     """The time for which the Pi works on the samples."""
     listen_s: NotNegativeSeconds
     """The time that the board stays awake after it has come to rest on the bottom."""
     report_s: PositiveSeconds
-    """The time that it stays awake in a dock after a report and after each acknowledgement of its log."""
+    """The time that it stays awake in a dock after a report and after each acknowledgement of its log; longer than theta
+    seconds, because the aPad answers at its own next second."""
     slots: TimeslotOptions | None
-    """The timeslots of the acoustic status; None: the board goes back to sleep without sending one."""
+    """The timeslots of the acoustic status; `null`: the board goes back to sleep without sending one."""
 
 
 @frozen
@@ -148,7 +163,10 @@ class LastResortOptions:
     """The board's action when its backup battery is down to the safe level."""
 
     action: config.LastResort
+    """`wait`: stay and listen. `call`: stay and send its status again and again. `surface`: come up without a
+    permission."""
     safe_level: Fraction
+    """The charge of the backup battery at which it acts."""
     call_period_s: PositiveSeconds
     """The time before the board takes the last resort again."""
     stay_down_s: NotNegativeSeconds = 21_600.0
@@ -160,7 +178,7 @@ class TimekeepingOptions:
     """The drift that the firmware assumes of its clock, and its wait for a beacon."""
 
     bound_ppm: NotNegative
-    """The largest drift of the crystal."""
+    """The largest drift of the clock, by its data sheet."""
     beacon_wait_s: PositiveSeconds
     """A board whose clock may be off by more than the guard listens this long for a beacon, and does not transmit
     without one."""
@@ -169,16 +187,17 @@ class TimekeepingOptions:
 @frozen
 class FullFirmwareOptions:
     power: BoardPower
+    """Loads and batteries; or `table-one`."""
     cycle: SleepCycle | None
-    """None: never asleep."""
+    """Its sleep and its wakes; or `hourly`, `field`, or `never`, which is None: always awake."""
     last_resort: LastResortOptions
     transmit_ms: Annotated[Milliseconds, Gt(0)]
     """The time that the modem takes to send a status."""
     turnaround_ms: Milliseconds = 500
-    """The time from the end of a ping to the board's answer."""
+    """The time from the end of a PING until the board, awake by then, answers it."""
     hover_period_s: PositiveSeconds
-    """The time between the motor runs that hold a depth."""
+    """The time between the motor runs that hold a depth; longer than such a run."""
     timekeeping: TimekeepingOptions | None = None
-    """None: the firmware trusts its clock."""
+    """The clock error that the firmware expects. None: the firmware trusts its clock."""
     clock_drift_ppm: NotNegative = 0.0
     """The largest real drift of a board's clock, either way; the board's and the scenario's seed decide it."""

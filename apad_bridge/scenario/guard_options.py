@@ -36,7 +36,7 @@ class GuardOptions:
     """Limits that are left out are none."""
 
     clearance_m: NotNegative = 2.0
-    """The least distance of a way to the fence and to keep-out zones; `area/clearance.py` has the need of a stop."""
+    """The least distance of a way to the fence and to keep-out zones; docs/guards.md#clearance has the need of a stop."""
     position_error_m: Positive | None = None
     """The aPad lies within it of the place that it tells, in 95 % of all cases."""
     hull_m: Positive | None = None
@@ -46,23 +46,29 @@ class GuardOptions:
     coasting_m: NotNegative | None = None
     """The way from the acceptance of a stop to rest, not exceeded in 95 % of all stops from `coasting_speed_m_s`."""
     coasting_speed_m_s: Positive | None = None
+    """The speed from which `coasting_m` was measured."""
     outside: WhenOutside = WhenOutside.HOLD
+    """The reaction to a simulated aPad outside its fence: `hold` switches its controllers off there and calls a pilot,
+    `return` sends it to the nearest place inside. A real aPad outside is always switched off."""
     leg_m: Positive | None = None
     """The greatest length of a leg."""
     leg_s: PositiveSeconds | None = None
-    """The longest that a leg may last, as ordered and as flown."""
+    """The longest duration of a leg, as ordered, and as flown from the aPad's acceptance on."""
     speed_limit_m_s: Positive | None = None
-    """The greatest speed, as ordered and as measured."""
+    """The greatest speed, as ordered, and as measured less its error (docs/guards.md#guards)."""
     position_age_s: PositiveSeconds = 2.0
     """The greatest age of a position that orders may build on."""
     frozen_s: PositiveSeconds = 2.0
-    """A position that stays the same to the last bit for so long under way is not believed."""
+    """Under way by an order that the aPad accepted, the guards reject a position that stays the same to the last bit for
+    this time."""
     jump_m: Positive = 10.0
-    """A position farther than this from where the aPad can have come is not believed."""
+    """The guards reject a position farther than this from where the aPad can be: a real aPad's until a person continues,
+    another's for 10 s."""
     bodies_m: Positive = 3.0
-    """The least distance of a way to real aMussels at the surface and to other aPads."""
+    """The least distance of a way to real aMussels at the surface, and to other aPads of the run."""
     drift_m_s: NotNegative = 0.2
-    """The fastest drift of an aPad whose controllers are off, for the room that a visual docking and a stop need."""
+    """The fastest drift of an aPad whose controllers are off, by current and by wind on the hull, for the room that a
+    visual docking and a stop need. A faster one of the scenario's own sea takes its place."""
     adrift_s: NotNegativeSeconds | None = None
     """The longest that the aPad lies without thrust before it docks or undocks: 27 s if left out, as generation B."""
     search_m: NotNegative = 2.0
@@ -70,11 +76,12 @@ class GuardOptions:
     battery_reserve: Fraction | None = None
     """The charge that must be left at the end of the way home."""
     pilots: tuple[str, ...] = ()
-    """Nodes by which a pilot steers, where the aPad tells nobody of a pilot: nothing is ordered against their goals."""
+    """Nodes by which a pilot steers an aPad that tells nobody of a pilot (generation A): while a goal of theirs runs,
+    nothing goes out."""
     amussel_depth_m: Positive | None = None
-    """The greatest depth for which the aMussels are rated."""
+    """The greatest depth for which the aMussels are rated; the loader refuses a deeper `area.depth_m`."""
     watchdog: WhenUnwatched | None = None
-    """A real aPad has to have its watchdog, and this follows if it is lost. Without it, one that was seen may be lost: that
-    is told."""
+    """A real aPad must have its watchdog (docs/failures.md#when-the-network-fails); if it stops watching in flight, the
+    aPad holds (`hold`) or the bench only tells (`tell`). None: the loss of one that was seen watching is told."""
     hardware_cut: bool = False
     """A person can cut the thrusters' power from a distance, by a switch that no computer of the vehicle is part of."""

@@ -53,26 +53,31 @@ class Origin:
     """The geographic position of local NED (0, 0)."""
 
     latitude_deg: Annotated[float, Ge(-89.9), Le(89.9)]
+    """Latitude of the origin."""
     longitude_deg: Annotated[float, Ge(-180), Le(180)]
+    """Longitude of the origin."""
 
 
 @frozen
 class Area:
     origin: Origin
     polygon_m: tuple[Place, ...]
-    """Corners as (north, east), in order, not closed; three or more."""
+    """Corners as (north, east), in order, three or more, not closed and not crossing itself."""
     depth_m: Positive
+    """Depth of the bottom, the same everywhere."""
     fence: Annotated[Annotated[tuple[Place, ...], Tag(VALUES)] | TheirFile, VALUES_OR_FILE] | None = None
-    """The waters that no order may take the aPad out of: corners as in `polygon_m`, or a GeoJSON file with one polygon.
-    None, for a simulated aPad alone: there is no fence."""
+    """The waters that no order may take the aPad out of: corners as in `polygon_m`, or a GeoJSON file with one polygon,
+    whose holes are keep-out zones. Such a file has [longitude, latitude] in degrees. None, for a simulated aPad alone:
+    there is no fence."""
     keep_out: Annotated[
         Annotated[tuple[tuple[Place, ...], ...], Tag(VALUES)] | TheirFile, VALUES_OR_FILE
     ] = ()
-    """Zones inside the fence that no way may touch: a list of polygons, or a GeoJSON file."""
+    """Zones inside the fence that no way may touch: a list of polygons, or a GeoJSON file with any number."""
     chart: str | None = None
-    """The shore and depth contours, which maps show and nothing else reads: a GeoJSON file, or a name of PAPER_CHARTS."""
+    """The shore and depth contours, which maps show and nothing else reads: a GeoJSON file with lines or polygons, where a
+    Feature with the property `depth_m` is a contour; or `paper-pool` or `paper-bay`, simple shapes of the paper's areas."""
     home_m: Place | None = None
-    """(north, east) of the place to which the aPad's battery must always suffice; None: `apad.start_m`."""
+    """The place to which the aPad's battery must always suffice (`guards.battery_reserve`). None: `apad.start_m`."""
 
     def __post_init__(self) -> None:
         check_corners(self.polygon_m, "polygon_m")
@@ -89,6 +94,7 @@ class RandomStart:
     """Random positions uniform in the polygon and primary charges uniform in `charge`, both from the scenario's seed."""
 
     charge: tuple[Fraction, Fraction]
+    """[low, high] of the charges."""
 
     def __post_init__(self) -> None:
         if self.charge[0] > self.charge[1]:
@@ -105,10 +111,13 @@ class DriftMode(StrEnum):
 @frozen
 class Drift:
     mode: DriftMode
+    """`paper`: a random step each second of mission time, on the bottom too. `physical`: the current moves only aMussels
+    that have left the bottom."""
     amplitude_m: Annotated[float, Ge(0), Le(100)] = 0.0
     """Half width of the uniform step that `paper` mode adds to north and to east each mission second."""
     current_file: str | None = None
-    """CSV: north_m, east_m, north_m_s, east_m_s; relative to the scenario file."""
+    """A CSV with the columns north_m, east_m, north_m_s and east_m_s on a grid, or NetCDF; relative to the scenario
+    file."""
     current_m_s: tuple[Speed, Speed] | None = None
     """(north, east) velocity of a current that is the same everywhere, instead of a file."""
 
@@ -123,10 +132,11 @@ class SpreadOptions:
     from the scenario's seed; no estimator knows them."""
 
     drain: SpreadDeviation = 0.0
+    """The spread of the boards' loads."""
     capacity: SpreadDeviation = 0.0
-    """Applies to both batteries of an aMussel alike: smaller ones drain and charge faster."""
+    """The spread of the batteries' capacity, the same for both of an aMussel: smaller ones drain and charge faster."""
     secondary_start: SpreadDeviation = 0.0
-    """Distance below full at which a secondary battery starts, where the start does not state its charge."""
+    """The spread of the distance below full at which a secondary battery starts, where no start states its charge."""
     drain_bias: Annotated[float, Ge(-0.5), Le(0.5)] = 0.0
     """All boards drain by so much more than their numbers say, relative: the planner and the estimators are wrong by it."""
 
@@ -136,8 +146,9 @@ class FirmwareProgram:
     """Somebody's firmware on the aMussels' boards: docs/firmware-port.md."""
 
     executable: str
-    """Relative to the scenario file; or `serial:DEVICE`, a real board on a serial line."""
+    """Relative to the scenario file; or `serial:DEVICE`, a real board on a serial line, for one aMussel at `theta: 1`."""
     arguments: tuple[str, ...] = ()
+    """The program's arguments."""
     agents: tuple[AgentId, ...] = ()
     """The ids that it runs on; empty for all that no other firmware names."""
 
@@ -145,20 +156,29 @@ class FirmwareProgram:
 @frozen
 class Fleet:
     count: Annotated[int, Ge(0), Le(20000)]
+    """The number of aMussels. Leave it out with `first_id` where `start` names a file, to fly all of the file's
+    aMussels."""
     first_id: AgentId = 1
+    """The lowest id; the others rise from it. Two fleets on one master need ids of their own, or a namespace each:
+    docs/ros-names.md."""
     agent_ids: tuple[AgentId, ...] = ()
-    """The ids, rising, where they have gaps; empty for `count` ids from `first_id` on. The loader takes these three from
-    the file that `start` names if a scenario leaves `count` out."""
+    """The ids, rising, where they have gaps, such as [3, 7, 12, 24]; empty for `count` ids from `first_id` on. The loader
+    takes these three from the file that `start` names if a scenario leaves `count` out. An aMussel's timeslot is its place
+    among the ids, so gaps cost none."""
     start: Annotated[Annotated[RandomStart, Tag(VALUES)] | TheirFile, VALUES_OR_FILE] = "starts.csv"
-    """A mapping for a random start, the name of a CSV (id, lat, lon or north, east, battery), or a former run's directory.
-    Names are relative to the scenario file; the loader makes them absolute."""
+    """`{charge: [low, high]}` for a random start; or the name of a CSV, or a former run's directory, relative to the
+    scenario file (docs/scenarios.md#starts). From a run the loader takes the ends, or the starts if that run did not come
+    to an end."""
     share: tuple[AgentId, ...] = ()
-    """The ids that this aPad serves if it is one of several; empty for all."""
+    """The ids that this aPad serves if it is one of several, as a run of several writes them; empty for all."""
     hosting: Hosting = Hosting.PROCESSES
+    """`processes`: a process for each aMussel. `one_process`: all in the supervisor's, with the same trace."""
     drift: Drift
+    """The random or physical motion of the aMussels in the water."""
     spread: SpreadOptions = SpreadOptions()
     firmware: tuple[FirmwareProgram, ...] = ()
-    """Somebody's firmware on boards; the others have ours."""
+    """A program on the boards in place of our firmware, or a list of several; a program's name alone stands for its
+    `executable`: docs/firmware-port.md."""
 
     def __post_init__(self) -> None:
         ids = self.agent_ids
@@ -211,6 +231,7 @@ class Hearing:
     gps_deviation_m: NotNegative = 0.5
     """Standard deviation of a fix along one axis, beside the slow errors that the aPad's receiver shares. Assumed."""
     codec: str = "musselbed-1"
+    """The layout of the packets: ours, or one from a package of yours (docs/extending.md#codecs)."""
 
 
 class DockingProfile(StrEnum):
@@ -234,8 +255,11 @@ class Servo:
     """Parameters of the vehicle's own visual servoing, and its time limit."""
 
     search_yaw_rate_rad_s: Positive
+    """The yaw rate while the vehicle sees nothing."""
     max_yaw_rate_rad_s: Positive
+    """The largest yaw rate while it approaches."""
     max_surge_m_s: Positive
+    """The largest speed while it approaches."""
     surge_stdev: Positive
     """Standard deviation of the target's horizontal place in the image (half the image's width is 1). The vehicle
     approaches the slower, the farther the target is off the centre."""
@@ -246,20 +270,29 @@ class Servo:
 @frozen
 class Docking:
     profile: DockingProfile
+    """docs/apads.md#docking."""
     virtual_ids: tuple[AgentId, ...] = ()
+    """The aMussels that are docked by `virtual`, whatever `profile` says."""
     camera_ids: tuple[AgentId, ...] = ()
+    """The aMussels that are docked by `camera`, likewise."""
     visual_ids: tuple[AgentId, ...] = ()
-    """These three keys list the aMussels that are docked otherwise than by `profile`."""
+    """The aMussels that are docked by `visual`, likewise."""
     dock_s: NotNegativeSeconds
+    """The time before the mechanism closes, in `virtual`."""
     undock_s: NotNegativeSeconds
+    """The time before the mechanism opens, in `virtual`."""
     timeout_s: PositiveSeconds
+    """A docking that lasts longer has failed; longer than `dock_s`, `undock_s` and `servo.search_s`."""
     attempts: Annotated[int, Ge(1), Le(10)] = 1
-    """The number of tries before the mission gives the aMussel up for this time."""
+    """The number of tries before the mission gives the aMussel up for this time; the summary counts further tries under
+    `dropped`."""
     catch_radius_m: Positive = 0.5
-    """A virtual docking catches an aMussel that floats no farther than this from the aPad. Assumed: the mechanisms stand
-    0.4 m from its middle."""
+    """A virtual docking catches an aMussel that floats no farther than this from the aPad, which otherwise searches for it.
+    Assumed: the mechanisms stand 0.4 m from its middle. The paper's scenarios have 3, because there a docking cannot
+    fail."""
     arm: ArmUse = ArmUse.ALONE
     servo: Servo | None = None
+    """The parameters of `camera` and `visual` with generation B."""
 
     def __post_init__(self) -> None:
         if self.timeout_s <= max(self.dock_s, self.undock_s):
@@ -283,9 +316,12 @@ class Costs:
     """Scale factors of the planner's cost modules."""
 
     distance_per_m: NotNegative = 1.0
+    """The weight of the way in a plan's cost."""
     energy_per_charge: NotNegative = 1.0
+    """The weight of the charging demand, a whole battery of it."""
     flow: bool = True
-    """The scenario's current and wind count in the way's cost and time. False: the way over ground alone."""
+    """The scenario's current and wind count in the way's cost, by the energy that it then takes, and in its time
+    (docs/water.md#the-apad-in-current-and-wind). False: the way over ground alone."""
 
 
 class FullWhen(StrEnum):
@@ -333,50 +369,72 @@ class Horizon(StrEnum):
 @frozen
 class Mission:
     collection: str
-    """Name of a collection strategy: one of docs/studies.md, as `cautious`, or one from a user's package."""
+    """Name of a collection strategy: one of docs/studies.md#strategies, one from a user's package, or `FILE.py:Class`
+    (docs/first-strategy.md)."""
     redeployment: str = "greedy-redeploy"
+    """Name of a redeployment strategy, likewise."""
     places: Places = Places.OWN
     pool_threshold: Fraction
+    """An aMussel at or below this charge is a candidate."""
     batch: Annotated[int, Ge(1), Le(MAX_DOCKS)]
-    """Left out in a file: the number of the aPad's docks. `dispatch: asynchronous` has no batches."""
+    """The number of candidates for which the aPad waits before it plans. Left out in a file: the number of the aPad's
+    docks. `dispatch: asynchronous` has no batches."""
     dispatch: Dispatch = Dispatch.BATCH
     again_threshold: Fraction | None = None
-    """An aMussel that the mission brought back is in the pool again once one in it is at or below this. None: at once below
-    `pool_threshold`."""
+    """An aMussel that the mission brought back is in the pool again once one in it is at or below this, which is below
+    `pool_threshold`. None: at once at `pool_threshold`."""
     full_threshold: Fraction
+    """An aMussel above this charge, which is above `pool_threshold`, counts as full."""
     charge_to: Fraction | None = None
-    """A docked aMussel above this makes room when others wait for its dock. None: only full aMussels leave."""
+    """A docked aMussel above this, which is above `pool_threshold`, makes room when others wait for its dock. None: only
+    full aMussels leave."""
     charge_lead: PositiveFraction | None = None
-    """A docked aMussel that has so much more charge than the one that waits makes room for it, too. None: it does not."""
+    """A docked aMussel that has so much more charge than the one that waits makes room for it, too; below `charge_to`.
+    None: it does not."""
     full_when: FullWhen = FullWhen.PRIMARY
     horizon: Horizon = Horizon.OPEN
     speed_m_s: Positive
+    """The speed of the aPad's go-tos."""
     victory_radius_m: Positive
+    """The distance from a goal that counts as an arrival."""
     docking: Docking
+    """The dockings."""
     costs: Costs = Costs()
     end_at_apad_fraction: Fraction = 0.0
     """The mission ends when the aPad's battery falls to this."""
     end_by: EndTime | None = None
-    """The mission is home by then: a local time as 16:30, or seconds of mission time."""
+    """The mission is home by then: a local time as 16:30, or seconds of mission time. In good time it stops collecting,
+    brings back the docked aMussels, goes to `area.home_m`, holds there and ends. It reserves these ways at 0.8 of
+    `speed_m_s`, `docking.timeout_s` for each undocking, and a minute. The loader refuses a local time that has passed
+    today. Scripts and `--manual` ignore the key."""
     permission_repeat_s: PositiveSeconds
     """The mission repeats an unanswered permission to surface after this time."""
     surfacing_attempts: Count
+    """The mission gives the aMussel up for this time after this number of permissions."""
     silence_timeout_s: PositiveSeconds
     """The mission stops waiting for an aMussel that has been silent for this long, and goes on without it."""
     collection_attempts: Count = 5
     """The mission leaves an aMussel alone after so many tries in a row that did not help it."""
     suspects: Suspects = Suspects.TOLD
-    """Needs twins, which alone find suspects."""
+    """docs/beliefs.md#suspects. `asked` and `fetched` need `beliefs.estimator: twin`, and `asked` also `water` and
+    `board.whole`; it asks each ten minutes of agent time."""
 
 
 @frozen
 class APadBattery:
     full_v: Positive
+    """The terminal voltage when full."""
     empty_v: Positive
+    """The terminal voltage when empty."""
     capacity_wh: Positive
+    """Its capacity."""
     start_fraction: Fraction
+    """Its charge at the start."""
     hotel_w: NotNegative
+    """Computers and sensors, always."""
     charging_w_per_dock: NotNegative
+    """For each aMussel that it charges; of the profile's 10 W about 1.2 reach the batteries, by the charging rates of Table
+    I."""
 
     def __post_init__(self) -> None:
         if self.full_v <= self.empty_v:
@@ -422,6 +480,7 @@ class Home:
     go_at: Fraction
     """With this part of its battery or less, it goes home before it takes up another plan."""
     leave_at: Fraction = 1.0
+    """With this part of its battery it goes on."""
     docked: DockedAtHome = DockedAtHome.CHARGE
 
     def __post_init__(self) -> None:
@@ -434,7 +493,9 @@ class Unavailable:
     """A span of mission time in which the aPad takes up no plan and goes home."""
 
     from_s: NotNegativeSeconds
+    """From then on it takes up no plan and goes home."""
     until_s: PositiveSeconds
+    """Until then it stays."""
 
     def __post_init__(self) -> None:
         if self.until_s <= self.from_s:
@@ -446,34 +507,51 @@ class APad:
     """The simulated aPad. A real aPad needs its name, and its generation if it offers both."""
 
     profile: Literal["paper"] | None = None
+    """Gives every missing key of the block: speeds, hull, thrusters and battery. The voltages are those of Fig. 4 (b), the
+    rest is assumed."""
     name: RosNamespace = "apad1"
+    """Its ROS namespace, below that of the run's nodes; `/apad1` is global, whatever theirs is."""
     generation: Generation = Generation.AUTO
+    """The kind of its software: `a` has the action `action_server`, `b` services below `commander/primitive`; `auto` takes
+    the one on the graph, and `a` for the simulated aPad (docs/apads.md)."""
     interface: str | None = None
-    """A YAML file with the laboratory's own topics, relative to the scenario file; None for musselbed's topics."""
+    """A YAML file with the laboratory's own topics, relative to the scenario file (docs/apads.md#your-own-topics). None:
+    musselbed's topics."""
     docks: Annotated[int, Ge(1), Le(MAX_DOCKS)] = PAPER_DOCKS
-    """The number of its docking mechanisms. Where on the hull they are follows from its software."""
+    """The number of its docking mechanisms, of a real aPad too; generation B can name 4 at most. Where on the hull they are
+    follows from its software."""
     start_m: Place
+    """Its place at the start."""
     max_speed_m_s: Positive
+    """Its greatest speed through the water."""
     max_acceleration_m_s2: Positive
+    """Its greatest acceleration."""
     max_yaw_rate_rad_s: Positive
+    """Its greatest yaw rate."""
     mass_kg: Positive
+    """Its mass."""
     drag_n_per_m2_s2: NotNegative
     """Quadratic drag: newtons at 1 m/s."""
     thruster_max_n: Positive
+    """The greatest thrust of each of the four."""
     thruster_w_per_n: NotNegative
+    """The power for a newton of thrust."""
     wind_n_per_m2_s2: NotNegative = 0.08
     """Quadratic drag in air: newtons of a wind of 1 m/s. Assumed: half of 1.2 kg/m3, times 0.8, times 0.17 m2 of hull."""
     drift_m_s: tuple[Speed, Speed] = (0.0, 0.0)
     """Velocity (north, east) of a drift that was measured with the controllers off, and acts then alone. A current or a
     wind of the scenario takes its place."""
     fault: Fault = Fault.NONE
-    """The misbehaviour of the simulated aPad's ROS node."""
+    """The misbehaviour of the simulated aPad's ROS node (docs/failures.md#what-goes-wrong)."""
     dock_miss_probability: Fraction = 0.05
-    """Probability that a docking misses; the scenario's seed decides which dockings do. Assumed."""
+    """Probability that a docking misses in calm water; the scenario's seed decides which dockings do. Assumed; the paper's
+    scenarios have 0."""
     battery: APadBattery
+    """The battery."""
     home: Home | None = None
-    """None: the aPad is not charged, and goes home only when it is unavailable."""
+    """Its charger at home. None: the aPad is not charged, and goes home only when it is unavailable."""
     unavailable: tuple[Unavailable, ...] = ()
+    """The spans of mission time that it spends at home."""
 
     def __post_init__(self) -> None:
         limits = LIMITS[self.generation]
@@ -493,7 +571,7 @@ class Records:
     record_period_s: PositiveSeconds = 1.0
     """Bag samples: per tick for the first day, then at this period."""
     truth_on_agent_topics: bool = False
-    """Publish the truth, not the report, on /amusselK/position and battery_level, as generation A's simulator did."""
+    """/amusselK/position and battery_level show the truth, as the published simulator does, and not the reports."""
 
 
 @frozen
@@ -501,26 +579,41 @@ class Scenario:
     name: FileName
     """Letters, digits, dot, dash and underscore: run directories are named after it."""
     description: str = ""
+    """For people; nothing reads it."""
     seed: Annotated[int, Ge(0), Le(2**63 - 1)]
+    """Decides the random starts, the drift and every other chance: the same seed gives the same run."""
     duration_s: PositiveSeconds
+    """The mission ends then, if nothing ends it before."""
     theta: Annotated[int, Ge(1), Le(1_000_000)]
+    """The factor by which the aMussels' time runs faster than the aPad's; 1 for real ones."""
     area: Area
+    """The waters, and where they lie."""
     fleet: Fleet
+    """The aMussels."""
     board: Board
     hearing: Hearing
+    """The reports of the aMussels."""
     mission: Mission
+    """The paper's mission, and its rules."""
     apad: APad
     apads: tuple[AnotherAPad, ...] = ()
     """Further aPads, which share the fleet with `apad`."""
     sharing: Sharing = Sharing()
     records: Records = Records()
+    """The records of the run."""
     beliefs: Beliefs = Beliefs()
+    """The supervisor's estimate of the aMussels between their packets, on which the mission acts: docs/beliefs.md."""
     guards: GuardOptions | None = None
-    """Limits of every order that moves the aPad; None: a fence alone has the defaults."""
+    """Limits of every order that moves the aPad or an aMussel, whoever gives it: docs/guards.md#guards. None, with a fence:
+    the defaults. None, without one: the guards of an aPad that `musselbed` starts refuse impossible numbers, and orders
+    while its position is not known."""
     faults: Faults | None = None
-    """Faults of simulated aMussels and of the simulated aPad, at their times; None for none."""
+    """Faults of simulated aMussels and of the simulated aPad, which begin and heal at stated times: docs/faults.md. A real
+    aPad refuses a scenario that has them."""
     water: Water | None = None
-    """None: every message arrives at once and whole, as in the paper's experiments."""
+    """The water between the aMussels and the aPad, with its sound: docs/water.md. None: every packet arrives at once and
+    whole, as in the paper's experiments. Use it with `hearing.mode: physical` and `board.whole`, whose boards transmit in
+    timeslots."""
 
     @property
     def apad_names(self) -> list[str]:

@@ -292,11 +292,15 @@ class FaultAt:
     """A fault at a time of the mission; what is None has the table's default."""
 
     fault: TimedFault
+    """A row of the table of faults: docs/reference/faults.md."""
     at_s: NotNegativeSeconds
+    """Its begin."""
     id: Annotated[int, Ge(1), Le(MAX_AGENT_ID)] | None = None
     """The aMussel; None for a fault of the aPad."""
     value: Quantity | None = None
+    """In the unit of its row; None: that of its row."""
     for_s: PositiveSeconds | None = None
+    """Its length; None: that of its row. A fault that is over at once has none."""
 
     def __post_init__(self) -> None:
         injection(self.fault, self.id, self.value, self.for_s)
@@ -311,7 +315,9 @@ class FaultMix:
     """A seeded mix of faults in bursts, over the whole mission."""
 
     seed: Annotated[int, Ge(0), Le(2**63 - 1)]
+    """Decides which faults come when; the same ones for the same seed."""
     count: Annotated[int, Ge(1), Le(10_000)]
+    """The number of faults."""
     of: tuple[TimedFault, ...] = ()
     """The faults to choose from; empty for all."""
 
@@ -321,7 +327,9 @@ class Faults:
     """The faults of a run, beside those that somebody causes in it."""
 
     at: tuple[FaultAt, ...] = ()
+    """The faults, each with its time."""
     mix: FaultMix | None = None
+    """A seeded mix of faults over the whole mission."""
 
 
 def planned(

@@ -27,10 +27,7 @@ StatusFields = tuple[int, int, State, float, float, float, float, float, int]
 
 @value
 class StatusPacket:
-    """A status, and the part that every one but the short one begins with: its time is agent time.
-
-    `sequence` counts reports modulo 65536.
-    """
+    """A status, and the part that every one but the short one begins with: its time is agent time."""
 
     VERSION: ClassVar[int] = 1
     KIND: ClassVar[Kind] = Kind.STATUS
@@ -38,13 +35,17 @@ class StatusPacket:
 
     agent_id: int
     sequence: int
+    """Counts all statuses since the boot, modulo 65536, also the short ones, which do not tell it."""
     state: State
     primary: float
+    """A charge, in steps of 1/65535, as the next one."""
     secondary: float
     north_m: float
+    """In centimetres, as the next two."""
     east_m: float
     depth_m: float
     agent_ms: int
+    """The time of the report."""
 
     def encode(self) -> bytes:
         return sealed(self._pack())
@@ -133,10 +134,12 @@ class WifiStatus(StatusPacket):
     """Records that were partly written when a reset came; counts to 65535."""
     reset_cause: ResetCause
     feed: ActiveBattery
+    """The battery that feeds the board: 0 the primary, 1 the backup, 2 neither."""
     rails: int
     """The rails that are on, as bits by `Rail`."""
     clock_offset_ms: int
-    """The board's clock minus the last beacon's time, as corrected then."""
+    """The board's clock minus the last beacon's time, just before the beacon set it: positive if the clock was ahead. A
+    boot sets it to 0."""
 
     def encode(self) -> bytes:
         more = self.MORE.pack(

@@ -169,7 +169,7 @@ def _check_opened(options: RunOptions, scenario: Scenario) -> None:
         (
             scenario.water is None,
             "--open-modem needs water between modems: add the block `water: {}` to the scenario, "
-            "or what its own key says (docs/scenarios.md)",
+            "or what its own key says (docs/reference/scenario-keys.md)",
         ),
     )
 

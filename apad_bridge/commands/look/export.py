@@ -18,7 +18,7 @@ def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "export",
         description="Writes the samples of a run's bags, the events of its journal, uploaded samples and the summary. MCAP "
-        "opens in Foxglove and Lichtblick with the layout of `musselbed layout foxglove`; in the form of ROS 2 it opens in "
+        "opens in Foxglove and Lichtblick with the layout of `musselbed layout`; in the form of ROS 2 it opens in "
         "Rerun and ROS 2; .mat opens in MATLAB and Octave. Also of a run that still flies or that was killed.",
         epilog=ending(
             "musselbed export runs/pool-12-1 --to mcap",

@@ -30,10 +30,15 @@ class Tide:
     """One constituent: north is north_m_s sin(2 pi t / period + north_phase), and east likewise; t is mission time."""
 
     period_h: Annotated[float, Ge(0.02), Le(10_000)]
+    """The constituent's, in mission time: 12.42 for the moon's."""
     north_m_s: Speed
+    """Its amplitude to north."""
     east_m_s: Speed
+    """Its amplitude to east."""
     north_phase_deg: Annotated[float, Ge(-360), Le(360)] = 0.0
+    """At mission time 0; 90 is at its height."""
     east_phase_deg: Annotated[float, Ge(-360), Le(360)] = 0.0
+    """Likewise."""
 
 
 @frozen
@@ -43,6 +48,7 @@ class Current:
     steady_m_s: tuple[Speed, Speed] | None = None
     """(north, east) velocity of a current that is the same everywhere, instead of a file."""
     tides: tuple[Tide, ...] = ()
+    """Constituents, added to the file's field."""
     profile: tuple[tuple[NotNegative, Fraction], ...] = ()
     """(depth in m, fraction of the current there) by rising depth, linear between. Empty: the full current everywhere."""
 
@@ -60,9 +66,11 @@ class Wind:
     """A steady wind, by where it blows to. What floats goes with a part of it, beside the current."""
 
     north_m_s: WindSpeed
+    """The direction to which the wind blows: a wind from the south is positive."""
     east_m_s: WindSpeed
+    """Likewise to east."""
     leeway: Annotated[float, Ge(0), Le(0.2)] = 0.03
-    """The share of the wind's speed: 3 % is the usual figure for what floats awash."""
+    """The speed of an aMussel at the surface, as a share of the wind's: 3 % is the usual figure for what floats awash."""
 
 
 MEASURED = tuple(sensor for sensor in SENSORS if sensor.calm is not None)
@@ -93,11 +101,15 @@ class Patch:
     """
 
     begins_s: NotNegativeSeconds
+    """Its begin."""
     growing_s: PositiveSeconds
+    """The time in which it grows to its whole radius."""
     place_m: Place
     """(north, east) of its centre when it begins."""
     drift_m_s: tuple[Speed, Speed] = (0.0, 0.0)
+    """Its drift."""
     radius_m: Positive
+    """The inner half is the core; outside it the patch thins out to nothing."""
     from_depth_m: NotNegative = 0.0
     """The patch lies at this depth and below."""
 
@@ -120,6 +132,7 @@ class CalmFields:
 @frozen
 class Fields(CalmFields):
     patches: tuple[Patch, ...] = ()
+    """Local events in the water."""
 
 
 @frozen
@@ -138,10 +151,11 @@ class Talk:
     ping_period_s: NotNegativeSeconds = 0.0
     """Period, in mission time, at which the aPad pings one aMussel after another to locate it; 0 for never."""
     ping_worth_m: NotNegative = 0.0
-    """The aPad pings an aMussel out of turn if it may have to search farther for it than this; 0 for never. Needs twins."""
+    """The aPad pings an aMussel out of turn if the expected search exceeds this: the probability that it needs fetching
+    times the deviation of its place; 0 for never. Needs `beliefs.estimator: twin` and `localisation`."""
     ask_worth_answers: NotNegative = 0.0
-    """The aPad asks an aMussel for its status if a wrong plan is expected to cost the aMussel more than this number of
-    answers; 0 for never. Needs twins."""
+    """The aPad asks an aMussel for its status if a wrong plan is expected to cost the aMussel (the probability times the
+    motors up and down) more than this number of answers; 0 for never. Needs `beliefs.estimator: twin` and `board.whole`."""
 
     def __post_init__(self) -> None:
         if self.turn[0] > self.turn[1]:
@@ -155,9 +169,11 @@ class Localisation:
     deviation_m: Positive = 0.5
     """Standard deviation of a range: the modem's noise and the error of the aPad's own place."""
     memory_s: PositiveSeconds = 3600.0
+    """The locator forgets older ranges."""
     apart_m: Positive = 5.0
     """Ranges taken nearer to each other than this count as one."""
     worst_hdop: Positive = 5.0
+    """A geometry with a larger dilution gives no fix."""
 
 
 @frozen
@@ -165,12 +181,18 @@ class Water:
     """The water of a run. Without `wifi` every Wi-Fi packet arrives, except from under water."""
 
     modems: ModemGeneration = ModemGeneration.V3
+    """`v3`: 64 bytes a packet. `v2`: the early swarm's, 7 bytes at 40 bit/s (docs/modems.md)."""
     sound: Sound = Sound()
     wifi: Wifi | None = None
+    """The radio's range. None: Wi-Fi works from the surface at any distance."""
     talk: Talk = Talk()
+    """The packets that the aPad sends by sound on its own: docs/water.md#timeslots-and-the-apads-packets."""
     localisation: Localisation | None = None
     current: Current | None = None
+    """The motion of the water, which moves aMussels off the bottom, and the aPad: docs/water.md#currents."""
     wind: Wind | None = None
+    """The wind, which moves floating aMussels and the aPad."""
     fields: Fields = Fields()
+    """The water that the sensors measure: docs/water.md#fields."""
     links_file: str | None = None
     """CSV: from, to, loss and optionally since_s, until_s; relative to the scenario file. Read again when it changes."""

@@ -22,7 +22,6 @@ from apad_bridge.records.journal import (
     format_of,
     read_journal,
 )
-from apad_bridge.records.page import markdown
 from firmware_model.actions import Buoyancy
 from firmware_model.states import State
 
@@ -258,11 +257,6 @@ def test_an_event_is_read_as_it_was_written_with_its_tuples_and_enums(path, even
     journal.append(7, event)
     journal.close()
     assert read_journal(path).entries == [(7, event)]
-
-
-def test_the_page_of_kinds_is_current():
-    page = (ROOT / "docs" / "records.md").read_text()
-    assert markdown() in page, "put what `python -m apad_bridge.records.page` prints into docs/records.md"
 
 
 @settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])

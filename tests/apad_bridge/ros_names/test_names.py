@@ -12,16 +12,10 @@ import pytest
 from apad_bridge.ros_names.frames import Frames
 from apad_bridge.ros_names.names import in_full, of_amussel, of_apad, ours, ours_of_apad
 from apad_bridge.ros_names.namespaces import beside_others
-from apad_bridge.ros_names.page import markdown
 from apad_bridge.ros_names.table import GLOBAL, SECTIONS
 
 ROOT = Path(__file__).parents[3]
 ROWS = [row for section in SECTIONS for row in section.rows]
-
-
-def test_the_page_is_current() -> None:
-    page = (ROOT / "docs" / "ros-names.md").read_text()
-    assert markdown() in page, "put what `python -m apad_bridge.ros_names.page` prints into docs/ros-names.md"
 
 
 def test_no_name_stands_twice() -> None:

@@ -27,21 +27,6 @@ from apad_bridge.scenario.timed_faults import (
 ROOT = Path(__file__).parents[3]
 
 
-def row_of_the_page(fault: TimedFault) -> str:
-    row, value = TABLE[fault], ""
-    marks = (", **dock**" if row.needs_dock else "") + (", **process**" if row.needs_process else "")
-    if (it := row.parameter) is not None:
-        value = f"{it.name}: {it.unit}, {it.default:g} ({it.least:g} to {it.most:g})"
-    span = f"{row.span_s:g} s" if row.span_s else ""
-    return f"| `{fault}`{marks} | {row.does} | {value} | {span} | {row.healing} |"
-
-
-def test_the_page_has_the_table() -> None:
-    page = (ROOT / "docs" / "faults.md").read_text()
-    rows = [line for line in page.splitlines() if line.startswith("| `") and "`" in line[3:]]
-    assert rows[: len(TABLE)] == [row_of_the_page(fault) for fault in TABLE]
-
-
 @pytest.mark.parametrize("fault", TimedFault)
 def test_every_fault_has_a_row_whose_defaults_are_allowed(fault: TimedFault) -> None:
     row = TABLE[fault]
