@@ -55,7 +55,7 @@ LINK = Link(loss=0.05, delay_s=0.2)
 CALM = Link(loss=0.0, delay_s=0.0)
 ABOARD = "aboard"
 ROWS = {"ashore": LINK, ABOARD: Link(loss=1.0, delay_s=0.0)}
-"""Where the bench runs, and the link between vehicle and shore once it flies."""
+"""The rows: the link between vehicle and shore once it flies."""
 END_S = 30.0
 """The shore is back so long before the mission ends."""
 AHEAD_S = 2.0
