@@ -245,7 +245,7 @@ def test_the_shipped_variants_of_the_pool_differ_in_nothing_else() -> None:
         (
             "theta: 30",
             "theta: 30\nwater: {wifi: {transmit_db: 20}}",
-            "water.wifi.transmit_db: unknown key: did you mean transmit_dbm?",
+            "water.wifi.transmit_db: unknown key: did you mean transmit_dbm? (it is in dBm, not dB)",
         ),
         (
             "theta: 30",
