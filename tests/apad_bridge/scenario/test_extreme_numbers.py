@@ -31,8 +31,8 @@ board: {surfacing_timeout_s: 600, motor_run_charge: 0.01}
 mission: {pool_threshold: 0.9, batch: 2, dispatch: asynchronous, charge_to: 0.95, charge_lead: 0.4,
           again_threshold: 0.1, end_by: 600}
 area: {fence: [[-50, -50], [80, -50], [80, 80], [-50, 80]], keep_out: [[[60, 60], [70, 60], [70, 70]]], home_m: [14, 10]}
-guards: {leg_m: 500, adrift_s: 27, leg_s: 600, speed_limit_m_s: 5, battery_reserve: 0.1, amussel_depth_m: 50, position_error_m: 0.5,
-         hull_m: 0.7, coasting_m: 1, coasting_speed_m_s: 1}
+guards: {leg_m: 500, adrift_s: 27, leg_s: 600, speed_limit_m_s: 5, battery_reserve: 0.1, amussel_depth_m: 50,
+         position_error_m: 0.5, hull_m: 0.7, coasting_m: 1, coasting_speed_m_s: 1}
 apad: {home: {charging_w: 200, go_at: 0.2, leave_at: 0.9}, unavailable: [{from_s: 5, until_s: 8}]}
 apads: [{name: apad2, start_m: [5, 5], battery_start_fraction: 0.9}]
 faults: {at: [{fault: bit_flip, id: 1, at_s: 5, for_s: 4, value: 0.5}], mix: {seed: 3, count: 10, of: [apad_lies]}}
