@@ -65,9 +65,12 @@ def _interpreter(version: str) -> str:
 def _make(interpreter: str, version: str, into: Path, target: Path) -> None:
     site = into / "site"
     words = [interpreter, "-m", "pip", "install", "--quiet", "--target", str(site), *NEEDS[version]]
-    done = subprocess.run(words, capture_output=True, text=True, timeout=300)
-    if done.returncode:
-        raise NoOlderPython(f"pip of Python {version}: {done.stderr.strip().splitlines()[-1]}")
+    try:
+        subprocess.run(words, capture_output=True, text=True, timeout=300, check=True)
+    except subprocess.TimeoutExpired:
+        raise NoOlderPython(f"pip of Python {version} did not end within 300 s") from None
+    except subprocess.CalledProcessError as error:
+        raise NoOlderPython(f"pip of Python {version}: {error.stderr.strip()[-200:]}") from None
     for name in (*PACKAGES, *MESSAGES):
         shutil.copytree(DEBIAN / name, site / name, ignore=shutil.ignore_patterns("__pycache__"))
         for source in (site / name).rglob("*.py"):
