@@ -158,6 +158,8 @@ class AgentProcesses:
         nursery_pid = os.getpid()
         link, link_fd, buffer, descriptors = self._link, self._link.fileno(), self._buffer, self._descriptors
         pids: list[int | None] = []
+        # An agent whose end is ordered before it has handlers of its own must not run this process' handlers.
+        blocked = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGTERM, signal.SIGCHLD))
         for agent in pending:
             try:
                 pid = os.fork()
@@ -177,6 +179,7 @@ class AgentProcesses:
                     agent.handler,
                 )
             pids.append(pid)
+        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
         for forked, agent in zip(pids, pending, strict=True):
             os.close(agent.agent_end)
             if forked is None:

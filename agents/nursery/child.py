@@ -22,8 +22,12 @@ _PR_SET_NAME = 15
 _LIBC = ctypes.CDLL(None)
 _PRCTL = _LIBC.prctl
 _SET_SIGNAL = _LIBC.signal
+_SET_MASK = _LIBC.sigprocmask
+_NO_SIGNALS = ctypes.create_string_buffer(128)
+"""An empty `sigset_t`; glibc's has 128 bytes."""
 _DUP2, _CLOSERANGE, _GETPPID, _EXIT = os.dup2, os.closerange, os.getppid, os._exit
 _SIG_DFL = 0
+_SIG_SETMASK = int(signal.SIG_SETMASK)
 _SIGKILL = int(signal.SIGKILL)
 _SIGTERM = int(signal.SIGTERM)
 _SIGCHLD = int(signal.SIGCHLD)
@@ -39,21 +43,23 @@ def live(
     buffer: memoryview,
     handler: WindowHandler,
 ) -> None:
-    """Runs a forked agent until its end; it never returns.
+    """Runs a forked agent until its end; it never returns. Its starter blocked the nursery's signals before the fork.
 
     The warm-up cannot run this function. So it takes what it needs from arguments and globals, because the first look-up
     of each attribute copies some five pages.
     """
     status = 1
     try:
+        # A signal of before would run the nursery's handler here, which writes to a descriptor that this closes.
+        _SET_SIGNAL(_SIGTERM, _SIG_DFL)
+        _SET_SIGNAL(_SIGCHLD, _SIG_DFL)
+        _SET_MASK(_SIG_SETMASK, _NO_SIGNALS, None)
         _DUP2(agent_end, link_fd, False)
         _CLOSERANGE(link_fd + 1, descriptors)
         _PRCTL(_PR_SET_PDEATHSIG, _SIGKILL, 0, 0, 0)
         if _GETPPID() != nursery_pid:
             _EXIT(0)  # the nursery died before its death could be a signal
         _PRCTL(_PR_SET_NAME, name, 0, 0, 0)
-        _SET_SIGNAL(_SIGTERM, _SIG_DFL)
-        _SET_SIGNAL(_SIGCHLD, _SIG_DFL)
         serve(link, buffer, handler)
         status = 0
     except FirmwareFailed as failure:
