@@ -62,6 +62,11 @@ def add_parser(commands: Any) -> None:
         "--theta", type=int, metavar="N", help=f"theta of {TABLE_TWO}, instead of the paper's 30"
     )
     parser.add_argument(
+        "--fit",
+        choices=("cautious", "greedy", "bay"),
+        help=f"searches starts for {TABLE_TWO} from which this row, and those before it, come out as in the paper",
+    )
+    parser.add_argument(
         "--workers", type=int, metavar="N", help="number of processes (default: one for each processor)"
     )
     parser.add_argument(
@@ -89,8 +94,10 @@ def run(arguments: argparse.Namespace) -> int:
     plan, findings_of = _study_of(arguments)
     if any(it.fleet.firmware for it in plan.named):
         print("a study flies our firmware in place of fleet.firmware", file=sys.stderr)
-    workers = _workers(arguments) if arguments.dask is None else _on_dask(arguments)
     directory: Path = arguments.out or _OUT / plan.study.name
+    workers = _workers(arguments) if arguments.dask is None else _on_dask(arguments)
+    if arguments.fit is not None:
+        workers = _fitting(arguments.fit, directory, workers)
     try:
         with _progress(arguments.json) as progress:
             task = progress.add_task(plan.study.name, total=plan.missions)
@@ -138,6 +145,12 @@ def _study_of(arguments: argparse.Namespace) -> tuple[StudyPlan, type[Findings]]
             raise UserError(f"--{option} {value}: must be 1 or more")
     if "theta" in given and arguments.study != TABLE_TWO:
         raise UserError(f"--theta works with {TABLE_TWO} only: give a study `parameters: {{theta: [...]}}`")
+    if arguments.fit is not None:
+        if arguments.study != TABLE_TWO or "theta" in given:
+            raise UserError(f"--fit works with {TABLE_TWO} at the paper's theta: leave it out, or --theta")
+        from apad_bridge.studies.fitted_starts import FittedStarts, fitted_study
+
+        return fitted_study(arguments.fit, **given), FittedStarts
     if arguments.study in built_in:
         plan_of, findings_of = built_in[arguments.study]
         return plan_of(**given), findings_of
@@ -167,6 +180,14 @@ def _workers(arguments: argparse.Namespace) -> int:
     if arguments.workers < 1:
         raise UserError(f"--workers {arguments.workers}: must be 1 or more")
     return int(arguments.workers)
+
+
+def _fitting(goal: str, directory: Path, workers: int | Fly) -> Fly:
+    if not isinstance(workers, int):
+        raise UserError("--fit searches on this machine: leave out --dask")
+    from apad_bridge.studies.fitted_starts import fly_fitted
+
+    return fly_fitted(goal, directory, workers)
 
 
 def _on_dask(arguments: argparse.Namespace) -> Fly:
