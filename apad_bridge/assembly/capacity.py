@@ -41,9 +41,10 @@ above, its minutes of samples a obey
 
 without regard to docks. One that is docked at the end has its way down before it: u and T have that way added.
 
-Alarms find the board in the water, on its way or in a dock in proportion to time, as they do where nobody plans for them: a
-service that is timed to skip a wake saves that wake. Travel, waiting and the rest of the time afloat are left out, so
-flights stay below.
+Alarms find the board in the water, on its way or in a dock in proportion to time, as they do where nobody plans for them. A
+service that is timed to skip a wake saves that wake. So for whole boards that sleep there is a second bound, which nothing
+beats: it has the drain asleep for d, as if each wake were skipped. Travel, waiting and the rest of the time afloat are left
+out, so flights stay below.
 """
 
 from __future__ import annotations
@@ -104,6 +105,9 @@ class Bounds:
     sustained_from_empty: float
     """The same if each charge goes from empty to full."""
     uptime_for_ever_percent: float
+    timed_uptime_percent: float | None
+    """The bound of `uptime_percent` for services that are timed to skip wakes; None for boards that do not sleep."""
+    timed_uptime_for_ever_percent: float | None
     cycles_per_apad_charge: float | None
     """Number of times that one charge of the aPad fills each battery of the fleet from empty; None if it costs nothing."""
 
@@ -111,10 +115,18 @@ class Bounds:
     def text(self) -> str:
         """In words. Each number is rounded up, because a bound that is rounded down may be exceeded."""
         samples = "" if self.samples is None else f", {_up(self.samples, 0)} samples"
+        unless, timed = "", ""
+        if self.timed_uptime_percent is not None and self.timed_uptime_for_ever_percent is not None:
+            unless = " that does not time its services to skip wakes"
+            timed = (
+                f" One that does stays at or below {_up(self.timed_uptime_percent)} % and, in the long run, "
+                f"{_up(self.timed_uptime_for_ever_percent)} %."
+            )
         return (
-            f"No strategy exceeds {_up(self.uptime_percent)} % uptime, {_up(self.active, 2)} active aMussels{samples} "
-            f"here, or {_up(self.uptime_for_ever_percent)} % uptime in the long run. {self.docks} docks sustain at most "
-            f"{_up(self.sustained)} aMussels ({_up(self.sustained_from_empty)} if each charge begins at empty); "
+            f"No strategy{unless} exceeds {_up(self.uptime_percent)} % uptime, {_up(self.active, 2)} active "
+            f"aMussels{samples} here, or {_up(self.uptime_for_ever_percent)} % uptime in the long run.{timed} "
+            f"{self.docks} docks sustain at most {_up(self.sustained)} aMussels "
+            f"({_up(self.sustained_from_empty)} if each charge begins at empty); "
             f"the fleet has {self.amussels}."
         )
 
@@ -138,10 +150,14 @@ def bounds_of(
     mission_s = scenario.duration_s if duration_s is None else duration_s
     minutes = scenario.time_scale.agent_time(mission_s) / 60
     if not amussels or not minutes:
-        return Bounds(amussels, docks, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, None)
+        return Bounds(amussels, docks, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, None, None, None)
     active = fmean(active_minutes(fleet, minutes, docks) for fleet in fleets) / minutes
     each = [rates for fleet in fleets for rates in fleet]
-    without_start = [replace(it, start=0.0) for it in fleets[0]]
+    timed = timed_for_ever = None
+    if scenario.board.whole is not None and scenario.board.whole.cycle is not None:
+        asleep = [rates_of(it, skips_wakes=True) for it in scenarios]
+        timed = 100 * fmean(active_minutes(it, minutes, docks) for it in asleep) / minutes / amussels
+        timed_for_ever = _for_ever_percent(asleep[0], docks)
     return Bounds(
         amussels,
         docks,
@@ -152,9 +168,15 @@ def bounds_of(
         ),
         docks / fmean(it.drain / (it.charge + it.drain) for it in each),
         docks / fmean(it.drain / (1 / it.full_charge_min + it.drain) for it in each),
-        100 * active_minutes(without_start, 1.0, docks) / amussels,
+        _for_ever_percent(fleets[0], docks),
+        timed,
+        timed_for_ever,
         _cycles_per_apad_charge(scenario, fmean(it.full_charge_min for it in each), amussels),
     )
+
+
+def _for_ever_percent(fleet: Sequence[Rates], docks: int) -> float:
+    return 100 * active_minutes([replace(it, start=0.0) for it in fleet], 1.0, docks) / len(fleet)
 
 
 def _cycles_per_apad_charge(scenario: Scenario, full_min: float, amussels: int) -> float | None:
@@ -231,28 +253,29 @@ def sustained_by_balance(amussels: int, gained: float, drain: float, minutes: fl
     return amussels + gained / (drain * minutes)
 
 
-def rates_of(scenario: Scenario) -> list[Rates]:
-    """Each aMussel's rates, in its own duty cycle."""
+def rates_of(scenario: Scenario, *, skips_wakes: bool = False) -> list[Rates]:
+    """Each aMussel's rates, in its own duty cycle; with `skips_wakes` as if it never woke."""
     nominal, spread = board_config(scenario.board, scenario.seed), spread_of(scenario)
     sinking, ids = sinking_of(scenario), scenario.fleet.all_ids
     found = []
     for start in starts_of(scenario):
         board = spread.applied(replace(nominal, agent_id=start.agent_id), scenario.seed)
-        per_min = _curve_of(board)
-        drain = drain_per_min_of(board, ids)
+        docked = _draw_in_a_dock(board, reports=not skips_wakes)
+        per_min = _curve_of(board, docked)
+        drain = _drain_asleep(board, ids) if skips_wakes else drain_per_min_of(board, ids)
         up, down = _ways_of(board, sinking, drain)
         sinking_cost = max(0.0, down)
-        gain = max(_best_gain(per_min, max(0.0, up + down)), _gain_from_empty(board, sinking_cost))
+        gain = max(_best_gain(per_min, max(0.0, up + down)), _gain_from_empty(board, docked, sinking_cost))
         unspent = max(0.0, down) + _wake_of(board, ids)
         away_min = (sinking.surfacing_ms + sinking.sinking_ms) / _MS_PER_MIN + _closing_min(scenario, start)
         down_min, closing_min = sinking.sinking_ms / _MS_PER_MIN, _closing_min(scenario, start)
         gain_held = max(
             _best_gain(per_min, max(0.0, up + down), closing_min),
-            _gain_from_empty(board, sinking_cost, closing_min),
+            _gain_from_empty(board, docked, sinking_cost, closing_min),
         )
         gain_away = max(
             _best_gain(per_min, max(0.0, up + down) + drain * away_min, away_min),
-            _gain_from_empty(board, sinking_cost + drain * down_min, away_min),
+            _gain_from_empty(board, docked, sinking_cost + drain * down_min, away_min),
         )
         found.append(
             Rates(start.primary + unspent, drain, gain, _full_min(per_min), gain_away, down_min, gain_held)
@@ -260,13 +283,16 @@ def rates_of(scenario: Scenario) -> list[Rates]:
     return found
 
 
-def _draw_in_a_dock(board: BoardConfig) -> float:
-    """The mean grains a millisecond that a docked whole board takes of its charger's; the worst case takes none."""
+def _draw_in_a_dock(board: BoardConfig, *, reports: bool = True) -> float:
+    """The mean grains a millisecond that a docked whole board takes of its charger's; the worst case takes none.
+
+    Without `reports` no alarm rings while it is docked.
+    """
     if board.whole is None:
         return 0.0
     power, cycle = board.whole.power, board.whole.cycle
     mean = float(_load_of(board.whole, State.CHARGING))
-    if cycle is not None:
+    if cycle is not None and reports:
         # The alarms that ring during a report are skipped.
         apart_ms = (cycle.report_ms // cycle.alarm_ms + 1) * cycle.alarm_ms
         mean += (_load_of(board.whole, State.REPORTING) - mean) * cycle.report_ms / apart_ms
@@ -295,6 +321,13 @@ def _wake_of(board: BoardConfig, all_ids: Sequence[int]) -> float:
     """The part of a battery that one wake takes beyond what sleep takes."""
     cycle = schedules(board.whole, all_ids, [board.agent_id])[board.agent_id].cycle
     return 0.0 if cycle is None else cycle.awake(0, cycle.period_ms)
+
+
+def _drain_asleep(board: BoardConfig, all_ids: Sequence[int]) -> float:
+    """The drain of a whole board that sleeps, between its wakes, in charge on [0, 1] an agent minute."""
+    cycle = schedules(board.whole, all_ids, [board.agent_id])[board.agent_id].cycle
+    assert cycle is not None
+    return cycle.steps[-1][2]
 
 
 def _load_of(whole: FullFirmware, state: State) -> int:
@@ -335,15 +368,15 @@ def _best_gain(per_min: Sequence[tuple[float, float]], surfacing: float, besides
     return max(found)
 
 
-def _gain_from_empty(board: BoardConfig, sinking: float, besides_min: float = 0.0) -> float:
-    """The greatest (y - `sinking`) / (t(0, y) + `besides_min`), at least 0.
+def _gain_from_empty(board: BoardConfig, docked: float, sinking: float, besides_min: float = 0.0) -> float:
+    """The greatest (y - `sinking`) / (t(0, y) + `besides_min`), at least 0. `docked` is as of `_draw_in_a_dock`.
 
     The backup battery carries the board up. A whole board's carries its load in the dock until the board switches back, and
     for as long as a metered one may take to find that it can.
     """
     power = None if board.whole is None else board.whole.power
     carried = 0 if power is None else FULL if power.metering else power.switch_back
-    docked, found, minutes, low = _draw_in_a_dock(board), 0.0, 0.0, 0
+    found, minutes, low = 0.0, 0.0, 0
     for end, rate in board.charge.segments_by_two or board.charge.segments:
         for part_end in sorted({max(low, min(end, carried)), end} - {low}):
             net = rate if part_end <= carried else rate - docked
@@ -380,7 +413,8 @@ def uptime_with_services(scenario: Scenario, services: float) -> float:
     Surfacing and travel are free. The boards are those without a spread.
     """
     fleet, minutes = rates_of(scenario), scenario.time_scale.agent_time(scenario.duration_s) / 60
-    curve = _curve_of(board_config(scenario.board, scenario.seed))
+    board = board_config(scenario.board, scenario.seed)
+    curve = _curve_of(board, _draw_in_a_dock(board))
     ends = [0.0, *(end for end, _ in curve)]
     parts = ((rate, end - low) for (end, rate), low in zip(curve, ends, strict=False) if rate > 0)
     fastest = sorted(parts, reverse=True)
@@ -418,8 +452,7 @@ def uptime_with_closing(scenario: Scenario) -> float:
     return 100 * active_minutes(fleet, minutes, _docks_of(scenario), taken) / (len(fleet) * minutes)
 
 
-def _curve_of(board: BoardConfig) -> list[tuple[float, float]]:
-    """The charging curve in a dock: (upper end, charge a minute) of each part."""
+def _curve_of(board: BoardConfig, docked: float) -> list[tuple[float, float]]:
+    """The charging curve less the draw `docked`, as of `_draw_in_a_dock`: (upper end, charge a minute) of each part."""
     segments = board.charge.segments_by_two or board.charge.segments
-    docked = _draw_in_a_dock(board)
     return [(end / FULL, (rate - docked) * _MS_PER_MIN / FULL) for end, rate in segments]

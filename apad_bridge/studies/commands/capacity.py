@@ -26,8 +26,9 @@ def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "capacity",
         description="Prints bounds that follow from the batteries, the docks and the duty cycle alone. No strategy exceeds "
-        "them, because they exclude travel, docking and waiting. docs/studies.md derives them. A fleet that begins with "
-        "low charges may stay below them for ever: --fly tells from which start charge this fleet is held.",
+        "them, because they exclude travel, docking and waiting. Whole boards have two: a strategy that times its services "
+        "to skip wakes may exceed the first. docs/studies.md derives them. A fleet that begins with low charges may stay "
+        "below them for ever: --fly tells from which start charge this fleet is held.",
         epilog=ending(
             "musselbed capacity pool-12",
             "musselbed capacity pool-12 --fly",

@@ -214,6 +214,19 @@ def test_a_whole_board_s_start_has_a_way_down_and_a_wake_added_by_hand() -> None
     assert rates_of(from_data(data, "test"))[0].start == pytest.approx(0.6 + way_down + wake, rel=1e-4)
 
 
+def test_services_that_are_timed_to_skip_wakes_have_a_bound_of_their_own_by_hand() -> None:
+    """The board draws what sleep takes alone: between its services, and no alarm rings in its dock."""
+    scenario = load(WHOLE_FILE)
+    found, rates = bounds_of([scenario]), rates_of(scenario, skips_wakes=True)[0]
+    gained = ABOVE_KNEE - 2 * MOTOR_RUN - 3 * (D - ASLEEP)
+    charge = gained / (ABOVE_KNEE / (TWO_COILS - ASLEEP * PATH))
+    assert (rates.drain, rates.charge) == (pytest.approx(ASLEEP, rel=1e-4), pytest.approx(charge, rel=1e-4))
+    assert found.timed_uptime_for_ever_percent == pytest.approx(100 * charge / (charge + ASLEEP), rel=1e-4)
+    assert found.timed_uptime_for_ever_percent > found.uptime_for_ever_percent
+    assert "No strategy that does not time its services to skip wakes exceeds" in found.text
+    assert bounds_of([pool(count=12)]).timed_uptime_percent is None
+
+
 def test_a_board_that_never_sleeps_is_awake_in_its_dock_by_hand() -> None:
     found = rates_of(awake_all_the_time(load(WHOLE_FILE)))[0]
     gained = ABOVE_KNEE - 2 * MOTOR_RUN
@@ -290,13 +303,14 @@ def test_the_cycles_of_a_fleet_that_one_apad_affords_by_hand() -> None:
 def test_no_printed_bound_is_below_its_value(
     uptime: float, active: float, samples: float, for_ever: float, sustained: float
 ) -> None:
-    text = Bounds(9, 4, uptime, active, samples, sustained, sustained, for_ever, None).text
+    timed = (uptime, for_ever)
+    text = Bounds(9, 4, uptime, active, samples, sustained, sustained, for_ever, *timed, None).text
     numbers = [float(it) for it in re.findall(r"\d+\.?\d*", text)]
-    assert (numbers[4], numbers[-1]) == (4, 9)
+    assert (numbers[6], numbers[-1]) == (4, 9)
     for printed, value, step in zip(
-        (*numbers[:4], *numbers[5:7]),
-        (uptime, active, samples, for_ever, sustained, sustained),
-        (0.1, 0.01, 1, 0.1, 0.1, 0.1),
+        (*numbers[:6], *numbers[7:9]),
+        (uptime, active, samples, for_ever, *timed, sustained, sustained),
+        (0.1, 0.01, 1, 0.1, 0.1, 0.1, 0.1, 0.1),
         strict=True,
     ):
         assert value - 2e-6 <= printed < value + 1.001 * step
