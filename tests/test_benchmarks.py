@@ -225,6 +225,35 @@ def test_a_plan_is_scored_as_by_hand() -> None:
     assert (found["metres"], found["services"]) == (10.0, 1)
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "[]",
+        '{"steps": 3}',
+        '{"steps": ["wait"]}',
+        '{"steps": [["wait", true]]}',
+        '{"steps": [["wait", 1e400]]}',
+        '{"steps": [["wait", 1' + 400 * "0" + "]]}",
+        '{"steps": [[["collect"], 0]]}',
+        "[" * 100_000,
+        "\xff",
+    ],
+)
+def test_a_file_that_is_no_plan_is_one_line(text: str, tmp_path: Path) -> None:
+    plan = tmp_path / "plan.json"
+    plan.write_bytes(text.encode("latin-1"))
+    checker = plans.FOLDER / "check.py"
+    done = subprocess.run(
+        [sys.executable, str(checker), str(INSTANCES[0]), str(plan)],
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (1, "", 1), done.stderr
+    assert done.stderr.startswith(str(plan))
+
+
 def every_plan(world: check.World, wait_s: float) -> Iterator[float]:
     """The score of each plan that goes on from here with waits of so many seconds, and undoes no step by the next one."""
     yield deepcopy(world).score()["score"]

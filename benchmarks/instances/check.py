@@ -72,7 +72,7 @@ class World:
         """Flies a step; False if it would not end by the horizon."""
         kind, value = step
         if kind == "wait":
-            if not (isinstance(value, (int, float)) and math.isfinite(value) and value >= 0):
+            if type(value) not in (int, float) or not (math.isfinite(value) and value >= 0):
                 raise ValueError(f"{step}: a wait is a number of seconds")
             return self._pass(value, step)
         if kind not in ("collect", "deploy") or type(value) is not int:
@@ -129,26 +129,43 @@ class World:
         self._since_s[agent] = self.now_s
 
 
-def scored(instance: dict[str, Any], plan: dict[str, Any]) -> dict[str, Any]:
-    """The figures of a plan. ValueError, with the step's number, for one that cannot be flown."""
+def scored(instance: dict[str, Any], plan: Any) -> dict[str, Any]:
+    """The figures of a plan. ValueError, with the step's number, for what is no plan or cannot be flown."""
+    steps = plan.get("steps") if isinstance(plan, dict) else None
+    if not isinstance(steps, list):
+        raise ValueError('it is no plan: {"steps": [["collect", 3], ["wait", 60], ["deploy", 3]]}')
     world = World(instance)
-    for number, step in enumerate(plan["steps"], start=1):
+    for number, step in enumerate(steps, start=1):
         try:
+            if not (isinstance(step, list) and len(step) == 2):
+                raise ValueError(f"{step}: no such step")
             if not world.fly(step):
                 break
-        except (ValueError, TypeError) as error:
+        except (ValueError, OverflowError) as error:
             raise ValueError(f"step {number}: {error}") from error
     return world.score()
+
+
+def read(path: str) -> Any:
+    """ValueError, with the path, for a file that is no JSON text or cannot be read."""
+    try:
+        return json.loads(Path(path).read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise ValueError(f"{path}: {error}") from error
 
 
 def main(arguments: list[str]) -> int:
     if len(arguments) != 2:
         print("use: check.py INSTANCE.json PLAN.json", file=sys.stderr)
         return 2
-    instance, plan = (json.loads(Path(it).read_text()) for it in arguments)
+    try:
+        instance, plan = (read(it) for it in arguments)
+    except ValueError as error:
+        print(error, file=sys.stderr)
+        return 1
     try:
         found = scored(instance, plan)
-    except (ValueError, KeyError) as error:
+    except ValueError as error:
         print(f"{arguments[1]}: {error}", file=sys.stderr)
         return 1
     print(json.dumps({**found, "bound_percent": instance["bound_percent"]}, indent=2))
