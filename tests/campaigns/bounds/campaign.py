@@ -5,6 +5,8 @@ starting charges, area, and every threshold and rule of the mission. Or it chang
 a bound before. The event-driven model flies it, and its figures are held against each printed bound. A bound is beaten when
 a figure exceeds it by more than what a flight counts in whole ticks. `ratio` is the greatest figure over its bound.
 
+One try in eight is of whole boards, whose services a script times to skip wakes (`timed_services.py`).
+
 The search begins with motor runs of up to a fifth of a battery, at which an aMussel is best left to run down.
 
 With `--resume DIR` each try is a line of DIR/tries.jsonl, and the same command goes on from there. A try's random numbers
@@ -34,8 +36,11 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.studies.figures import Figures
 from apad_bridge.studies.models import Model, fly
 from benchmarks.rows import told
+from bounds import timed_services
 
-POOL = Path(__file__).parents[3] / "launch_scripts/scenarios/pool-12.yaml"
+SCENARIOS = Path(__file__).parents[3] / "launch_scripts/scenarios"
+TIMED = 1 / 8
+"""The part of the tries that are of timed services."""
 TRIES, SHORT_TRIES = 2000, 20
 SEED = 34
 KEPT = 12
@@ -135,7 +140,7 @@ class Held:
 
 def scenario_of(drawn: Drawn) -> Scenario:
     """The pool's scenario with these keys. ScenarioError for keys that exclude each other."""
-    data = resolve(load(POOL))
+    data = resolve(load(SCENARIOS / "pool-12.yaml"))
     keys = dict(drawn)
     side, hours = keys.pop("side_m"), keys.pop("agent_hours")
     data["area"] |= {"polygon_m": [[0.0, 0.0], [side, 0.0], [side, side], [0.0, side]], "chart": None}
@@ -240,11 +245,21 @@ def measure(tries: int = TRIES, short: bool = False, resume: Path | None = None)
 
 
 def _tried(drawn: Drawn) -> Try:
+    if timed_services.LEAD in drawn:
+        return Try(drawn, _timed(drawn))
     try:
         scenario = scenario_of(drawn)
     except ScenarioError:
         return Try(drawn, [])
     return Try(drawn, held_against(scenario, bounds_of([scenario]), fly(scenario, Model.EVENT_DRIVEN)))
+
+
+def _timed(drawn: Drawn) -> list[Held]:
+    scenario = timed_services.scenario_of(drawn, load(SCENARIOS / "whole-board-12.yaml"))
+    limit = bounds_of([scenario]).timed_uptime_percent
+    assert limit is not None
+    uptime = timed_services.uptime_of(drawn, scenario)
+    return [Held("uptime, services timed to wakes", uptime, limit, 100 / scenario.duration_s)]
 
 
 def _kept(directory: Path) -> Iterator[Try]:
@@ -266,6 +281,8 @@ def _keep(directory: Path, tried: Try) -> None:
 def _next(random: Random, nearest: dict[str, list[tuple[float, int, Drawn]]]) -> Drawn:
     """A mission drawn anew, or one near to a bound with some keys drawn anew."""
     if not nearest or random.random() < 0.5:
-        return {key: draw(random) for key, draw in DRAWS.items()}
+        draws = timed_services.DRAWS if random.random() < TIMED else DRAWS
+        return {key: draw(random) for key, draw in draws.items()}
     close = random.choice(nearest[random.choice(sorted(nearest))])[2]
-    return {key: draw(random) if random.random() < CHANGED else close[key] for key, draw in DRAWS.items()}
+    draws = timed_services.DRAWS if timed_services.LEAD in close else DRAWS
+    return {key: draw(random) if random.random() < CHANGED else close[key] for key, draw in draws.items()}
