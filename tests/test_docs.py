@@ -27,7 +27,11 @@ from apad_bridge.scenario.schema import Scenario
 ROOT = Path(__file__).parents[1]
 BY_HAND = sorted((ROOT / "docs").glob("*.md"))
 MADE = sorted((ROOT / "docs/reference").glob("*.md"))
-PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", ROOT / "CONTRIBUTING.md", *BY_HAND, *MADE]
+FRONT = [
+    ROOT / f"{it}.md" for it in ("README", "CHANGELOG", "CONTRIBUTING", "SECURITY", "CODE_OF_CONDUCT")
+]
+PAPER = ROOT / "docs/paper/paper.md"
+PAGES = [*FRONT, *BY_HAND, *MADE, PAPER]
 MAKE = runpy.run_path(str(ROOT / "docs/reference/make"))
 """The names of the command that makes the pages of docs/reference from the code."""
 ROOMS = ("launch_scripts", "docs", "apad_bridge", "agents", "firmware_model", "tests", "benchmarks")
@@ -84,6 +88,8 @@ MOST_WORDS = {
     "docs/firmware-port.md": 3500,
     "docs/studies.md": 2500,
     "docs/studies-results.md": 1500,
+    "docs/paper/paper.md": 1000,
+    "docs/beside-others.md": 900,
 }
 """Of a page; `LONGEST_PAGE` for another one by hand in docs."""
 

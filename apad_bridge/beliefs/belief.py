@@ -98,6 +98,7 @@ class Belief:
 
     @property
     def at_ms(self) -> int:
+        """The mission time for which it is an estimate."""
         return self.heard_ms + self.predicted_ms
 
     def counting_silence(self, timeslots: int) -> Belief:

@@ -49,10 +49,12 @@ class Candidate:
 
     @property
     def place_m(self) -> tuple[float, float]:
+        """Its believed place: metres (north, east) of the origin."""
         return (self.north_m, self.east_m)
 
     @property
     def home_m(self) -> tuple[float, float]:
+        """Its home, in the same metres."""
         return (self.home_north_m, self.home_east_m)
 
 
@@ -101,6 +103,7 @@ class Situation:
 
     @property
     def apad_m(self) -> tuple[float, float]:
+        """The aPad's place, in the same metres."""
         return (self.apad_north_m, self.apad_east_m)
 
     def metres(self, from_m: tuple[float, float], to_m: tuple[float, float]) -> float:

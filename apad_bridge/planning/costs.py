@@ -22,14 +22,18 @@ class Scales(Protocol):
     """Cost per metre, and cost per whole battery of charging demand, such as the scenario's `mission.costs`."""
 
     @property
-    def distance_per_m(self) -> float: ...
+    def distance_per_m(self) -> float:
+        """The cost of a metre."""
 
     @property
-    def energy_per_charge(self) -> float: ...
+    def energy_per_charge(self) -> float:
+        """The cost of a whole battery."""
 
 
 @dataclass(frozen=True, slots=True)
 class CostScales:
+    """The factors of the two costs: 1 each where nobody states others."""
+
     distance_per_m: float = 1.0
     energy_per_charge: float = 1.0
 
@@ -48,6 +52,7 @@ class CostBreakdown:
 
     @property
     def total(self) -> float:
+        """The scaled costs of distance and energy together."""
         return self.distance_cost + self.energy_cost
 
 

@@ -12,11 +12,14 @@ from math import inf
 
 @dataclass(frozen=True, slots=True)
 class EnergyModel:
+    """The nominal rates, thresholds and times that a strategy may plan with; the same for each aMussel."""
+
     drain_per_s: float
     """The mean drain of an aMussel at work, above 0."""
     curve: tuple[tuple[float, float], ...]
     """(upper end, charge a second) of each part of the charging curve, rising; the last part ends at 1."""
     pool_threshold: float
+    """An aMussel at or below this charge is in the pool."""
     again_threshold: float | None
     """Those that were served wait until one is at or below this; None: they do not wait."""
     full: float
@@ -28,11 +31,14 @@ class EnergyModel:
     motor_run: float
     """The charge that one run of the motors takes."""
     speed_m_s: float
+    """The aPad's speed in calm water."""
     dock_s: float
     undock_s: float
     docks: int
     batch: int
+    """The aMussels of one collection."""
     is_asynchronous: bool
+    """The mission releases each when it is full, and not the batch together."""
     exchanges_places: bool
     """A released aMussel takes the place of one that is collected, while one is."""
 

@@ -27,6 +27,7 @@ class Option:
 
     @property
     def cost(self) -> float:
+        """The sum of the parts."""
         return fsum(self.parts.values())
 
 

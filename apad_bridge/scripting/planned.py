@@ -30,6 +30,7 @@ class Plan:
 
 
 def collection(mission: ManualMission, pool: ChargingPool, batch: int | None, strategy: str | None) -> Plan:
+    """Plans a collection of at most `batch` by a strategy, by default the scenario's. Refused where there is none."""
     name = strategy or mission.config.collection
     collector = _strategy(lambda: registry.collection(name, trust=_OF_A_SCRIPT))
     situation = situation_of(
@@ -47,6 +48,7 @@ def collection(mission: ManualMission, pool: ChargingPool, batch: int | None, st
 
 
 def redeployment(mission: ManualMission, strategy: str | None) -> Plan:
+    """Plans the return of all docked aMussels, as `collection` does."""
     name = strategy or mission.config.redeployment
     redeployer = _strategy(lambda: registry.redeployment(name, _OF_A_SCRIPT))
     here = _pose(mission)
@@ -58,6 +60,7 @@ def redeployment(mission: ManualMission, strategy: str | None) -> Plan:
 
 
 def cost(mission: ManualMission, plan: Plan) -> CostBreakdown:
+    """The cost of a plan, by the scenario's `mission.costs`."""
     return cost_of(plan.solution, plan.situation, mission.config.costs)
 
 

@@ -26,10 +26,12 @@ class DockPlaces:
 
     @property
     def count(self) -> int:
+        """The number of docks."""
         return len(self.offsets_m)
 
     @property
     def indices(self) -> range:
+        """The docks' indices, from 0."""
         return range(len(self.offsets_m))
 
     @property

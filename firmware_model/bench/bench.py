@@ -69,6 +69,7 @@ class Bench:
 
     @property
     def state(self) -> State:
+        """The state of the board's firmware, now."""
         return self.board.state
 
     @property
@@ -155,6 +156,7 @@ class Bench:
         return self.tell(ChargePinRose(noticed))
 
     def charge_pin_falls(self, *, noticed: bool = True) -> list[Action]:
+        """Takes the aMussel out of its dock now; `noticed` False loses the edge's interrupt."""
         self._docked = False
         return self.tell(ChargePinFell(noticed))
 

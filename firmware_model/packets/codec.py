@@ -11,11 +11,13 @@ GROUP = "musselbed.codecs"
 
 
 class Codec(Protocol):
-    """Encodes a packet to bytes, and decodes bytes to a packet, or to None for bad bytes, without raising."""
+    """Turns packets into bytes and back. Every process of an aMussel has one, and so has the supervisor."""
 
-    def encode(self, packet: packets.Packet) -> bytes: ...
+    def encode(self, packet: packets.Packet) -> bytes:
+        """The bytes of a packet; the same ones for the same packet."""
 
-    def decode(self, data: bytes) -> packets.Packet | None: ...
+    def decode(self, data: bytes) -> packets.Packet | None:
+        """The packet of these bytes; None for bytes that are not one whole packet. It never raises."""
 
 
 class MusselbedCodec:
