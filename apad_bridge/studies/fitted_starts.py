@@ -127,25 +127,30 @@ class Search:
 
     def run(self, flights: int = FLIGHTS) -> tuple[Start, ...]:
         """The first starts that fit, or the best of all."""
-        now = best = self._tried(self._drawn())
+        now = best = self._tried(self._drawn(), math.inf)
         for count in range(1, flights):
             if best.is_fit:
                 break
             heat = _HOT * (_COLD / _HOT) ** (count / flights)
-            other = self._tried(self._changed(now.starts))
-            if self._rng.random() < math.exp(min(0.0, (now.distance - other.distance) / heat)):
+            other = self._tried(
+                self._changed(now.starts), now.distance - heat * math.log(1 - self._rng.random())
+            )
+            if other.distance < math.inf:
                 now = other
             if now.distance < best.distance:
                 best = now
         return best.starts
 
-    def _tried(self, starts: tuple[Start, ...]) -> _Tried:
-        gaps = [
-            (value - getattr(row, column)) / TOLERANCES[column]
-            for row in self._rows
-            for column, value in figures_of(row, self._flown(row, starts), row.recorded).items()
-        ]
-        return _Tried(starts, math.fsum(it * it for it in gaps), max(map(abs, gaps)) <= 1)
+    def _tried(self, starts: tuple[Start, ...], most: float) -> _Tried:
+        """Flies the rows in turn; the distance is infinite if it exceeds `most`, and no further row is flown then."""
+        distance, worst = 0.0, 0.0
+        for row in self._rows:
+            figures = figures_of(row, self._flown(row, starts), row.recorded)
+            gaps = [abs(it - getattr(row, column)) / TOLERANCES[column] for column, it in figures.items()]
+            distance, worst = distance + math.fsum(it * it for it in gaps), max(worst, *gaps)
+            if distance > most:
+                return _Tried(starts, math.inf, is_fit=False)
+        return _Tried(starts, distance, worst <= 1)
 
     def _flown(self, row: PaperRow, starts: tuple[Start, ...]) -> dict[str, Any]:
         with tempfile.NamedTemporaryFile(suffix=".csv") as file:
