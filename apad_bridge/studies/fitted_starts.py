@@ -19,8 +19,9 @@ import signal
 import statistics
 import tempfile
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, replace
+from functools import partial
+from multiprocessing import Pool
 from pathlib import Path
 from typing import Any
 
@@ -74,20 +75,19 @@ def fly_fitted(goal: str, directory: Path, workers: int) -> Fly:
         by_seed: dict[int, list[Block]] = {}
         for block in blocks:
             by_seed.setdefault(block[1], []).append(block)
-        with ProcessPoolExecutor(workers, initializer=_leave_interrupts) as pool:
-            done = [pool.submit(_fly_seed, plan, goal, directory, of_seed) for of_seed in by_seed.values()]
-            try:
-                for each in as_completed(done):
-                    yield from each.result()
-            finally:
-                pool.shutdown(cancel_futures=True)
+        # Its end kills the workers: a search takes minutes.
+        with Pool(workers, initializer=_leave_interrupts) as pool:
+            search = partial(_fly_seed, plan, goal, directory)
+            for flown in pool.imap_unordered(search, by_seed.values()):
+                yield from flown
 
     return fly
 
 
 def _leave_interrupts() -> None:
-    """The study's process ends its workers."""
+    """The study's process ends its workers, and they have no handlers of its own."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 def _fly_seed(
