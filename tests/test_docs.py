@@ -27,9 +27,7 @@ from apad_bridge.scenario.schema import Scenario
 ROOT = Path(__file__).parents[1]
 BY_HAND = sorted((ROOT / "docs").glob("*.md"))
 MADE = sorted((ROOT / "docs/reference").glob("*.md"))
-FRONT = [
-    ROOT / f"{it}.md" for it in ("README", "CHANGELOG", "CONTRIBUTING", "SECURITY", "CODE_OF_CONDUCT")
-]
+FRONT = [ROOT / f"{it}.md" for it in ("README", "CHANGELOG", "CONTRIBUTING", "SECURITY", "CODE_OF_CONDUCT")]
 PAPER = ROOT / "docs/paper/paper.md"
 PAGES = [*FRONT, *BY_HAND, *MADE, PAPER]
 MAKE = runpy.run_path(str(ROOT / "docs/reference/make"))

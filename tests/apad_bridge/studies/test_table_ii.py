@@ -1,13 +1,15 @@
 """The paper's Table II: its rows against an independent stepper and against random configurations."""
 
+from dataclasses import asdict
 from pathlib import Path
 
 import pytest
 from journals import facts_of
 
 from apad_bridge.runs.in_memory import fly_in_memory
-from apad_bridge.scenario.loader import load
-from apad_bridge.scenario.starts import starts_of
+from apad_bridge.scenario.loader import load, with_values
+from apad_bridge.scenario.starts import read_starts, starts_of
+from apad_bridge.studies.fitted_starts import TOLERANCES, FittedStarts, fitted_study, fly_fitted
 from apad_bridge.studies.models import Model, fly
 from apad_bridge.studies.runner import fly_study
 from apad_bridge.studies.table_two import (
@@ -78,6 +80,46 @@ def test_the_two_greedy_rows_read_as_if_another_time_had_been_recorded() -> None
     first, second = notes()
     assert "1.032 times 12 x 72.27 / 100" in first and "38.8 of 40 minutes" in first
     assert "0.940 times 24 x 71.98 / 100" in second and "42.6 of 40 minutes" in second
+
+
+def test_searched_starts_fit_cautious_and_keep_what_the_row_without_charging_says(tmp_path: Path) -> None:
+    plan = fitted_study("cautious", 1)
+    findings = FittedStarts(plan, fly_study(plan, tmp_path, fly_fitted("cautious", tmp_path, 1)))
+    seconds = {(it["row"], it["seconds"]): it for it in findings.as_data()["fitted"]}
+    assert list(seconds) == [("Cautious", 2400), ("Greedy", 2400), ("Greedy", 2326), ("No charging", 2400)]
+    cautious, none = seconds[("Cautious", 2400)], seconds[("No charging", 2400)]
+    for column, tolerance in TOLERANCES.items():
+        for end in ("p5", "p95"):
+            assert cautious[column][end] == pytest.approx(cautious[column]["paper"], abs=tolerance), column
+            assert none[column][end] == pytest.approx(none[column]["paper"], abs=0.05), column
+    area = load(SCENARIOS / "pool-12.yaml").area
+    for start in read_starts(tmp_path / "starts-1.csv", area, range(1, 13)):
+        assert 0 <= start.north_m <= 28 and 0 <= start.east_m <= 21
+
+
+def test_a_flight_recorded_in_part_has_uptimes_of_the_whole_mission(tmp_path: Path) -> None:
+    """Without charging all are empty by minute 32: a flight of 38.8 minutes has the uptime of 40, and a greater Active."""
+    plan = fitted_study("greedy", 1)
+    rows = [
+        {
+            "setting": setting,
+            "strategy": strategy,
+            "seed": 1,
+            **asdict(
+                fly(
+                    with_values(load(SCENARIOS / "no-charging.yaml"), {"duration_s": seconds}, ""),
+                    Model.EVENT_DRIVEN,
+                )
+            ),
+        }
+        for setting, seconds in enumerate((2400, 2326))
+        for strategy in plan.strategies
+    ]
+    whole, part = (it for it in FittedStarts(plan, rows).as_data()["fitted"] if it["row"] == "Greedy")
+    assert part["mean"]["median"] == pytest.approx(whole["mean"]["median"], abs=0.01)
+    assert part["active_mean"]["median"] == pytest.approx(
+        whole["active_mean"]["median"] * 2400 / 2326, abs=0.01
+    )
 
 
 def test_at_theta_1_nothing_is_compared_with_the_paper(tmp_path: Path) -> None:
