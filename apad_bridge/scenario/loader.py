@@ -34,7 +34,16 @@ from apad_bridge.scenario.text_file import read_text, write_atomically
 from apad_bridge.scenario.yaml_text import parse_yaml
 
 _SCENARIO = TypeAdapter(Scenario)
-SHIPPED = Path(__file__).parents[2] / "launch_scripts" / "scenarios"
+
+
+def launch_scripts(name: str) -> Path:
+    """A folder of the clone's launch_scripts, or of the copy that a wheel puts into the environment (setup.cfg)."""
+    clone, *above = Path(__file__).parents[2:]
+    places = [it / "launch_scripts" / name for it in (clone, *(it / "share/musselbed" for it in above))]
+    return next((it for it in places if it.is_dir()), places[0])
+
+
+SHIPPED = launch_scripts("scenarios")
 """The folder of the scenarios that come with musselbed."""
 
 # Keys that hold the name of a file or directory, relative to the scenario's own; `*` is each entry of a list.

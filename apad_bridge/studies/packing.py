@@ -21,7 +21,7 @@ from apad_bridge.planning.registry import GROUP as STRATEGIES
 from apad_bridge.records.run_directory import RunDirectory, versions
 from apad_bridge.runs.children import supervisor_of
 from apad_bridge.scenario.errors import ScenarioError, UserError
-from apad_bridge.scenario.loader import write_with_files
+from apad_bridge.scenario.loader import launch_scripts, write_with_files
 from apad_bridge.scenario.run_options import RunOptions, TimeSource
 from apad_bridge.studies.runner import JOURNAL, is_flying
 from apad_bridge.studies.specification import STUDY_FILE
@@ -30,8 +30,8 @@ from firmware_model.packets.codec import GROUP as CODECS
 _PACKAGE = "musselbed"
 _EXTRAS = ("", "netcdf", "studies")
 """The extras that decide figures; "" stands for none."""
-_PINS = Path(__file__).parents[2] / "launch_scripts/requirements"
-"""The versions that the installer brings, with the hashes of their files; musselbed without its clone has none."""
+_PINS = launch_scripts("requirements")
+"""The versions that the installer brings, with the hashes of their files."""
 _NOT_PACKED = ("fleet", "modems", "checkpoint.jsonl", "supervisor.pid", "scenario.yaml")
 """Names of a run that belong to its processes; its scenario is written anew."""
 
