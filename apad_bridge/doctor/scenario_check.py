@@ -53,15 +53,17 @@ def _check_strategies(scenario: Scenario, trust: Trust | None) -> Iterator[Findi
 
 
 def _check_starts(scenario: Scenario) -> Iterator[Finding]:
-    from apad_bridge.scenario.starts import starts_of
+    from apad_bridge.scenario.starts import further_columns, starts_of
 
     try:
         starts = starts_of(scenario)
-        yield ok(
+        found = (
             f"{len(starts)} aMussels, ids {in_ranges(it.agent_id for it in starts)}"
             if starts
             else "no aMussels"
         )
+        further = further_columns(starts)
+        yield ok(f"{found}; further columns are kept: {', '.join(further)}" if further else found)
     except ScenarioError as error:
         for line in error.lines:
             yield fail(line, "mend the file that fleet.start names")

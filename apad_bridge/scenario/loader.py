@@ -21,6 +21,8 @@ from pydantic_core import ErrorDetails
 
 from agents.mussel.board_link import SERIAL
 from apad_bridge.planning.registry import InFile
+from apad_bridge.scenario.area.fence import check_size, corners_of
+from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.area.paper_charts import PAPER_CHARTS
 from apad_bridge.scenario.choices import MAX_DOCKS, PAPER_DOCKS
 from apad_bridge.scenario.cross_checks import contradictions
@@ -28,12 +30,13 @@ from apad_bridge.scenario.errors import ScenarioError, in_ranges
 from apad_bridge.scenario.explained import abbreviated, explain
 from apad_bridge.scenario.profiles import with_profiles
 from apad_bridge.scenario.quantities import FILE, VALUES
-from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.schema import Origin, Scenario
 from apad_bridge.scenario.starts_table import read_ids, table_of
 from apad_bridge.scenario.text_file import read_text, write_atomically
 from apad_bridge.scenario.yaml_text import parse_yaml
 
 _SCENARIO = TypeAdapter(Scenario)
+_ORIGIN = TypeAdapter(Origin)
 
 
 def launch_scripts(name: str) -> Path:
@@ -54,6 +57,7 @@ _FILE_KEYS = (
     ("water", "links_file"),
     ("water", "current", "file"),
     ("apad", "interface"),
+    ("area", "polygon"),
     ("area", "fence"),
     ("area", "keep_out"),
     ("area", "chart"),
@@ -117,6 +121,7 @@ def from_data(data: Any, source: str) -> Scenario:
     unreachable = list(_unreachable_files(data))
     if unreachable:
         raise ScenarioError(f"{source}: {line}" for line in unreachable)
+    data = _with_polygon(data, source)
     try:
         # JSON on the way, because only there the strict mode accepts lists for tuples and texts for enumerations.
         scenario = _SCENARIO.validate_json(
@@ -353,6 +358,36 @@ def _with_firmware(data: Any) -> Any:
     if isinstance(firmware, str):
         firmware = {"executable": firmware}
     return {**data, "fleet": {**fleet, "firmware": [] if firmware is None else [firmware]}}
+
+
+def _with_polygon(data: dict[str, Any], source: str) -> dict[str, Any]:
+    """An `area.polygon` in degrees, or in a file, becomes `polygon_m`. ScenarioError for one that cannot."""
+    area = data.get("area")
+    if not isinstance(area, dict) or "polygon" not in area:
+        return data
+    if "polygon_m" in area:
+        raise ScenarioError([f"{source}: area.polygon: area.polygon_m is there, too: leave one out"])
+    found = {key: value for key, value in area.items() if key != "polygon"}
+    try:
+        frame = LocalFrame.about(_ORIGIN.validate_python(area.get("origin")))
+        corners = corners_of(area["polygon"], frame)
+        check_size(corners, "the polygon", "a list has [latitude, longitude]")
+    except ValidationError:
+        corners = (
+            (0, 0),
+            (1, 0),
+            (0, 1),
+        )  # of a scenario that is refused: what is wrong with its origin is told
+    except (OSError, TypeError, ValueError) as error:
+        raise ScenarioError([f"{source}: area.polygon: {_reason(area['polygon'], error)}"]) from error
+    return {**data, "area": {**found, "polygon_m": [list(it) for it in corners]}}
+
+
+def _reason(polygon: Any, error: Exception) -> str:
+    if isinstance(error, TypeError):
+        return f"must be a file, or a list of [latitude, longitude], not {abbreviated(polygon)}"
+    reason = error.strerror if isinstance(error, OSError) else str(error)
+    return f"{polygon}: {reason}" if isinstance(polygon, str) else str(reason)
 
 
 def _with_ids(data: dict[str, Any]) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from pydantic import Tag
 from agents.time_scale import MissionMs, TimeScale
 from agents.water.bounds import Count
 from apad_bridge.scenario.another_apad import AnotherAPad, Sharing
-from apad_bridge.scenario.area.fence import check_corners
+from apad_bridge.scenario.area.fence import check_corners, check_size
 from apad_bridge.scenario.board import Board
 from apad_bridge.scenario.choices import MAX_DOCKS, PAPER_DOCKS, Generation, Hosting
 from apad_bridge.scenario.estimator_options import Beliefs
@@ -62,7 +62,9 @@ class Origin:
 class Area:
     origin: Origin
     polygon_m: tuple[Place, ...]
-    """Corners as (north, east), in order, three or more, not closed and not crossing itself."""
+    """Corners as (north, east), in order, three or more, not closed and not crossing itself. `polygon` in its place is a
+    GeoJSON file with one polygon, or a list of [latitude, longitude] in degrees. Either measures 1 m or more north
+    and east."""
     depth_m: Positive
     """Depth of the bottom, the same everywhere."""
     fence: Annotated[Annotated[tuple[Place, ...], Tag(VALUES)] | TheirFile, VALUES_OR_FILE] | None = None
@@ -80,9 +82,9 @@ class Area:
     """The place to which the aPad's battery must always suffice (`guards.battery_reserve`). None: `apad.start_m`."""
 
     def __post_init__(self) -> None:
-        check_corners(self.polygon_m, "polygon_m")
+        check_size(self.polygon_m, "polygon_m", "write them as area.polygon, in pairs [latitude, longitude]")
         if self.fence is not None and not isinstance(self.fence, str):
-            check_corners(self.fence, "fence")
+            check_size(self.fence, "fence", "name a GeoJSON file in its place")
         for n, zone in enumerate(() if isinstance(self.keep_out, str) else self.keep_out):
             check_corners(zone, f"keep_out[{n}]")
         if self.keep_out and self.fence is None:

@@ -6,6 +6,8 @@ agents nor on the order of the draws.
 
 from __future__ import annotations
 
+import csv
+import io
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass, replace
 from hashlib import blake2b
@@ -35,6 +37,8 @@ class Start:
     east_m: float
     primary: float
     secondary: float = 1.0
+    further: tuple[tuple[str, str], ...] = ()
+    """(column, text) of each further column of the file that it comes from."""
 
 
 def starts_of(scenario: Scenario) -> tuple[Start, ...]:
@@ -107,6 +111,7 @@ def read_starts(
             row.east_m,
             row.primary,
             secondary_of(row.agent_id) if row.secondary is None else row.secondary,
+            row.further,
         )
         for row in chosen
     )
@@ -115,17 +120,24 @@ def read_starts(
 def save_starts(path: Path, starts: Iterable[Start], origin: Origin) -> None:
     """Writes a CSV from which `read_starts` returns the same starts: exact north and east, lat and lon to 0.1 mm.
 
-    The file appears whole or not at all.
+    Further columns follow. The file appears whole or not at all.
     """
-    frame = LocalFrame.about(origin)
-    lines = ["id,lat,lon,north,east,battery,secondary"]
+    frame, starts = LocalFrame.about(origin), tuple(starts)
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    further = further_columns(starts)
+    writer.writerow(["id", "lat", "lon", "north", "east", "battery", "secondary", *further])
     for start in starts:
         latitude_deg, longitude_deg = frame.to_geographic(start.north_m, start.east_m)
-        exact = ",".join(
-            repr(number) for number in (start.north_m, start.east_m, start.primary, start.secondary)
-        )
-        lines.append(f"{start.agent_id},{latitude_deg:.9f},{longitude_deg:.9f},{exact}")
-    write_atomically(path, "\n".join(lines) + "\n")
+        exact = [repr(it) for it in (start.north_m, start.east_m, start.primary, start.secondary)]
+        texts = [dict(start.further).get(column, "") for column in further]
+        writer.writerow([start.agent_id, f"{latitude_deg:.9f}", f"{longitude_deg:.9f}", *exact, *texts])
+    write_atomically(path, text.getvalue())
+
+
+def further_columns(starts: Iterable[Start]) -> list[str]:
+    """The names of the further columns of the starts, each once, in their order."""
+    return list(dict.fromkeys(column for start in starts for column, _ in start.further))
 
 
 def _refuse_far_rows(table: Path, rows: Iterable[StartRow], area: Area) -> None:

@@ -1,13 +1,14 @@
 """Reads the CSV of starts: id, a place as lat and lon or as north and east (or both), battery, optionally secondary.
 
-The first line that is no comment names the columns, in any order; `#` begins a comment, empty lines do not count. Every
-message names the file and the line.
+The first line that is no comment names the columns, in any order; `#` begins a comment, empty lines do not count. Columns
+of other names are kept as they are. Every message names the file and the line.
 """
 
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping
+import io
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -42,6 +43,7 @@ _ALIASES = {
     "primary": "battery",
     "secondary": "secondary",
 }
+_OURS = frozenset(_ALIASES.values())
 _AGREE_M = 0.01  # lat and lon are written to 9 decimals, 0.1 mm
 
 
@@ -56,6 +58,8 @@ class StartRow:
     primary: float
     secondary: float | None
     """None if the file does not state it."""
+    further: tuple[tuple[str, str], ...] = ()
+    """(column, text) of each column that is none of ours."""
 
 
 def table_of(start: Path) -> Path:
@@ -99,7 +103,25 @@ def read_table(path: Path, frame: LocalFrame) -> list[StartRow]:
     return list(rows.values())
 
 
-def _read(path: Path) -> tuple[list[str], list[tuple[int, str]]]:
+def completed(path: Path, draw_charge: Callable[[], float]) -> str | None:
+    """The file's text with the columns `id` (1, 2, 3...) and `battery` that it lacks; None if it lacks none.
+
+    A table of waypoints becomes one of starts. Raises ScenarioError for one without places.
+    """
+    columns, lines = _read(path, needed=())
+    added = [it for it in ("id", "battery") if it not in columns]
+    if not added:
+        return None
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow([*added, *columns])
+    for n, (_, line) in enumerate(lines, start=1):
+        values = {"id": n, "battery": f"{draw_charge():.2f}"}
+        writer.writerow([*(values[it] for it in added), *_cells(line)])
+    return text.getvalue()
+
+
+def _read(path: Path, needed: Sequence[str] = ("id", "battery")) -> tuple[list[str], list[tuple[int, str]]]:
     """Returns the columns, and the lines below them with their numbers."""
     try:
         text = read_text(path, "utf-8-sig")
@@ -112,7 +134,7 @@ def _read(path: Path) -> tuple[list[str], list[tuple[int, str]]]:
             [f"{path}: no header: the first line names the columns, such as id,north,east,battery"]
         )
     try:
-        return _columns(lines[0][1]), lines[1:]
+        return _columns(lines[0][1], needed), lines[1:]
     except ValueError as error:
         raise ScenarioError([f"{path}:{lines[0][0]}: {error}"]) from error
 
@@ -128,26 +150,33 @@ def _cells(line: str) -> list[str]:
         raise ValueError(str(error)) from error
 
 
-def _columns(header: str) -> list[str]:
-    columns = []
+def _columns(header: str, needed: Sequence[str]) -> list[str]:
+    """Our name of each column, and its own if it has none."""
+    columns: list[str] = []
     for cell in _cells(header):
-        name = _ALIASES.get(cell.lower())
-        if name is None:
-            near = get_close_matches(cell.lower(), _ALIASES, n=1)
-            hint = f"did you mean {near[0]}?" if near else f"known: {', '.join(_ALIASES)}"
-            raise ValueError(f"unknown column {cell!r}; {hint}")
+        name = _ALIASES.get(cell.lower(), cell)
         if name in columns:
             raise ValueError(f"column {cell!r}: {name} exists already")
         columns.append(name)
-    for needed in ("id", "battery"):
-        if needed not in columns:
-            raise ValueError(f"column {needed} is missing")
+    _refuse_misspelled(columns)
+    if missing := [it for it in needed if it not in columns]:
+        raise ValueError(f"column {missing[0]} is missing: add it, or let `musselbed new --starts` add it")
     for one, other in (("lat", "lon"), ("north", "east")):
         if (one in columns) != (other in columns):
             raise ValueError(f"columns {one} and {other} go together")
     if "lat" not in columns and "north" not in columns:
         raise ValueError("columns lat and lon, or north and east, are missing")
     return columns
+
+
+def _refuse_misspelled(columns: Sequence[str]) -> None:
+    """Refuses a further column whose name is nearly that of a column of ours that is missing."""
+    has_place = {"lat", "lon"} <= {*columns} or {"north", "east"} <= {*columns}
+    there = {*columns} | ({"lat", "lon", "north", "east"} if has_place else set())
+    missing = [alias for alias, name in _ALIASES.items() if name not in there]
+    for column in columns:
+        if column not in _OURS and (near := get_close_matches(column.lower(), missing, n=1, cutoff=0.8)):
+            raise ValueError(f"unknown column {column!r}; did you mean {near[0]}?")
 
 
 def _row(line: int, columns: list[str], cells: list[str], frame: LocalFrame) -> StartRow:
@@ -162,6 +191,7 @@ def _row(line: int, columns: list[str], cells: list[str], frame: LocalFrame) -> 
         east_m,
         _charge("battery", texts["battery"]),
         _charge("secondary", texts["secondary"]) if "secondary" in texts else None,
+        tuple((column, text) for column, text in texts.items() if column not in _OURS),
     )
 
 

@@ -1,7 +1,7 @@
-"""The fence of a scenario: a keep-in polygon and keep-out zones, as corners in local NED metres or in GeoJSON files.
+"""The polygons of a scenario: its area, and its fence with keep-out zones, as corners or in GeoJSON files.
 
-A GeoJSON file holds [longitude, latitude] in degrees: one Polygon for the fence, whose holes are keep-out zones, and any
-number of Polygons or MultiPolygons for keep-out zones; alone, in a Feature, or in a FeatureCollection.
+A GeoJSON file holds [longitude, latitude] in degrees: one Polygon for the area or the fence, whose holes are keep-out
+zones, and any number of Polygons or MultiPolygons for keep-out zones; alone, in a Feature, or in a FeatureCollection.
 """
 
 from __future__ import annotations
@@ -18,6 +18,9 @@ from apad_bridge.scenario.area.polygon import Point, area_m2, is_simple
 from apad_bridge.scenario.text_file import read_text
 
 Corners = tuple[Point, ...]
+LEAST_SIDE_M = 1.0
+"""The least extent of an area or a fence, north and east: a smaller one has degrees in place of metres."""
+_FAR_M = 100_000.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +53,17 @@ def check_corners(corners: Sequence[Point], key: str) -> None:
         raise ValueError(f"{key} encloses no area")
 
 
+def check_size(corners: Sequence[Point], key: str, mend: str) -> None:
+    """Raises ValueError for corners that are no simple polygon, or one of less than `LEAST_SIDE_M` north or east."""
+    check_corners(corners, key)
+    north_m, east_m = (max(values) - min(values) for values in zip(*corners, strict=True))
+    if min(north_m, east_m) < LEAST_SIDE_M:
+        raise ValueError(
+            f"{key} is {north_m:.2g} by {east_m:.2g} m, and needs {LEAST_SIDE_M:g} m north and east: "
+            f"these look like degrees; {mend}"
+        )
+
+
 class AreaLike(Protocol):
     """The scenario's `area`, which states its fence in corners or in files."""
 
@@ -71,30 +85,71 @@ def fence_of(area: AreaLike) -> Fence | None:
         return None
     if not isinstance(fence, str):
         return Fence(fence, zones)
-    polygons = _polygons_of(Path(fence), frame)
+    outer, *holes = _rings_in(Path(fence), frame)
+    return Fence(outer, (*holes, *zones))
+
+
+def corners_of(polygon: str | Sequence[Sequence[float]], frame: LocalFrame) -> Corners:
+    """The corners of `area.polygon`: a GeoJSON file, or a list of [latitude, longitude] in degrees, closed or not.
+
+    OSError, or ValueError for a polygon with holes, far from the origin, or none at all.
+    """
+    if isinstance(polygon, str):
+        corners, *holes = _rings_in(Path(polygon), frame)
+        if holes:
+            raise ValueError(
+                "has holes, and an area has none: name the file in area.fence, too, and remove them here"
+            )
+    else:
+        closed = len(polygon) > 1 and polygon[0] == polygon[-1]
+        corners = tuple(frame.to_local(*_pair(it)) for it in polygon[: -1 if closed else None])
+    far_m = max((math.hypot(*it) for it in corners), default=0.0)
+    if far_m > _FAR_M:
+        raise ValueError(
+            f"lies {far_m / 1000:.0f} km from area.origin: correct the origin, or the order of the degrees; a list has "
+            "[latitude, longitude], a GeoJSON file [longitude, latitude]"
+        )
+    return corners
+
+
+def _pair(corner: Any) -> tuple[float, float]:
+    try:
+        latitude_deg, longitude_deg = corner
+        return float(latitude_deg), float(longitude_deg)
+    except (TypeError, ValueError):
+        raise ValueError(f"a corner is [latitude, longitude] in degrees, not {corner!r}") from None
+
+
+def rings_deg(path: Path) -> list[list[tuple[float, float]]]:
+    """The rings of a GeoJSON file of one polygon, as (latitude, longitude), the outer one first. OSError, ValueError."""
+    polygons = _polygons_deg(path)
     if len(polygons) != 1:
         raise ValueError(f"must hold one polygon, and holds {len(polygons)}")
-    return Fence(polygons[0][0], (*polygons[0][1:], *zones))
+    return polygons[0]
+
+
+def _rings_in(path: Path, frame: LocalFrame) -> tuple[Corners, ...]:
+    return _local(rings_deg(path), frame)
 
 
 def _zones_of(path: Path, frame: LocalFrame) -> tuple[Corners, ...]:
-    return tuple(rings[0] for rings in _polygons_of(path, frame))
+    return tuple(_local(rings, frame)[0] for rings in _polygons_deg(path))
 
 
-def _polygons_of(path: Path, frame: LocalFrame) -> list[tuple[Corners, ...]]:
-    """The rings of each polygon in a GeoJSON file, the outer one first."""
+def _local(rings: Sequence[Sequence[tuple[float, float]]], frame: LocalFrame) -> tuple[Corners, ...]:
+    found = tuple(tuple(frame.to_local(*it) for it in ring) for ring in rings)
+    for ring in found:
+        check_corners(ring, "a ring of a polygon")
+    return found
+
+
+def _polygons_deg(path: Path) -> list[list[list[tuple[float, float]]]]:
+    """The rings of each polygon in a GeoJSON file, as (latitude, longitude), not closed, the outer one first."""
     try:
         found = _rings_of(json.loads(read_text(path)))
-        polygons = [
-            tuple(tuple(frame.to_local(float(it[1]), float(it[0])) for it in ring[:-1]) for ring in rings)
-            for rings in found
-        ]
+        return [[[(float(it[1]), float(it[0])) for it in ring[:-1]] for ring in rings] for rings in found]
     except (KeyError, TypeError, IndexError, AttributeError, RecursionError) as error:
         raise ValueError(f"is no GeoJSON of polygons: {type(error).__name__} {error}") from error
-    for rings in polygons:
-        for ring in rings:
-            check_corners(ring, "a ring of a polygon")
-    return polygons
 
 
 def _rings_of(data: dict[str, Any]) -> list[Any]:

@@ -35,6 +35,12 @@ def bounding_box(corners: Sequence[Point]) -> tuple[Point, Point]:
     return (low_north, low_east), (high_north, high_east)
 
 
+def inner_point(corners: Sequence[Point]) -> Point:
+    """A point well inside, also of a polygon whose centroid lies outside."""
+    point = _plane(corners).representative_point()
+    return (float(point.x), float(point.y))
+
+
 def _plane(corners: Sequence[Point]) -> Any:
     return _shapely().Polygon(corners)
 

@@ -1,7 +1,8 @@
-"""`musselbed new --like` and `musselbed python`: from any folder, with nothing of the clone to name."""
+"""`musselbed new` and `musselbed python`: from any folder, with nothing of the clone to name."""
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -10,6 +11,7 @@ import pytest
 
 from apad_bridge.commands.main import main
 from apad_bridge.scenario.loader import SHIPPED, load, resolve
+from apad_bridge.scenario.starts import starts_of
 
 NAMES = sorted(it.stem for it in SHIPPED.glob("*.yaml"))
 
@@ -46,6 +48,63 @@ def test_two_copies_in_a_folder_share_their_starts(tmp_path: Path) -> None:
     for name in ("one.yaml", "two.yaml"):
         assert main(["new", str(tmp_path / name), "--like", "pool-12"]) == 0
     assert sorted(it.name for it in tmp_path.iterdir()) == ["one.yaml", "pool-12.csv", "two.yaml"]
+
+
+# A harbour of 0.001 by 0.002 degrees at 43.93 N: a degree is 111 105 m north and 80 291 m east there.
+HARBOUR = [[15.444, 43.933], [15.446, 43.933], [15.446, 43.934], [15.444, 43.934], [15.444, 43.933]]
+
+
+def harbour(folder: Path) -> Path:
+    file = folder / "harbour.geojson"
+    polygon = {"type": "Polygon", "coordinates": [HARBOUR]}
+    file.write_text(json.dumps({"type": "Feature", "properties": {}, "geometry": polygon}))
+    return file
+
+
+def test_an_area_and_places_of_a_phone_become_a_scenario(tmp_path: Path) -> None:
+    (tmp_path / "phone.csv").write_text(
+        "name,latitude,longitude\nbuoy,43.9335,15.4450\npier,43.9332,15.4455\n"
+    )
+    words = ["--from", str(harbour(tmp_path)), "--starts", str(tmp_path / "phone.csv")]
+    assert main(["new", str(tmp_path / "mine.yaml"), *words]) == 0
+    scenario = load(tmp_path / "mine.yaml")
+    norths, easts = zip(*scenario.area.polygon_m, strict=True)
+    assert (min(norths), max(norths)) == pytest.approx((0, 111.1), abs=0.1)
+    assert (min(easts), max(easts)) == pytest.approx((0, 160.6), abs=0.1)
+    assert 0 < scenario.apad.start_m[0] < 111 and 0 < scenario.apad.start_m[1] < 160
+    buoy, pier = starts_of(scenario)
+    assert (buoy.agent_id, buoy.further, pier.agent_id, pier.further) == (
+        1,
+        (("name", "buoy"),),
+        2,
+        (("name", "pier"),),
+    )
+    assert (buoy.north_m, buoy.east_m) == pytest.approx((55.6, 80.3), abs=0.1)
+    assert all(0.6 <= it.primary <= 0.9 for it in (buoy, pier))
+
+
+def test_starts_that_lack_nothing_are_named_as_they_are(tmp_path: Path) -> None:
+    (tmp_path / "s.csv").write_text("id,lat,lon,battery\n7,43.9335,15.445,0.5\n")
+    words = ["--from", str(harbour(tmp_path)), "--starts", str(tmp_path / "s.csv")]
+    assert main(["new", str(tmp_path / "m.yaml"), *words]) == 0
+    assert sorted(it.name for it in tmp_path.iterdir()) == ["harbour.geojson", "m.yaml", "s.csv"]
+    assert load(tmp_path / "m.yaml").fleet.ids == range(7, 8)
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("[]", "is no GeoJSON of polygons"),
+        ('{"type": "Point", "coordinates": [15.4, 43.9]}', "must hold polygons, and holds a Point"),
+    ],
+)
+def test_an_area_that_is_none_writes_nothing(
+    text: str, why: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "a.geojson").write_text(text)
+    assert main(["new", str(tmp_path / "mine.yaml"), "--from", str(tmp_path / "a.geojson")]) == 2
+    assert f"a.geojson: {why}" in capsys.readouterr().err
+    assert [it.name for it in tmp_path.iterdir()] == ["a.geojson"]
 
 
 def test_nobody_is_copied_who_is_not_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

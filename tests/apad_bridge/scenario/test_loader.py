@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 import threading
 from collections.abc import Callable
 from dataclasses import replace
@@ -110,6 +111,61 @@ def test_a_fence_of_a_file_is_that_of_its_corners(tmp_path: Path) -> None:
     assert fence is not None
     for found, expected in zip((fence.corners, *fence.keep_out), (corners, zone), strict=True):
         assert [pytest.approx(it, abs=1e-5) for it in expected] == list(found)
+
+
+CORNERS = re.search(r"  polygon_m: .*", POOL)[0]  # type: ignore[index]
+
+
+@pytest.mark.parametrize("ending", ["", ", [43.9330937, 15.4443468]"], ids=["open", "closed"])
+def test_an_area_in_degrees_is_that_of_its_corners(tmp_path: Path, ending: str) -> None:
+    """27 m north and 20 m east of the origin, at 111 105 and 80 291 m a degree."""
+    corners = f"[[43.9330937, 15.4443468], [43.9333367, 15.4443468], [43.9333367, 15.4445959]{ending}]"
+    path = tmp_path / "degrees.yaml"
+    path.write_text(POOL.replace(CORNERS, f"  polygon: {corners}"))
+    (tmp_path / "pool.csv").write_text((SCENARIO_FILES / "pool.csv").read_text())
+    area = load(path).area
+    for found, expected in zip(area.polygon_m, [(0, 0), (27, 0), (27, 20)], strict=True):
+        assert found == pytest.approx(expected, abs=0.01)
+    assert "polygon" not in resolve(load(path))["area"]
+
+
+@pytest.mark.parametrize(
+    ("key", "message"),
+    [
+        (
+            "polygon_m: [[43.9331, 15.4443], [43.9344, 15.4443], [43.9344, 15.4463], [43.9331, 15.4463]]",
+            "area: polygon_m is 0.0013 by 0.002 m, and needs 1 m north and east: these look like degrees; "
+            "write them as area.polygon, in pairs [latitude, longitude]",
+        ),
+        (
+            "polygon: [[15.4443, 43.9331], [15.4443, 43.9344], [15.4463, 43.9344]]",
+            " km from area.origin: correct the origin, or the order of the degrees; a list has [latitude, longitude]",
+        ),
+        ("polygon: harbour.geojson", "harbour.geojson: No such file or directory"),
+        (
+            "polygon: [[43.9331, 15.4443], 7]",
+            "area.polygon: a corner is [latitude, longitude] in degrees, not 7",
+        ),
+        ("polygon: 7", "area.polygon: must be a file, or a list of [latitude, longitude], not 7"),
+        ("polygon: [[43.9331, 15.4443]]", "area.polygon: the polygon needs three corners or more"),
+        (
+            "polygon_m: [[0, 0], [9, 0], [9, 9]]\n  polygon: a.geojson",
+            "area.polygon_m is there, too: leave one out",
+        ),
+    ],
+)
+def test_an_area_that_cannot_be_is_refused(refusals: Refusals, key: str, message: str) -> None:
+    (line,) = refusals((CORNERS, f"  {key}"))
+    assert message in line
+
+
+def test_an_area_with_holes_is_refused(tmp_path: Path, refusals: Refusals) -> None:
+    hole = [[15.445, 43.9332], [15.4451, 43.9332], [15.4451, 43.9333]]
+    outer = [[15.444, 43.933], [15.446, 43.933], [15.446, 43.934]]
+    rings = [[*it, it[0]] for it in (outer, hole)]
+    (tmp_path / "a.geojson").write_text(json.dumps({"type": "Polygon", "coordinates": rings}))
+    (line,) = refusals((CORNERS, "  polygon: a.geojson"))
+    assert "a.geojson: has holes, and an area has none" in line
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,14 @@ from apad_bridge.scenario.area.polygon import contains
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import from_data, load, resolve, with_overrides, write_resolved
 from apad_bridge.scenario.schema import Area, Origin, RandomStart, Scenario, SpreadOptions
-from apad_bridge.scenario.starts import Start, random_start, read_starts, save_starts, starts_of
+from apad_bridge.scenario.starts import (
+    Start,
+    further_columns,
+    random_start,
+    read_starts,
+    save_starts,
+    starts_of,
+)
 from apad_bridge.scenario.starts_table import MAX_AGENT_ID
 
 ORIGIN = Origin(latitude_deg=43.9330937, longitude_deg=15.4443468)
@@ -126,7 +133,9 @@ def test_all_bad_rows_are_listed(tmp_path: Path) -> None:
     ("header", "message"),
     [
         ("id,north,east,batery", "unknown column 'batery'; did you mean battery?"),
-        ("id,north,east,battery,colour", "unknown column 'colour'; known: id, "),
+        ("id,north,east,battery,secondry", "unknown column 'secondry'; did you mean secondary?"),
+        ("id,lattitude,longitude,battery", "unknown column 'lattitude'; did you mean latitude?"),
+        ("id,north,east,battery,note,note", "column 'note': note exists already"),
         ("id,north,east", "column battery is missing"),
         ("north,east,battery", "column id is missing"),
         ("id,battery", "columns lat and lon, or north and east, are missing"),
@@ -139,6 +148,19 @@ def test_a_bad_header_is_refused(tmp_path: Path, header: str, message: str) -> N
     (tmp_path / "s.csv").write_text(f"# starts\n{header}\n1,2,3,0.5\n")
     (line,) = refused(tmp_path / "s.csv")
     assert line.startswith(f":2: {message}")
+
+
+def test_further_columns_are_kept_and_named(tmp_path: Path) -> None:
+    """Altitude and note are nearly our latitude and north, which are there: nobody has misspelled a column."""
+    given = tmp_path / "phone.csv"
+    given.write_text(
+        'id,latitude,longitude,altitude,note,battery\n4,43.9331,15.4444,12.5,"by the buoy, red",0.5\n'
+    )
+    starts = read_starts(given, POOL, [4])
+    assert starts[0].further == (("altitude", "12.5"), ("note", "by the buoy, red"))
+    assert further_columns(starts) == ["altitude", "note"]
+    save_starts(tmp_path / "kept.csv", starts, ORIGIN)
+    assert read_starts(tmp_path / "kept.csv", POOL, [4]) == starts
 
 
 def test_files_that_say_nothing(tmp_path: Path) -> None:
