@@ -38,6 +38,7 @@ Point = Annotated[Sequence[float], Len(2, 2), WrapValidator(_point)]
 """[latitude, longitude] in degrees, or a `Location`."""
 Flag = Annotated[bool, Strict(False)]
 """True or False, or 1 or 0 for them."""
+_OF_APAD = ": battery(id_self), get_location(id_self), docks() and cost() tell of the aPad"
 _STRICT = ConfigDict(strict=True, arbitrary_types_allowed=True)
 
 
@@ -65,7 +66,8 @@ def _checked(method: Callable[..., Any]) -> Callable[..., Any]:
         try:
             args, kwargs = checked[0](*map(_plain, args), **{name: _plain(it) for name, it in kwargs.items()})
         except ValidationError as error:
-            raise Refused(f"{method.__name__}: {_line(error.errors(), names)}") from None
+            own = _OF_APAD if vars(args[0]).get("id_self") in (*args[1:], *kwargs.values()) else ""
+            raise Refused(f"{method.__name__}: {_line(error.errors(), names)}{own}") from None
         return method(*args, **kwargs)
 
     return call

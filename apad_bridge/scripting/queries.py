@@ -89,10 +89,19 @@ class Queries:
         self._await_first_packet(id)
         return self._do(lambda mission: self._agent(mission, id))
 
-    def battery(self, id: int) -> float:
-        """The charge of an aMussel's primary battery as the paper's scaled voltage: 0 is empty, 1 is full."""
-        self._await_first_packet(id)
-        return self._do(lambda mission: self._belief(mission, id).primary)
+    def battery(self, id: int | str) -> float:
+        """The charge of an aMussel's primary battery as the paper's scaled voltage: 0 is empty, 1 is full.
+
+        For `id_self` it is that of the aPad's battery.
+        """
+        if not isinstance(id, str):
+            self._await_first_packet(id)
+            return self._do(lambda mission: self._belief(mission, id).primary)
+        self._refuse_other_names(id)
+        charge = self._do(lambda mission: mission.apad_battery)
+        if charge is None:
+            raise Refused("the aPad's battery is not known yet")
+        return charge
 
     def belief(self, id: int) -> Belief:
         """The full belief about an aMussel, with its uncertainty."""
@@ -105,11 +114,9 @@ class Queries:
 
     def get_location(self, id: int | str) -> Location:
         """The place of an aMussel, as it last reported or as it is believed now; or of the aPad, for `id_self`."""
-        if isinstance(id, str) and id != self.id_self:
-            raise Refused(
-                f"{id!r} is not this aPad, which is called {self.id_self!r}, and no aMussel's number"
-            )
-        if not isinstance(id, str):
+        if isinstance(id, str):
+            self._refuse_other_names(id)
+        else:
             self._await_first_packet(id)
         return self._do(lambda mission: self._location(mission, id))
 
@@ -212,6 +219,12 @@ class Queries:
         timeout = self._do(lambda mission: mission.config.silence_timeout_s)
         self.wait_until(lambda: self._do(lambda mission: mission.beliefs.get(id)) is not None, timeout)
 
+    def _refuse_other_names(self, name: str) -> None:
+        if name != self.id_self:
+            raise Refused(
+                f"{name!r} is not this aPad, which is called {self.id_self!r}, and no aMussel's number"
+            )
+
     def _belief(self, mission: ManualMission, id: int) -> Belief:
         belief = mission.beliefs.get(id)
         if belief is None:
@@ -219,14 +232,10 @@ class Queries:
         return belief
 
     def _location(self, mission: ManualMission, id: int | str) -> Location:
-        if id == self.id_self:
+        if isinstance(id, str):
             if mission.pose is None:
                 raise Refused("the aPad's place is not known yet")
             return self._located(*mission.pose)
-        if isinstance(id, str):
-            raise Refused(
-                f"{id!r} is not this aPad, which is called {self.id_self!r}, and no aMussel's number"
-            )
         belief = self._belief(mission, id)
         return self._located(belief.north_m, belief.east_m)
 

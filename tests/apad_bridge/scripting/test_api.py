@@ -55,6 +55,20 @@ def test_who_there_is_and_where(pool: Scenario) -> None:
     assert (three, pool_is_low) == (3, True)
 
 
+def test_the_apads_battery_falls_by_its_load(pool: Scenario) -> None:
+    """250 Wh from full, at a constant 36 W and a hundred times less for thrust: 100 s take 1 Wh, that is 0.004."""
+    battery = replace(pool.apad.battery, capacity_wh=250.0, hotel_w=36.0, start_fraction=1.0)
+
+    def script(api: Api, found: list[Any]) -> None:
+        found.append(api.battery(api.id_self))
+        api.sleep(100)
+        found.append(api.battery(api.id_self))
+
+    before, after = results_of(replace(pool, apad=replace(pool.apad, battery=battery)), script)
+    assert before == pytest.approx(1.0, abs=1e-3)
+    assert before - after == pytest.approx(0.004, rel=0.1)
+
+
 def test_a_go_to_runs_and_ends_and_another_pre_empts_it(pool: Scenario) -> None:
     def script(api: Api, found: list[Any]) -> None:
         found.append(api.goto_status())

@@ -50,8 +50,15 @@ from apad_bridge.scripting.api import Api
         (lambda api: api.go_to_local(1, 1, speed="fast"), "speed must be a valid number, not 'fast'"),
         (lambda api: api.hold("here"), "hold: point must be"),
         (lambda api: api.hold([1, "x"]), "hold: point must be"),
-        (lambda api: api.battery(True), "battery: id must be a valid integer, not True"),
-        (lambda api: api.battery("3"), "battery: id must be a valid integer, not '3'"),
+        (lambda api: api.battery(True), "battery: id must be a valid integer or a valid string, not True"),
+        (
+            lambda api: api.battery("3"),
+            "'3' is not this aPad, which is called 'apad1', and no aMussel's number",
+        ),
+        (
+            lambda api: api.agent(api.id_self),
+            r"not 'apad1': battery\(id_self\), get_location\(id_self\), docks\(\) and cost\(\) tell of the aPad",
+        ),
         (lambda api: api.battery(3, 4), "battery: argument 2: Unexpected positional argument"),
         (lambda api: api.docking(2, 1, 3), "docking: dock must be a valid boolean"),
         (lambda api: api.docking(True), "docking: number: Missing required argument"),
