@@ -9,9 +9,15 @@ from firmware_model.power.charge import grains_per_ms
 from firmware_model.sampling import sensors
 from firmware_model.states import State
 
+_FURTHER = {it.name.upper(): 10 + n for n, it in enumerate(sensors.SENSORS) if n >= 4}
+"""The rails of the sensors beyond the board's four, from 14 on."""
+
 
 class Rail(IntEnum):
-    """A module with its own switch; the MCU and the modem have one rail for each of their modes, of which one is on."""
+    """A module with its own switch; the MCU and the modem have one rail for each of their modes, of which one is on.
+
+    A sensor's rail has its name: a further row of the sensors' table has its rail after these.
+    """
 
     MU_ASLEEP = 0
     MU_ACTIVE = 1
@@ -27,6 +33,7 @@ class Rail(IntEnum):
     GSM = 11
     BLUETOOTH = 12
     MOTORS = 13
+    vars().update(_FURTHER)
 
 
 def bits(*rails: Rail) -> int:

@@ -5,7 +5,7 @@ the coefficients converts them to values. Neither the paper nor any public text 
 are ours, plausible for 16-bit converters and for the ranges in a lagoon, and they are data.
 
 Records, packets, the water's fields, the loads of a board, and the keys of scenarios and of samples.jsonl follow the
-table: docs/packets.md. A sensor's rail has its name (`firmware_model.power.rails.Rail`).
+table, and so does `firmware_model.power.rails.Rail`: docs/packets.md.
 """
 
 from __future__ import annotations
