@@ -88,7 +88,7 @@ class Firmware:
         """The MCU left reset."""
         self._now_ms = now_ms
         self.reset_cause = cause
-        self._pin.restart(self._hardware.pin_high)
+        self._pin.restart(self._hardware.pin_high, now_ms)
         return self._apply(Trigger.POWER_CAME_ON)
 
     def pin_changed(self, noticed: bool, now_ms: int) -> list[Action]:

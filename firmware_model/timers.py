@@ -28,12 +28,11 @@ def full_deadline(state: State, whole: FullFirmware, store: SettingsStore, now_m
         case State.SLEEPING | State.CHARGING:
             return clock.alarm_ms(settings.alarm_ms, now_ms), Trigger.ALARM_RANG
         case State.SAMPLING:
-            return now_ms + settings.sample_ms, _after_sampling(whole.cycle, settings)
+            return now_ms + settings.sample_ms, Trigger.WAKE_OVER
         case State.REPORTING:
             return now_ms + whole.cycle.report_ms, Trigger.WAKE_OVER
         case State.PROCESSING:
-            after = Trigger.PROCESSED if settings.has_timeslot else Trigger.WAKE_OVER
-            return now_ms + whole.cycle.processing_ms, after
+            return now_ms + whole.cycle.processing_ms, Trigger.WAKE_OVER
         case State.AWAITING_SLOT:
             return _timeslot_deadline(whole, settings, clock, now_ms)
         case State.AWAITING_BEACON:
@@ -42,10 +41,13 @@ def full_deadline(state: State, whole: FullFirmware, store: SettingsStore, now_m
     return None
 
 
-def _after_sampling(cycle: Cycle, settings: Settings) -> Trigger:
-    if cycle.processing_ms:
+def after_work(state: State, cycle: Cycle, settings: Settings) -> Trigger:
+    """The trigger at the end of SAMPLING or PROCESSING, by the settings of that moment."""
+    if state is State.SAMPLING and cycle.processing_ms:
         return Trigger.SAMPLES_TO_PROCESS
-    return Trigger.SAMPLES_TO_SEND if settings.has_timeslot else Trigger.WAKE_OVER
+    if not settings.has_timeslot:
+        return Trigger.WAKE_OVER
+    return Trigger.SAMPLES_TO_SEND if state is State.SAMPLING else Trigger.PROCESSED
 
 
 def _timeslot_deadline(whole: FullFirmware, settings: Settings, clock: AlarmClock, now_ms: int) -> Deadline:

@@ -34,7 +34,7 @@ from firmware_model.power.charge_pin import Edge
 from firmware_model.power.rails import Rail, switched_in
 from firmware_model.settings_store import SettingsStore
 from firmware_model.states import TABLE, State, Trigger
-from firmware_model.timers import Deadline, full_deadline, last_resort
+from firmware_model.timers import Deadline, after_work, full_deadline, last_resort
 
 if TYPE_CHECKING:
     from firmware_model.port import Hardware
@@ -84,11 +84,13 @@ class WholeFirmware(Firmware):
 
     def _deadline_reached(self, trigger: Trigger) -> list[Action]:
         actions: list[Action] = []
-        match self.state:
-            case State.SAMPLING:
-                actions.append(LogSample(self._now_ms))
-            case State.AWAITING_BEACON:
-                actions.append(Dropped(self._now_ms, _NOT_SENT))
+        if self.state is State.SAMPLING:
+            actions.append(LogSample(self._now_ms))
+        elif self.state is State.AWAITING_BEACON:
+            actions.append(Dropped(self._now_ms, _NOT_SENT))
+        if self.state in (State.SAMPLING, State.PROCESSING) and trigger is Trigger.WAKE_OVER:
+            assert self._whole.cycle is not None
+            trigger = after_work(self.state, self._whole.cycle, self._store.settings)
         match trigger:
             case Trigger.LAST_RESORT_CALL | Trigger.LAST_RESORT_SURFACE:
                 self._last_resort_ms = self._now_ms

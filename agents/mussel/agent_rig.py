@@ -143,6 +143,21 @@ class _ObservedAgent(Agent):
         self.runs.append(run)
         return super()._run_buoyancy(run, now_ms)
 
+    def travels_in(self, ms: int, now_ms: int) -> None:
+        """The body moves at another rate from now on."""
+        self.body.settle_depth(now_ms)
+        self.body._sinking = Sinking(_DEPTH_UM, ms, ms)
+        self._timer = self._next_timer()
+
+    def arrives(self, at_surface: bool, now_ms: int) -> list[Output]:
+        """A hand or a net brings the body up or down."""
+        body = self.body
+        body.depth_um, body.depth_anchor_ms, body.hover_um = 0 if at_surface else _DEPTH_UM, now_ms, 0
+        body.buoyancy = Buoyancy.FLOAT if at_surface else Buoyancy.SINK
+        outputs = self._arrive(now_ms)
+        self._timer = self._next_timer()
+        return outputs
+
 
 class AgentRig(Rig):
     """A whole board in an aMussel of its own. `command` is somebody's firmware; empty for ours."""
@@ -214,6 +229,12 @@ class AgentRig(Rig):
 
     def reset(self, cause: ResetCause) -> None:
         self._tell(WasReset(cause))
+
+    def travels_in(self, ms: int) -> None:
+        self.agent.travels_in(ms, self.now_ms)
+
+    def arrives(self, *, at_surface: bool) -> None:
+        self.outputs += self.agent.arrives(at_surface, self.now_ms)
 
     def play_own(self, word: str) -> bool:
         if word == "slips":

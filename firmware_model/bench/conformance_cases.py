@@ -304,7 +304,7 @@ _PACKETS = [
         "a threshold moves no aMussel",
         f"3s sound:{SetThreshold(1, Threshold.SAFE_LEVEL, 0.5).encode().hex()} 1h",
     ),
-    Case("a-ping", RequirementSource.CHOICE, "a worst case answers no ping by sound", "3s ping 3min"),
+    Case("a-ping", RequirementSource.PACKETS, "a worst case answers no ping by sound", "3s ping 3min"),
     Case(
         "a-ping-for-all",
         RequirementSource.PACKETS,
@@ -321,8 +321,8 @@ _PACKETS = [
     ),
     Case(
         "a-hover",
-        RequirementSource.CHOICE,
-        "a worst case does not hover",
+        RequirementSource.PACKETS,
+        "a worst case knows no HOVER",
         f"3s hover sound:{HoverAt(1, 2.0).encode().hex()} 10min",
     ),
 ]
@@ -584,6 +584,22 @@ _STATES = [
         0.4,
         shows="charges",
     ),
+    Case(
+        "a-look-while-it-debounces",
+        RequirementSource.STATES,
+        "a whole minute's look finds a lost edge also while a level is to hold",
+        f"{_UP} 46980ms rises 10ms falls_unseen 20ms rises_unseen 10min",
+        0.4,
+        is_near_tie=True,
+        shows="charges",
+    ),
+    Case(
+        "looks-on-as-the-counter-wraps",
+        RequirementSource.STATES,
+        "the minutes of the looks go on as the counter wraps, until a reset",
+        "37h rises_unseen 2min falls 5min brown_out 10s rises_unseen 2min",
+        shows="state CHARGING",
+    ),
     Case("brown-out-below", RequirementSource.STATES, "a reset on the bottom measures on", "1h brown_out 1h"),
     Case(
         "brown-out-afloat",
@@ -673,12 +689,15 @@ _STATES = [
     ),
     Case(
         "permission-in-a-boot",
-        RequirementSource.CHOICE,
-        "a booting board takes no command",
+        RequirementSource.PACKETS,
+        "a booting board refuses every order",
         "1s permission 3min",
     ),
     Case(
-        "boot-time", RequirementSource.CHOICE, "a boot lasts 2 s", "1900ms permission 200ms permission 3min"
+        "boot-time",
+        RequirementSource.PORT,
+        "HELLO has the length of a boot",
+        "1900ms permission 200ms permission 3min",
     ),
 ]
 WAYS_INTO: dict[State, tuple[float, str]] = {

@@ -3,9 +3,9 @@
 The fixture `mu` is a `Bench`: a board with Table I's loads that wakes every hour for 10 s. `@pytest.mark.mu(...)` makes
 another: sleep "never", "hourly" or "field"; primary, secondary in [0, 1]; docked; kept_on, names of rails; last_resort
 "wait", "call" or "surface"; metered, for batteries whose voltage sags and lifts; low_level in [0, 1]; secondary_in_use;
-drift_ppm of its clock; timeslot, its (frame, length and guard in s, index); boot_s. The fixture `make_mu` makes a fresh
-board by the same words with each call, as each example of a property needs. The report of a failed test shows the last
-actions of the newest board. Another plugin may put other firmware on these boards, by `MuHooks`.
+drift_ppm of its clock; timeslot, its (frame, length and guard in s, index); boot_s; travel_ms of its body. The fixture
+`make_mu` makes a fresh board by the same words with each call, as each example of a property needs. The report of a failed
+test shows the last actions of the newest board. Another plugin may put other firmware on these boards, by `MuHooks`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Any
 
 import pytest
 
-from firmware_model.bench.bench import Bench
+from firmware_model.bench.bench import MS_PER_MIN, Bench
 from firmware_model.bench.trace import clock, line
 from firmware_model.board import MakeFirmware
 from firmware_model.config import BoardConfig, LastResort, Timeslots
@@ -43,7 +43,7 @@ def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line(
         "markers",
         "mu(sleep, primary, secondary, docked, kept_on, last_resort, metered, low_level, secondary_in_use, drift_ppm, "
-        "timeslot, boot_s): the board of `mu`",
+        "timeslot, boot_s, travel_ms): the board of `mu`",
     )
 
 
@@ -61,6 +61,7 @@ def make_bench(
     drift_ppm: float = 0.0,
     timeslot: tuple[float, float, float, int] | None = None,
     boot_s: float = 2.0,
+    travel_ms: int = MS_PER_MIN,
     firmware: Callable[[BoardConfig], MakeFirmware | None] = lambda board: None,
 ) -> Bench:
     """The bench for the arguments of a mark. ValueError for an unknown name lists the known ones.
@@ -91,7 +92,14 @@ def make_bench(
         drift_ppb=round(drift_ppm * 1000),
         boot_ms=round(boot_s * 1000),
     )
-    return Bench(config, primary=primary, secondary=secondary, docked=docked, firmware=firmware(config))
+    return Bench(
+        config,
+        primary=primary,
+        secondary=secondary,
+        docked=docked,
+        travel_ms=travel_ms,
+        firmware=firmware(config),
+    )
 
 
 class BoardMaker:

@@ -32,11 +32,12 @@ STIMULI = (
     *_RESETS,
     "sound:HEX and wifi:HEX, any bytes",
     "chatter:HIGH:LOW:TIMES, the pin in ms",
+    "surfaced and landed, by a hand or a net",
+    "travel:60s, the time that the body takes from now on",
 )
 """The words that every rig plays, besides waits."""
 STATE = "state "
 """Before the name of a state, in an event that tells it."""
-BENCH_STIMULI = ("surfaced", "landed", "travel:60s, the time that the body takes from now on")
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,6 +96,10 @@ class Rig(ABC):
         elif word.startswith(("sound:", "wifi:")):
             by, _, data = word.partition(":")
             self.receive(bytes.fromhex(data), by_sound=by == "sound")
+        elif found := _TRAVEL.fullmatch(word):
+            self.travels_in(int(found[1]) * _UNITS_MS[found[2]])
+        elif word in ("surfaced", "landed"):
+            self.arrives(at_surface=word == "surfaced")
         elif not self.play_own(word):
             raise ValueError(
                 f"{word!r} is neither a wait nor one of {', '.join((*STIMULI, *self.own_stimuli()))}"
@@ -116,11 +121,20 @@ class Rig(ABC):
     def reset(self, cause: ResetCause) -> None: ...
 
     @abstractmethod
-    def play_own(self, word: str) -> bool:
-        """Carries out a word that this rig alone has; False for one that is none."""
+    def travels_in(self, ms: int) -> None:
+        """Sets the time that the body takes from the bottom to the surface, and back."""
 
     @abstractmethod
-    def own_stimuli(self) -> Sequence[str]: ...
+    def arrives(self, *, at_surface: bool) -> None:
+        """Brings the body to the surface or to the bottom at once, whatever its motors did."""
+
+    def play_own(self, word: str) -> bool:
+        """Carries out a word that this rig alone has; False for one that is none."""
+        return False
+
+    def own_stimuli(self) -> Sequence[str]:
+        """The words that this rig alone has."""
+        return ()
 
     @abstractmethod
     def shown(self) -> RigHistory:
@@ -149,17 +163,11 @@ class BenchRig(Rig):
     def reset(self, cause: ResetCause) -> None:
         self.bench.reset(cause)
 
-    def play_own(self, word: str) -> bool:
-        if found := _TRAVEL.fullmatch(word):
-            self.bench.travel_ms = int(found[1]) * _UNITS_MS[found[2]]
-        elif word in ("surfaced", "landed"):
-            self.bench.arrives(SurfaceReached() if word == "surfaced" else BottomReached())
-        else:
-            return False
-        return True
+    def travels_in(self, ms: int) -> None:
+        self.bench.travel_ms = ms
 
-    def own_stimuli(self) -> Sequence[str]:
-        return BENCH_STIMULI
+    def arrives(self, *, at_surface: bool) -> None:
+        self.bench.arrives(SurfaceReached() if at_surface else BottomReached())
 
     def shown(self) -> RigHistory:
         bench = self.bench

@@ -1020,8 +1020,8 @@ _TOLD = [
     ),
     _case(
         "a-year-behind",
-        RequirementSource.CHOICE,
-        "an offset that does not fit is told as the largest",
+        RequirementSource.PACKETS,
+        "an offset beyond an i32 is told as the nearest one",
         f"10min {_sound(Beacon(1, 40_000_000_000))} {_UPLOADED} 1h",
         shows=_sends(WifiStatus, clock_offset_ms=-(1 << 31)),
     ),
@@ -1143,8 +1143,8 @@ _PACKETS = [
             ),
             (
                 "with-a-long-guard",
-                RequirementSource.CHOICE,
-                "a guard is shorter than its timeslot",
+                RequirementSource.PACKETS,
+                "a guard as long as its timeslot is refused",
                 SlotAssignment(1, 60_000, 4000, 4000, 3, 0),
             ),
         )
@@ -1158,11 +1158,16 @@ _PACKETS = [
                 "a period without time is refused",
                 SleepSchedule(1, 0, 0),
             ),
-            ("without-a-wake", RequirementSource.CHOICE, "a wake has a length", SleepSchedule(1, 600_000, 0)),
+            (
+                "without-a-wake",
+                RequirementSource.PACKETS,
+                "a wake of no time is refused",
+                SleepSchedule(1, 600_000, 0),
+            ),
             (
                 "of-wakes-alone",
-                RequirementSource.CHOICE,
-                "a wake is shorter than its period",
+                RequirementSource.PACKETS,
+                "a wake as long as its period is refused",
                 SleepSchedule(1, 600_000, 600_000),
             ),
         )
@@ -1182,7 +1187,7 @@ _PACKETS = [
     *(
         _case(
             f"a-beacon-{name}",
-            RequirementSource.CHOICE,
+            RequirementSource.PACKETS,
             "the latest time that a beacon may tell is 2^53 ms",
             f"10s {_sound(Beacon(1, (1 << 53) + by_ms))} 90min",
             _FIELD,
@@ -1330,6 +1335,30 @@ _ROUND = [
         shows="state CHARGING",
     ),
     _case(
+        "a-look-while-it-debounces",
+        RequirementSource.STATES,
+        "a whole minute's look finds a lost edge also while a level is to hold",
+        f"{_UP} 46980ms rises 10ms falls_unseen 20ms rises_unseen 10min",
+        primary=0.4,
+        is_near_tie=True,
+        shows="state CHARGING",
+    ),
+    _case(
+        "looks-on-as-the-counter-wraps",
+        RequirementSource.STATES,
+        "the minutes of the looks go on as the counter wraps, until a reset",
+        "37h rises_unseen 2min falls 5min brown_out 10s rises_unseen 2min",
+        shows="state CHARGING",
+    ),
+    _case(
+        "a-first-slot-in-its-wake",
+        RequirementSource.STATES,
+        "a board that had no slot transmits the first time at the end of a wake under way",
+        f"3603s {_SLOT_7} 3h",
+        tolerance_ms=_SLOT_MS,
+        shows=lambda it: isinstance(it, AcousticStatus) and it.agent_ms < 4_000_000,
+    ),
+    _case(
         "undocked-in-a-boot",
         RequirementSource.STATES,
         "a pin that fell in a boot releases",
@@ -1465,8 +1494,8 @@ _UPLOADS = [
     ),
     _case(
         "a-flash-that-does-not-answer-in-a-boot",
-        RequirementSource.CHOICE,
-        "the number of samples outlives it",
+        RequirementSource.PACKETS,
+        "all samples ever taken count as torn, and their number outlives it",
         f"3s {_EACH_MINUTE} 10min flash:1 brown_out 5min flash:0 {_UPLOADED}",
     ),
 ]

@@ -2,13 +2,16 @@
 
 An edge counts once the level has stayed for the debounce time. If the pin goes on bouncing faster than that, the level of
 the greater part of the time decides every `chatter_ms`; a tie leaves the level as it was. The firmware also samples the
-level at every wake and at whole multiples of `check_ms`, which finds an edge whose interrupt was lost. A sample that agrees
-changes nothing, so only the first one that differs is an event.
+level at every wake and at whole multiples of `check_ms`, also while it waits, which finds an edge whose interrupt was lost.
+A sample that agrees changes nothing, so only the first one that differs is an event.
 """
 
 from __future__ import annotations
 
 from enum import Enum, IntEnum
+
+COUNTER_WRAPS_MS = 131_072_000
+"""The board's counter of 32 bits and 32 768 Hz begins anew. The checks go on as they were, until a reset reads it again."""
 
 
 class Edge(IntEnum):
@@ -30,10 +33,11 @@ class ChargePin:
         self._debounce_ms = debounce_ms
         self._chatter_ms = chatter_ms
         self._check_ms = check_ms
-        self.restart(high)
+        self.restart(high, 0)
 
-    def restart(self, high: bool) -> None:
-        """The firmware starts and reads this level."""
+    def restart(self, high: bool, now_ms: int) -> None:
+        """The firmware starts and reads this level and the counter."""
+        self._counter_began_ms = now_ms - now_ms % COUNTER_WRAPS_MS
         self.wire_high = high
         """The level on the wire, even if the firmware did not see its edge: it controls the chargers."""
         self.high = high
@@ -53,22 +57,19 @@ class ChargePin:
     def level_unseen(self, high: bool, now_ms: int) -> None:
         """Sets the wire's level from `now_ms` on, with the edge's interrupt lost."""
         self.wire_high = high
-        if self._flipped_ms is None:
-            differs = high != self._seen_high
-            self.next_due_ms = (now_ms // self._check_ms + 1) * self._check_ms if differs else None
+        self._wait(now_ms)
 
     def sample_level(self, now_ms: int) -> bool:
         """Samples the level; returns True if it differs from the level last seen."""
         if self.wire_high == self._seen_high:
-            if self._flipped_ms is None:
-                self.next_due_ms = None
+            self._wait(now_ms)
             return False
         if self._flipped_ms is None:
             self._unsettled_ms = self._counted_ms = now_ms
             self._high_ms = 0
         self._count(now_ms)
         self._seen_high, self._flipped_ms = self.wire_high, now_ms
-        self._wait()
+        self._wait(now_ms)
         return True
 
     def due(self, now_ms: int) -> tuple[Edge | None, PinFault | None]:
@@ -84,7 +85,7 @@ class ChargePin:
         self._count(now_ms)
         more_high_ms = 2 * self._high_ms - (now_ms - self._unsettled_ms)
         self._unsettled_ms, self._high_ms = now_ms, 0
-        self._wait()
+        self._wait(now_ms)
         return self._certain(self.high if more_high_ms == 0 else more_high_ms > 0), PinFault.CHATTER
 
     def _count(self, now_ms: int) -> None:
@@ -92,9 +93,15 @@ class ChargePin:
             self._high_ms += now_ms - self._counted_ms
         self._counted_ms = now_ms
 
-    def _wait(self) -> None:
-        assert self._flipped_ms is not None
-        self.next_due_ms = min(self._flipped_ms + self._debounce_ms, self._unsettled_ms + self._chatter_ms)
+    def _wait(self, now_ms: int) -> None:
+        """Sets the time of the next event; an edge that was not seen is found at the next check."""
+        due_ms: int | None = None
+        if self._flipped_ms is not None:
+            due_ms = min(self._flipped_ms + self._debounce_ms, self._unsettled_ms + self._chatter_ms)
+        if self.wire_high != self._seen_high:
+            check_ms = now_ms + self._check_ms - (now_ms - self._counter_began_ms) % self._check_ms
+            due_ms = check_ms if due_ms is None else min(due_ms, check_ms)
+        self.next_due_ms = due_ms
 
     def _certain(self, high: bool) -> Edge | None:
         if high == self.high:

@@ -21,9 +21,7 @@ def recovered(flash: Flash, ring: Ring, next_sequence: int) -> tuple[int, int]:
     known = max(end, next_sequence)
     unwritable = _unwritable(flash, ring, known)
     unreadable = [SampleRecord.decode(raw_record) for raw_record in raw_records].count(None)
-    # A page is erased before its first record is written, even if it is partly written: that sequence is free.
-    used = unwritable if known % ring.records_a_page else 0
-    return known + used, unreadable + known - end + unwritable
+    return known + unwritable, unreadable + known - end + unwritable
 
 
 def first_in(flash: Flash, ring: Ring, page: int) -> int | None:
@@ -40,7 +38,9 @@ def _unwritable(flash: Flash, ring: Ring, sequence: int) -> int:
     first = first_in(flash, ring, page)
     if first is not None and first != sequence - before:
         return -before % ring.records_a_page  # the page was never erased for them
-    return max(0, len(_written(flash, ring, page)) - before)
+    used = len(_written(flash, ring, page)) - before
+    # Several unreadable records and no whole one before them are of the ring's former round: the page is erased as usual.
+    return 0 if before == 0 and used > 1 else max(0, used)
 
 
 def _written(flash: Flash, ring: Ring, page: int) -> list[bytes]:

@@ -171,3 +171,12 @@ def test_the_next_time_to_speak_is_the_first_one_of_its_slot(
     at_ms = it.transmits_at_ms(reading_ms)
     assert reading_ms <= at_ms < reading_ms + frame_ms
     assert (at_ms - slot * slot_ms - slot_ms // 3 - offset_ms) % frame_ms == 0
+
+
+def test_a_first_slot_is_used_at_the_end_of_the_wake_in_which_it_was_assigned() -> None:
+    """By hand: the wake ends at 3610 s; a frame begins at 3600 s, slot 7 of 3 s at 3621 s, its guard is 0.5 s."""
+    bench = Bench(board(HOURLY, power()))
+    bench.run(seconds=3603)
+    bench.hear(SlotAssignment(1, 300_000, 3000, 500, 7, 0))
+    bench.run(minutes=1)
+    assert [it.at_ms for it in bench.did(SendStatus)] == [3_621_500]

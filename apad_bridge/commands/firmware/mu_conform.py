@@ -14,6 +14,7 @@ from xml.etree import ElementTree
 from rich.progress import track
 from rich.table import Table
 
+from agents.mussel.agent_rig import STIMULI as WHOLE_STIMULI
 from agents.mussel.firmware_failure import FirmwareFailed
 from apad_bridge.commands.firmware.mu_program import (
     AT_THE_EDGE,
@@ -45,7 +46,7 @@ from firmware_model.bench.conformance import (
     unknown_names,
 )
 from firmware_model.bench.conformance_cases import CASES
-from firmware_model.bench.rigs import lasts_ms
+from firmware_model.bench.rigs import STIMULI, lasts_ms
 from firmware_model.bench.whole_conformance_cases import WHOLE_CASES
 
 _CASES = {WORST_CASE: CASES, WHOLE: WHOLE_CASES}
@@ -62,7 +63,11 @@ def add_conform(parts: Any) -> None:
         "batteries charge, which bytes are sent, and the charge at the end. A case that cites our own choice differs; the "
         "others fail (exit code 3). Passing is a least filter: it does not show that firmware is right.",
         epilog=ending(
-            "musselbed mu conform ./board", "musselbed mu conform ./board --case bounces --random 50"
+            "musselbed mu conform ./board",
+            "musselbed mu conform ./board --case bounces --random 50",
+            'musselbed mu conform ./board --script "3s permission 70s rises_unseen 1h"',
+            note=f"a script's words: waits as 50ms, 2s, 5min, 1h; {'; '.join(STIMULI)}\nwith --profile mu also: "
+            f"{'; '.join(WHOLE_STIMULI)}",
         ),
     )
     conform.add_argument("program", type=Path, metavar="PROGRAM", help="firmware: see docs/firmware-port.md")
@@ -107,7 +112,11 @@ def add_conform(parts: Any) -> None:
         metavar="TRACE",
         help="write the trace of PROGRAM in --script or in one --case",
     )
-    conform.add_argument("--script", metavar="WORDS", help="this script alone, as a failed case prints it")
+    conform.add_argument(
+        "--script",
+        metavar="WORDS",
+        help="this script alone, as a failed case prints it, on the board of --case (else the usual one)",
+    )
     conform.add_argument(
         "--waive", type=Path, metavar="FILE.yaml", help="cases that need not pass, each with its reason"
     )
@@ -154,15 +163,30 @@ def _cases(arguments: argparse.Namespace) -> list[Case]:
     if arguments.captured is not None:
         return []
     known, is_whole = _CASES[arguments.profile], arguments.profile == WHOLE
-    if arguments.script is not None:
-        whole = Whole() if is_whole else None
-        return [Case("script", RequirementSource.SCRIPT, "the same as ours", arguments.script, whole=whole)]
     if unknown := unknown_names(arguments.case, known):
         raise UserError(f"--case {unknown[0]}: there are {', '.join(case.name for case in known)}")
     chosen = [case for case in known if not arguments.case or case.name in arguments.case]
+    if arguments.script is not None:
+        return [_of_script(arguments.script, chosen if arguments.case else [], is_whole)]
     chosen = [case for case in chosen if not (arguments.cost and case.is_near_tie)]
     chosen += random_cases(arguments.random, arguments.seed, arguments.cost > 0, is_whole)
     return [case for case in chosen if not arguments.serial or lasts_ms(case.script) < _AT_THETA_1_MS]
+
+
+def _of_script(script: str, boards: list[Case], is_whole: bool) -> Case:
+    """The script on the board of the one case in `boards`, or on the usual one; UserError for more."""
+    if len(boards) > 1:
+        raise UserError("--script: name one --case, whose board it is to have")
+    usual = Case("", RequirementSource.SCRIPT, "", "", whole=Whole() if is_whole else None)
+    return replace(
+        (boards or [usual])[0],
+        name="script",
+        source=RequirementSource.SCRIPT,
+        requirement="the same as ours",
+        script=script,
+        paper=None,
+        shows=None,
+    )
 
 
 def _judged(program: Path, case: Case, waivers: dict[str, str], cost_ms: int, seed: int) -> CaseResult:

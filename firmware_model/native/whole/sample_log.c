@@ -78,10 +78,10 @@ static void recover(uint32_t known) {
     used = written(page_of(known), &first, &count);
     if (first != UNKNOWN && first != known - known % A_PAGE)
         unwritable = (A_PAGE - known % A_PAGE) % A_PAGE; /* the page was never erased for these */
-    else if (used > known % A_PAGE)
+    else if (used > known % A_PAGE && (known % A_PAGE || used == 1)) /* more at a page's begin are of the former round */
         unwritable = used - known % A_PAGE;
     log_state.torn = torn + unwritable;
-    log_state.next = known + (known % A_PAGE ? unwritable : 0);
+    log_state.next = known + unwritable;
 }
 
 void log_open(void) {

@@ -66,15 +66,13 @@ static void slot_deadline(void) {
 
 static void sleep_cycle_deadline(void) {
     const struct mu_config *config = hal_config();
-    enum trigger processed = settings.frame_ms ? PROCESSED : WAKE_OVER;
-    enum trigger sampled = settings.frame_ms ? SAMPLES_TO_SEND : WAKE_OVER;
     switch (board.state) {
     case ACTIVE: ends_after(config->listen_ms, WAKE_OVER); break;
     case SLEEPING:
     case CHARGING: ends_at_reading(clock_next_alarm(), ALARM_RANG); break;
-    case SAMPLING: ends_after(settings.sample_ms, config->processing_ms ? SAMPLES_TO_PROCESS : sampled); break;
+    case SAMPLING: ends_after(settings.sample_ms, WAKE_OVER); break;
     case REPORTING: ends_after(config->report_ms, WAKE_OVER); break;
-    case PROCESSING: ends_after(config->processing_ms, processed); break;
+    case PROCESSING: ends_after(config->processing_ms, WAKE_OVER); break;
     case AWAITING_SLOT: slot_deadline(); break;
     case AWAITING_BEACON: ends_after(config->beacon_wait_ms, WAKE_OVER); break;
     default: break;
@@ -156,6 +154,15 @@ void apply_if_allowed(enum trigger trigger) {
         apply(trigger);
 }
 
+/* The trigger at the end of SAMPLING or PROCESSING, by the settings of that moment. */
+static enum trigger after_work(void) {
+    if (board.state == SAMPLING && hal_config()->processing_ms)
+        return SAMPLES_TO_PROCESS;
+    if (!settings.frame_ms)
+        return WAKE_OVER;
+    return board.state == SAMPLING ? SAMPLES_TO_SEND : PROCESSED;
+}
+
 static void state_ends(void) {
     enum trigger trigger = ends_by;
     by_timer = by_clock = false;
@@ -163,6 +170,8 @@ static void state_ends(void) {
         hal_refuse("a surfacing: it did not come up in time");
     if (board.state == BOOTING)
         trigger = pin_is_high() ? BOOTED_ON_CHARGER : hal_at_surface() ? BOOTED_AT_SURFACE : BOOTED_ON_BOTTOM;
+    if (trigger == WAKE_OVER && (board.state == SAMPLING || board.state == PROCESSING))
+        trigger = after_work();
     if (board.state == SAMPLING)
         log_sample();
     if (board.state == AWAITING_BEACON)

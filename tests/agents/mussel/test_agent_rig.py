@@ -10,7 +10,7 @@ from agents.mussel.agent_rig import AgentRig
 from firmware_model.bench.conformance import Case, RequirementSource, Verdict, Whole, history, judged
 from firmware_model.bench.rigs import RigEvent, RigHistory
 from firmware_model.bench.whole_conformance_cases import WAYS_INTO, WHOLE_CASES
-from firmware_model.packets import StatusPacket, WifiStatus, decode
+from firmware_model.packets import CommandPacket, Kind, StatusPacket, WifiStatus, decode
 from firmware_model.power.active_battery import ActiveBattery
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
@@ -124,6 +124,21 @@ def test_a_dock_below_is_a_pin_that_rises_without_a_charger() -> None:
     assert [str(it) for it in found.events] == ["1020.050 s motors sink"]
 
 
+def test_a_hand_brings_a_body_up_and_down_and_it_may_travel_slowly() -> None:
+    """By hand: lifted at 100 s it floats; told to sink at 110 s, put down at 115 s; then 2 min up."""
+    script = "100s surfaced 10s sink 5s landed 1s travel:2min permission 3min"
+    found = shown(replace(CASES["surfaces"], script=script.replace("sink", f"wifi:{SINK.encode().hex()}")))
+    assert found.states is not None
+    assert [str(it) for it in found.states][3:] == [
+        "100.000 s state FLOATING",
+        "110.000 s state SINKING",
+        "115.000 s state ACTIVE",
+        "116.000 s state SURFACING",
+        "236.000 s state FLOATING",
+    ]
+
+
+SINK = CommandPacket(Kind.SINK, 1)
 STATUS = StatusPacket(1, 4, State.ACTIVE, 0.5, 0.9, 1.0, 2.0, 3.0, 70_000)
 CASE = Case("status", RequirementSource.PACKETS, "", "1s", whole=Whole())
 

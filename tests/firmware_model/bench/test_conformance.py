@@ -28,6 +28,7 @@ from firmware_model.bench.conformance import (
 from firmware_model.bench.conformance_cases import CASES, WAYS_INTO
 from firmware_model.bench.costly_firmware import CostlyFirmware
 from firmware_model.bench.rigs import BenchRig, Rig, RigEvent, RigHistory, lasts_ms
+from firmware_model.bench.whole_conformance_cases import WHOLE_CASES
 from firmware_model.config import BoardConfig
 from firmware_model.firmware import Firmware
 from firmware_model.packets import StatusPacket
@@ -60,7 +61,7 @@ def test_the_cases_are_120_and_more_with_a_name_each() -> None:
     assert len(CASES) >= 120
     assert len({case.name for case in CASES}) == len(CASES)
     cited = {RequirementSource.CAPTURED, RequirementSource.SCRIPT}
-    assert {case.source for case in CASES} == set(RequirementSource) - cited
+    assert {case.source for case in (*CASES, *WHOLE_CASES)} == set(RequirementSource) - cited
 
 
 @pytest.mark.parametrize("state", WAYS_INTO, ids=lambda it: it.name)

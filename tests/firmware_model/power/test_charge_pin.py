@@ -94,6 +94,27 @@ def test_a_missed_edge_that_went_back_never_was() -> None:
     assert pin.next_due_ms is None and not pin.sample_level(5000)
 
 
+def test_a_check_finds_a_missed_edge_while_a_level_is_to_hold() -> None:
+    """By hand: high from 980, and low unseen from 990: the check at 1000 finds it, and 50 ms begin there and at 1050."""
+    pin = ChargePin(50, False, 2000, 1000)
+    pin.level(True, 980)
+    pin.level_unseen(False, 990)
+    assert (pin.next_due_ms, pin.due(1000)) == (1000, (None, PinFault.MISSED))
+    pin.level_unseen(True, 1010)
+    assert (pin.next_due_ms, pin.due(1050)) == (1050, (None, PinFault.MISSED))
+    assert (pin.next_due_ms, pin.due(1100)) == (1100, (Edge.ROSE, None))
+
+
+def test_checks_go_on_as_the_counter_wraps_until_a_reset() -> None:
+    """2^32 ticks of 32 768 Hz are 131 072 s. By hand: 131 100 s is the next whole minute, and after a reset 131 132 s."""
+    pin = ChargePin(50, False, 2000, 60_000)
+    pin.level_unseen(True, 131_073_000)
+    assert pin.next_due_ms == 131_100_000
+    pin.restart(False, 131_073_000)
+    pin.level_unseen(True, 131_073_000)
+    assert pin.next_due_ms == 131_132_000
+
+
 def sampled(levels: list[tuple[int, bool]], debounce_ms: int, chatter_ms: int) -> list[tuple[int, Edge]]:
     """The same rules, millisecond by millisecond."""
     certain = seen = False
