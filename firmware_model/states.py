@@ -158,7 +158,8 @@ TABLE: dict[tuple[State, Trigger], State] = {
     (_S.EMPTY, _T.LAST_RESORT_CALL): _S.CALLING,
     (_S.EMPTY, _T.LAST_RESORT_SURFACE): _S.SURFACING,
     (_S.CALLING, _T.WAKE_OVER): _S.EMPTY,
-    **{(state, _T.BOTH_EMPTIED): _S.LOST for state in (*_UNDOCKED, _S.BOOTING)},
+    # Also where the pin tells a dock whose charger does not feed it.
+    **{(state, _T.BOTH_EMPTIED): _S.LOST for state in (*_UNDOCKED, _S.BOOTING, _S.CHARGING, _S.REPORTING)},
 }
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from firmware_model.bench.conformance import Case, PaperTime, RequirementSource
 from firmware_model.bench.wrong_packets import UNKNOWN_LAYOUTS, by_sound, damages
 from firmware_model.packets import (
@@ -715,8 +717,17 @@ _ORDERS = {
     Kind.PERMISSION: Trigger.PERMISSION_HEARD,
     Kind.RELEASE: Trigger.CLEAR_TO_SINK,
     Kind.SINK: Trigger.SINK_TOLD,
+    Kind.PING: Trigger.PING_HEARD,
 }
-"""A ping is none: the worst case's answer is our choice."""
+_KEPT = {(State.CHARGING, Kind.RELEASE)}
+"""No trigger of the table, and yet an order that is kept until the pin has fallen."""
+AFTERWARDS = "permission 70s rises 1min falls 8min"
+"""A service in which an order that was kept for later would show."""
+_FACTS = {
+    "surfaced": Trigger.SURFACE_REACHED,
+    "landed": Trigger.BOTTOM_REACHED,
+    "falls": Trigger.CHARGE_EDGE_FELL,
+}
 _TABLE = [
     *(
         Case(
@@ -725,6 +736,7 @@ _TABLE = [
             f"the table: {state.name} takes {trigger.name}",
             f"{script} sound:{_of(kind, 1)} 5min",
             primary,
+            counts_refusals=True,
             shows=f"state {TABLE[state, trigger].name}",
         )
         for state, (primary, script) in WAYS_INTO.items()
@@ -735,22 +747,51 @@ _TABLE = [
         Case(
             f"nothing-else-in-{state.name.lower()}",
             RequirementSource.STATES,
-            f"the table: {state.name} takes no other order",
+            f"the table: {state.name} takes no other order, counts it, and keeps nothing of it",
             " ".join(
                 [
                     script,
                     *(
                         f"sound:{_of(kind, 1)}"
                         for kind, trigger in _ORDERS.items()
-                        if (state, trigger) not in TABLE
+                        if (state, trigger) not in TABLE and (state, kind) not in _KEPT
                     ),
-                    "5min",
+                    f"1min {'falls' if state is State.CHARGING else ''} 5min {AFTERWARDS}",
                 ]
             ),
             primary,
+            counts_refusals=True,
         )
         for state, (primary, script) in WAYS_INTO.items()
-        if state is not State.CHARGING  # it keeps a release
+    ),
+    *(
+        Case(
+            f"{word}-in-{state.name.lower()}",
+            RequirementSource.STATES,
+            f"the table: {state.name} takes {trigger.name}, or refuses and counts it",
+            f"{script} {word} 5min {AFTERWARDS}",
+            primary,
+            counts_refusals=True,
+        )
+        for state, (primary, script) in WAYS_INTO.items()
+        for word, trigger in _FACTS.items()
+        if (state is State.CHARGING) == (word == "falls")
+    ),
+    *(
+        Case(
+            f"empties-{name}",
+            RequirementSource.STATES,
+            "the table: a worst case that is not ACTIVE goes on with an empty battery, and is EMPTY once it is down",
+            f"{script} 5min {AFTERWARDS}",
+            primary,
+            counts_refusals=True,
+        )
+        for name, script, primary in (
+            ("in-a-boot", "1min", 0.00001),
+            ("on-its-way-up", "3s permission 70s sink 2min", 0.0006),
+            ("before-it-sinks", f"{_UP} 1min sink 2min", 0.002),
+            ("on-its-way-down", f"{_UP} 47s sink 2min", 0.0026),
+        )
     ),
     *(
         Case(
@@ -775,17 +816,233 @@ _TABLE = [
         for state, (primary, script) in WAYS_INTO.items()
     ),
 ]
+_WRAPS = "36h 24min 31s"
+"""A second before the counter wraps."""
+COUNTER: tuple[tuple[str, str, str], ...] = (
+    ("afloat", "30h permission 13h", "motors sink"),
+    ("before-a-release", "36h 20min permission 70s rises 130s falls 10min", "motors sink"),
+    ("in-a-debounce", f"{_WRAPS} 970ms rises 10min falls 5min", "state CHARGING"),
+    ("in-a-chatter", f"{_WRAPS} chatter:30:10:100 rises 5min", "state CHARGING"),
+    ("in-a-boot", f"{_WRAPS} brown_out 500ms permission 2s permission 3min", "state SURFACING"),
+    ("while-it-comes-up", f"{_WRAPS} travel:20min permission 10min", "motors sink"),
+)
+"""What lasts as the counter wraps: a name, a script, and what it shows."""
 _COUNTER = [
     Case(
         f"the-counter-wraps-{name}",
         RequirementSource.PORT,
         "the counter wraps after 36 hours",
         script,
-        shows="motors sink",
+        is_near_tie=name == "in-a-debounce",
+        shows=shows,
     )
-    for name, script in (
-        ("afloat", "30h permission 13h"),
-        ("before-a-release", "36h 20min permission 70s rises 130s falls 10min"),
+    for name, script, shows in COUNTER
+]
+PIN: tuple[tuple[str, str, str], ...] = (
+    (
+        "a-tie-leaves-it-low",
+        "after 2 s of as much high as low the former level counts",
+        f"{_UP} chatter:25:25:45 5min",
+    ),
+    (
+        "a-tie-leaves-it-high",
+        "after 2 s of as much high as low the former level counts",
+        f"{_UP} rises 1min chatter:25:25:45 rises 5min",
+    ),
+    (
+        "a-spell-follows-at-once",
+        "the next 2 s of chatter follow at once",
+        f"{_UP} chatter:6:45:40 chatter:45:6:60 rises 5min",
+    ),
+    (
+        "a-fall-in-the-second-spell",
+        "the next 2 s of chatter follow at once",
+        f"{_UP} rises 1min chatter:45:6:40 chatter:6:45:60 5min",
+    ),
+    (
+        "three-spells",
+        "each 2 s of chatter are judged by themselves",
+        f"{_UP} chatter:40:8:42 chatter:8:40:42 chatter:40:8:42 rises 5min",
+    ),
+    (
+        "a-level-holds-past-a-spell",
+        "a level that began to hold within 2 s of chatter counts 50 ms after it began",
+        f"{_UP} chatter:5:45:39 rises 5ms falls 30ms rises 5min",
+    ),
+    (
+        "a-fall-holds-past-a-spell",
+        "a level that began to hold within 2 s of chatter counts 50 ms after it began",
+        f"{_UP} rises 1min chatter:5:45:39 rises 5ms falls 30ms rises 5ms falls 5min",
+    ),
+    (
+        "a-lost-edge-at-a-spell-s-end",
+        "at the end of a spell and of a level the board looks at the pin",
+        f"{_UP} rises 1min chatter:6:45:39 rises 6ms falls 5ms rises_unseen 5min",
+    ),
+    (
+        "a-lost-edge-in-a-chatter",
+        "at the end of 50 ms the board looks at the pin",
+        f"{_UP} chatter:20:20:20 rises 10ms falls_unseen 10ms rises_unseen 20ms falls_unseen 5min",
+    ),
+    ("a-hold-of-51-ms", "a level counts once it held for 50 ms", f"{_UP} rises 51ms falls 5min"),
+    (
+        "a-gap-of-51-ms",
+        "a level counts once it held for 50 ms",
+        f"{_UP} rises 1min falls 51ms rises 5min",
+    ),
+    (
+        "there-and-back-unseen",
+        "an edge that went back before a look is none",
+        f"{_UP} rises_unseen 20s falls_unseen 5min",
+    ),
+    (
+        "away-and-back-unseen",
+        "an edge that went back before a look is none",
+        f"{_UP} rises 1min falls_unseen 20s rises_unseen 5min",
+    ),
+    (
+        "unseen-and-then-repeated",
+        "an interrupt that repeats the level tells a lost edge at once",
+        f"{_UP} rises_unseen 20s rises 5min",
+    ),
+    (
+        "a-lost-fall-seen-at-its-repetition",
+        "an interrupt that repeats the level tells a lost edge at once",
+        f"{_UP} rises 1min falls_unseen 5s falls 5min",
+    ),
+    (
+        "a-reset-while-it-debounces",
+        "a reset reads the level, which counts at once",
+        f"{_UP} rises 30ms brown_out 1min falls 30ms brown_out 5min",
+    ),
+    (
+        "a-reset-in-a-chatter",
+        "a reset forgets a chatter",
+        f"{_UP} chatter:30:10:40 brown_out 1s chatter:10:30:40 5min",
+    ),
+    (
+        "a-reset-finds-a-lost-edge",
+        "a reset reads the level, which counts at once",
+        f"{_UP} rises_unseen 5s brown_out 1min falls_unseen 5s watchdog 5min",
+    ),
+    (
+        "a-fall-lost-in-a-boot",
+        "a look finds an edge that a boot lost",
+        f"{_UP} rises 1min brown_out 1s falls_unseen 5min",
+    ),
+    (
+        "a-rise-lost-in-a-boot-afloat",
+        "the begin of FLOATING is a wake, and finds a lost edge",
+        f"{_UP} brown_out 1s rises_unseen 5min",
+    ),
+    (
+        "chatter-in-a-boot",
+        "what the pin tells in a boot counts after it",
+        f"{_UP} brown_out 500ms chatter:30:10:60 5min",
+    ),
+    (
+        "an-edge-at-a-boot-s-end",
+        "a level that is to hold as a boot ends counts after it",
+        f"{_UP} brown_out 1970ms rises 1min brown_out 1970ms falls 5min",
+    ),
+    (
+        "a-boot-in-a-boot",
+        "a reset in a boot begins it anew",
+        "1s brown_out 1500ms permission 1s permission 3min",
+    ),
+)
+"""The charger's pin: a name, the requirement, and a script of pins, resets and permissions alone."""
+_PIN = [
+    Case(name, RequirementSource.STATES, requirement, script, 0.4, is_near_tie=True)
+    for name, requirement, script in PIN
+]
+_ROUNDS = [
+    Case(name, RequirementSource.STATES, requirement, script, 0.5, counts_refusals=True, shows=shows)
+    for name, requirement, script, shows in (
+        (
+            "a-release-before-its-edge-is-certain",
+            "docked, it sinks as soon as the pin has fallen",
+            f"{_DOCKED} falls 20ms release 5min",
+            "motors sink",
+        ),
+        (
+            "a-release-while-a-rise-is-to-hold",
+            "afloat a release sinks it, and a dock on its way down charges it",
+            f"{_UP} rises 20ms release 5min",
+            "charges",
+        ),
+        (
+            "a-release-kept-through-a-gap",
+            "a gap that does not hold ends no docking",
+            f"{_DOCKED} release falls 30ms rises 1min falls 5min",
+            "motors sink",
+        ),
+        (
+            "a-release-kept-through-a-lost-fall",
+            "docked, it sinks as soon as the pin has fallen, also if a look finds that",
+            f"{_DOCKED} release falls_unseen 5min",
+            "motors sink",
+        ),
+        (
+            "a-release-too-late",
+            "a release on its way down is refused and counted",
+            f"{_RELEASED} 121s release 5min",
+            "motors sink",
+        ),
+        (
+            "a-wait-for-a-release-begins-anew",
+            "each fall begins the wait anew",
+            f"{_RELEASED} 100s rises 1min falls 100s rises 1min falls 5min",
+            "motors sink",
+        ),
+        (
+            "a-surfacing-begins-anew",
+            "each permission begins the time of a surfacing anew",
+            "travel:170s 3s permission 100s sink 4min permission 5min",
+            "motors sink",
+        ),
+        (
+            "comes-up-too-late",
+            "181 s are too late, and counted",
+            "travel:181s 3s permission 10min",
+            "motors sink",
+        ),
+        (
+            "afloat-again",
+            "each surfacing begins the time afloat anew",
+            f"{_UP} 8h sink 3min permission 70s 13h",
+            "motors sink",
+        ),
+        (
+            "a-permission-while-a-rise-is-to-hold",
+            "a rising pin charges one on its way up",
+            "3s rises 20ms permission 5min",
+            "charges",
+        ),
+        (
+            "sinks-by-wifi",
+            "any medium carries an order to sink",
+            f"{_UP} wifi:{_of(Kind.SINK, 1)} 5min",
+            "motors sink",
+        ),
+        (
+            "released-by-sound",
+            "any medium carries a release",
+            f"{_RELEASED} sound:{_of(Kind.RELEASE, 1)} 5min",
+            "motors sink",
+        ),
+        (
+            "for-another-afloat",
+            "a command has the id of its receiver",
+            f"{_UP} {' '.join(f'wifi:{_of(kind, it)}' for kind in (Kind.RELEASE, Kind.SINK) for it in (2, 256, 257))} 5min",
+            None,
+        ),
+        (
+            "a-release-for-another-docked",
+            "a command has the id of its receiver",
+            f"{_DOCKED} wifi:{_of(Kind.RELEASE, 2)} falls 5min",
+            "motors sink",
+        ),
     )
 ]
 _LATE_UP = "6s permission 70s"
@@ -808,11 +1065,14 @@ _TIMES = [
         ("an-edge", "the debounce", f"{_LATE_UP} rises 79ms falls 10s rises 81ms falls 3min", "charges"),
     )
 ]
-CASES = (
-    *_PAPER,
-    *_PACKETS,
-    *_STATES,
-    *_COUNTER,
-    *_TIMES,
-    *_TABLE,
+
+
+def counting(case: Case) -> Case:
+    """The case with its refused inputs counted, if its pin chatters or loses edges: the page states how these count."""
+    has_faults = "chatter" in case.script or "unseen" in case.script
+    return replace(case, counts_refusals=case.counts_refusals or has_faults)
+
+
+CASES = tuple(
+    counting(it) for it in (*_PAPER, *_PACKETS, *_STATES, *_PIN, *_ROUNDS, *_COUNTER, *_TIMES, *_TABLE)
 )

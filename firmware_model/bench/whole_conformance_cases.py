@@ -7,6 +7,8 @@ from dataclasses import replace
 from typing import Any
 
 from firmware_model.bench.conformance import Case, PaperTime, RequirementSource, Whole
+from firmware_model.bench.conformance_cases import AFTERWARDS, COUNTER, PIN, counting
+from firmware_model.bench.rigs import lasts_ms
 from firmware_model.bench.wrong_packets import (
     EVERY_COMMAND,
     OTHER_VERSIONS,
@@ -34,6 +36,7 @@ from firmware_model.packets import (
 )
 from firmware_model.packets.wire import sealed
 from firmware_model.power.active_battery import ActiveBattery
+from firmware_model.state_groups import BEYOND_HELP, DOCKED, STRANDED
 from firmware_model.states import TABLE, State, Trigger
 from firmware_model.stimuli import ResetCause
 
@@ -66,13 +69,17 @@ _SINK = _wifi(CommandPacket(Kind.SINK, 1))
 """Sound does not reach a modem in air."""
 _ASKED = _wifi(CommandPacket(Kind.BACK_UP_LOG, 1))
 _EACH_MINUTE = _sound(SleepSchedule(1, 60_000, 10_000))
+_EACH_WAKE_S_SLOT = _sound(SlotAssignment(1, 60_000, 3000, 500, 10, 0))
 _SLOT_7 = _sound(SlotAssignment(1, 300_000, 3000, 500, 7, 0))
 _MANY_SAMPLES = f"3s {_EACH_MINUTE} 100min permission 70s rises"
 """Docked with 98 samples at 101 min 13 s; the next report is at 102 min."""
+_LAST_SLOT = _sound(SlotAssignment(1, 300_000, 3000, 500, 99, 0))
 _REPORTING = f"{_MANY_SAMPLES} 48s"
 """At 102 min 1 s, a second after the report."""
 _CALLS = Whole("hourly", 0.21, last_resort=LastResort.CALL)
 _SURFACES = Whole("hourly", 0.21, last_resort=LastResort.SURFACE)
+_LOW_CALLS, _LOW_SURFACES = replace(_CALLS, secondary=0.19), replace(_SURFACES, secondary=0.19)
+"""At the safe level as soon as the primary is empty."""
 
 
 def _case(
@@ -173,6 +180,12 @@ _PAPER = [
         f"{_RELEASED} release 2h permission 70s rises 1h falls 1s release 3min",
     ),
 ]
+_WRAPPING: tuple[tuple[str, str, str | Callable[[Any], bool]], ...] = (
+    ("afloat", "30h permission 9h", "motors sink"),
+    *COUNTER[1:],
+    ("while-it-hovers", "36h 15min hover 1h", "motors hover"),
+    ("before-an-answer", f"131071s 700ms ping 10s {_EACH_MINUTE} 5min ping 1min", _sends(ShortStatus)),
+)
 _SLEEP = [
     _case("wakes-hourly", RequirementSource.PAPER, "IV-A: it wakes at each whole hour for 10 s", "5h"),
     _case(
@@ -243,22 +256,32 @@ _SLEEP = [
     ),
     *(
         _case(
+            f"an-offset-beyond-its-frame-{name}",
+            RequirementSource.PACKETS,
+            "the board takes the next such time, even if the offset moves it beyond its frame",
+            f"3s {_sound(SlotAssignment(1, 300_000, 3000, 500, index, offset_ms))} {script}",
+            _HOURLY,
+            tolerance_ms=_SLOT_MS,
+            shows=_sends(AcousticStatus),
+        )
+        for name, index, offset_ms, script in (
+            ("late", 99, 200_000, "2h"),
+            ("early", 0, -200_000, "2h"),
+            ("by-frames", 50, 1_000_000, "2h"),
+            ("by-frames-back", 50, -1_000_000, "3s brown_out 2h"),
+        )
+    ),
+    *(
+        _case(
             f"the-counter-wraps-{name}",
             RequirementSource.PORT,
             "the counter wraps after 36 hours",
             script,
             Whole(float_min=480),
+            is_near_tie=name == "in-a-debounce",
             shows=shows,
         )
-        for name, script, shows in (
-            ("afloat", "30h permission 9h", "motors sink"),
-            ("before-a-release", "36h 20min permission 70s rises 130s falls 10min", "motors sink"),
-            (
-                "before-an-answer",
-                f"131071s 700ms ping 10s {_EACH_MINUTE} 5min ping 1min",
-                _sends(ShortStatus),
-            ),
-        )
+        for name, script, shows in _WRAPPING
     ),
     _case(
         "a-longer-wake",
@@ -339,8 +362,27 @@ _SLEEP = [
         "a-beacon-dispels-it",
         RequirementSource.STATES,
         "a beacon in the wait lets it transmit after all",
-        f"3s {_SLOT_7} 237min 100s beacon:14323000 1h",
+        f"3s {_SLOT_7} 241min 17s beacon:14480000 1h",
         Whole("field", doubt_ppm=50),
+        tolerance_ms=_SLOT_MS,
+        shows=lambda it: isinstance(it, AcousticStatus) and 14_480_000 < it.agent_ms < 15_000_000,
+    ),
+    _case(
+        "in-doubt-at-its-slot",
+        RequirementSource.STATES,
+        "the clock's error at the timeslot counts, and not that as the wait begins",
+        f"3s {_LAST_SLOT} 297s beacon:300000 5h",
+        Whole("field", doubt_ppm=35),
+        shows="state AWAITING_BEACON",
+    ),
+    _case(
+        "each-beacon-ends-the-doubt",
+        RequirementSource.STATES,
+        "the error of the clock counts since the last beacon, also one that was heard in a boot",
+        f"3s {_SLOT_7} 2h brown_out 1s beacon:7204000 170min beacon:17404000 3h",
+        Whole("field", doubt_ppm=50),
+        tolerance_ms=_SLOT_MS,
+        shows=_sends(AcousticStatus),
     ),
     _case(
         "woken-by-a-reset",
@@ -351,6 +393,8 @@ _SLEEP = [
     ),
     _case("pi-at-work", RequirementSource.STATES, "a reset in a wake ends it", "1h 30s brown_out 2h", _FIELD),
 ]
+_GOES_ON = "the board answers a stated turnaround later with its state of then, and otherwise continues"
+_ANSWERS = _sends(ShortStatus)
 _PINGS = [
     _case("a-ping", RequirementSource.STATES, "500 ms after a ping it answers", "10s ping 1min"),
     _case(
@@ -373,6 +417,80 @@ _PINGS = [
         f"{_RELEASED} release 20s ping 3min",
     ),
     _case("two-pings", RequirementSource.STATES, "one answer at a time", "10s ping 300ms ping 5s ping 10s"),
+    *(
+        _case(
+            f"a-ping-{name}",
+            RequirementSource.STATES,
+            requirement,
+            script,
+            whole,
+            is_near_tie=True,
+            counts_refusals=True,
+            shows=shows,
+        )
+        for name, requirement, script, whole, shows in (
+            ("as-it-falls-asleep", _GOES_ON, "61s 800ms ping 5min", _FIELD, _ANSWERS),
+            ("as-it-wakes", _GOES_ON, "3599s 800ms ping 20min", _FIELD, _ANSWERS),
+            ("as-its-wake-ends", _GOES_ON, "3609s 800ms ping 20min", _HOURLY, _ANSWERS),
+            ("as-the-pi-begins", _GOES_ON, "3609s 800ms ping 20min", _FIELD, _ANSWERS),
+            ("as-the-pi-ends", _GOES_ON, "3669s 800ms ping 20min", _FIELD, _ANSWERS),
+            ("as-it-hovers-on", _GOES_ON, "10s hover 599s 800ms ping 20min", _FIELD, _ANSWERS),
+            ("as-it-comes-down", _GOES_ON, f"{_UP} {_SINK} 59s 800ms ping 5min", _FIELD, _ANSWERS),
+            ("before-a-permission", _GOES_ON, "10s ping 200ms permission 5min", _FIELD, _ANSWERS),
+            ("before-a-hover", _GOES_ON, "10min ping 200ms hover 5min", _FIELD, _ANSWERS),
+            ("before-it-is-empty", _GOES_ON, "10min ping 200ms loses:100 5min", _FIELD, _ANSWERS),
+            (
+                "before-it-calls-no-more",
+                _GOES_ON,
+                "10s loses:100 2min ping 200ms ping 5min",
+                _LOW_CALLS,
+                _ANSWERS,
+            ),
+            (
+                "as-it-comes-up",
+                "lifted out, it drops its answer and counts it",
+                "3s permission 59s 700ms ping 5min",
+                _FIELD,
+                None,
+            ),
+            (
+                "before-its-dock",
+                "docked, it drops its answer and counts it",
+                "10s rises ping 200ms 5min",
+                _FIELD,
+                None,
+            ),
+            ("before-a-reset", "a reset forgets an answer", "10min ping 200ms brown_out 5min", _FIELD, None),
+            (
+                "after-a-reset",
+                "a reset forgets that it is to answer",
+                "10min ping 200ms brown_out 5s ping 1min",
+                _FIELD,
+                _ANSWERS,
+            ),
+            (
+                "while-it-answers",
+                "while its modem sends it misses a ping",
+                "10min ping 600ms ping 5s ping 5min",
+                _FIELD,
+                _ANSWERS,
+            ),
+            (
+                "as-it-calls",
+                "before a call it answers no more",
+                "10s loses:100 600s ping 5min",
+                _LOW_CALLS,
+                None,
+            ),
+        )
+    ),
+    _case(
+        "a-hundred-pings",
+        RequirementSource.STATES,
+        "a sleeping board is up for the turnaround and the answer, and then sleeps at once again",
+        f"2min {' '.join(['ping 2s'] * 100)}",
+        shows=_sends(ShortStatus),
+    ),
     _case(
         "a-ping-for-all",
         RequirementSource.STATES,
@@ -652,8 +770,17 @@ _LOG = [
     _case(
         "a-full-ring",
         RequirementSource.PACKETS,
-        "the oldest page is overwritten, and counted",
-        f"3s {_EACH_MINUTE} 45h permission 70s rises 5min",
+        "the oldest page is overwritten, and counted; what waits has no record that is gone",
+        f"3s {_EACH_MINUTE} 45h {_EACH_WAKE_S_SLOT} 3min permission 70s rises 48s {_wifi(LogAck(1, 2690))} 2min"
+        " brown_out 3min",
+        shows=_sends(WifiStatus, acknowledged=2690, overwritten=0),
+    ),
+    _case(
+        "the-newest-counts-outlive-a-reset",
+        RequirementSource.PACKETS,
+        "after a reset the board finds the newest record, and reports its counts",
+        f"3s {_EACH_MINUTE} 10min permission 70s rises 10s brown_out 3min",
+        shows=_sends(WifiStatus, samples=8),
     ),
 ]
 _FAULTS = [
@@ -736,6 +863,152 @@ _FAULTS = [
     ),
 ]
 _EMERGENCY = [
+    *(
+        _case(name, RequirementSource.STATES, requirement, script, whole, counts_refusals=True, shows=shows)
+        for name, requirement, script, whole, shows in (
+            (
+                "calls-from-now-on",
+                "it calls at its safe level, and again every 10 min",
+                "10s loses:100 45min",
+                _LOW_CALLS,
+                "state CALLING",
+            ),
+            (
+                "calls-while-told-to-stay-down",
+                "an order to sink forbids no call",
+                "10s permission 20s sink 2min loses:100 1h",
+                _LOW_CALLS,
+                "state CALLING",
+            ),
+            (
+                "a-dock-ends-its-calls",
+                "it calls every 10 min until a charger was there, and then anew",
+                "10s loses:100 1min permission 70s rises 20s falls 1s release 30min",
+                _LOW_CALLS,
+                "state CALLING",
+            ),
+            (
+                "a-touch-of-a-charger-between-calls",
+                "a level of the pin that did not hold ends no calls",
+                "10s loses:100 1min permission 70s rises 30ms falls 1s release 30min",
+                _LOW_CALLS,
+                "state CALLING",
+            ),
+            (
+                "calls-after-a-reset",
+                "a reset forgets the last call",
+                "10s loses:100 3min brown_out 25min",
+                _LOW_CALLS,
+                "state CALLING",
+            ),
+            (
+                "fetched-between-two-calls",
+                "between two calls it takes a permission",
+                "10s loses:100 5min permission 70s rises 10min falls 5min",
+                _LOW_CALLS,
+                "state CHARGING",
+            ),
+            (
+                "surfaces-from-now-on",
+                "after a last resort it does not sink again by itself",
+                "10s loses:100 3h",
+                replace(_LOW_SURFACES, float_min=60),
+                "state FLOATING",
+            ),
+            (
+                "a-last-resort-told-to-sink",
+                "an order sinks one that came up by itself, and it stays down",
+                f"10s loses:100 5min {_SINK} 3h",
+                _LOW_SURFACES,
+                "motors sink",
+            ),
+            (
+                "a-permission-leaves-the-order-to-stay",
+                "for 6 h after an order to sink no last resort brings it up, but a permission does",
+                "10s permission 20s sink 2min permission 70s release 2min loses:100 7h",
+                _LOW_SURFACES,
+                "state EMPTY",
+            ),
+            (
+                "an-order-to-stay-prolonged",
+                "the newest order to sink counts",
+                "10s permission 20s sink 3h permission 20s sink 2min loses:100 7h",
+                _LOW_SURFACES,
+                "state EMPTY",
+            ),
+            (
+                "a-reset-forgets-the-order-to-stay",
+                "a reset forgets an order to stay down",
+                "10s permission 20s sink 2min brown_out 10s loses:100 1h",
+                _LOW_SURFACES,
+                "state FLOATING",
+            ),
+            (
+                "a-sink-refused-is-no-order-to-stay",
+                "a refused order is not kept",
+                "10s sink 10s loses:100 1h",
+                _LOW_SURFACES,
+                "state FLOATING",
+            ),
+            (
+                "does-not-come-up-at-last",
+                "a last resort that does not come up runs its motors back, counts it, and tries again",
+                "10s jam:1 loses:100 30min",
+                _LOW_SURFACES,
+                "motors sink",
+            ),
+            (
+                "works-on-below-the-safe-level",
+                "without a last resort a secondary in use works on until it is empty",
+                "10s loses:100 3h",
+                Whole("field", 0.19, secondary_in_use=True),
+                _sends(AcousticStatus),
+            ),
+            (
+                "a-reserve-below-the-safe-level",
+                "with a last resort a secondary in use is EMPTY from the safe level on",
+                "10s loses:100 3h",
+                Whole("field", 0.19, last_resort=LastResort.CALL, secondary_in_use=True),
+                "state CALLING",
+            ),
+            (
+                "waits-at-its-safe-level",
+                "it may do nothing at its safe level",
+                "10s loses:100 1h",
+                Whole("hourly", 0.19),
+                "state EMPTY",
+            ),
+            (
+                "another-safe-level-while-empty",
+                "a threshold counts from now on",
+                f"10s loses:100 20min {_sound(SetThreshold(1, Threshold.SAFE_LEVEL, 0.9))} 1h",
+                Whole("hourly", 0.8, last_resort=LastResort.CALL),
+                "state CALLING",
+            ),
+            (
+                "a-threshold-in-a-boot",
+                "a booting board stores settings all the same",
+                f"10s brown_out 1s {_sound(SetThreshold(1, Threshold.SAFE_LEVEL, 0.9))} 10s loses:100 1h",
+                Whole("hourly", 0.8, last_resort=LastResort.CALL),
+                "state CALLING",
+            ),
+            (
+                "no-low-level",
+                "a low level of 0 is none",
+                f"3s {_sound(SetThreshold(1, Threshold.LOW_LEVEL, 0.0))} 2min loses:30 30min",
+                Whole("field", low_level=0.8),
+                "state SLEEPING",
+            ),
+            (
+                "never-sleeping-through-a-day",
+                "a board that never sleeps refuses every schedule, and transmits in no slot",
+                f"10s {_EACH_MINUTE} {_SLOT_7} 2h permission 70s rises 2h falls 1s release 5min hover 15min sink 5min"
+                " ping 5min",
+                _NEVER,
+                "motors hover",
+            ),
+        )
+    ),
     _case("empties", RequirementSource.STATES, "an empty one measures nothing", "8h", primary=0.005),
     _case(
         "empty-and-fetched",
@@ -1206,6 +1479,47 @@ _PACKETS = [
         "a hovering one takes another depth",
         f"10s {_sound(HoverAt(1, 1.25))} 15min {_sound(HoverAt(1, 2.0))} 25min",
     ),
+    *(
+        _case(name, RequirementSource.PACKETS, requirement, script, shows=shows)
+        for name, requirement, script, shows in (
+            (
+                "hovers-here-after-a-depth",
+                "HOVER 5 v1: hold the depth where it is",
+                f"3s {_sound(HoverAt(1, 1.25))} 5min hover 25min",
+                "motors hover",
+            ),
+            (
+                "hovers-here-after-another-dive",
+                "HOVER 5 v1: hold the depth where it is",
+                f"3s {_sound(HoverAt(1, 1.25))} 5min permission 70s release 5min hover 25min",
+                "motors hover",
+            ),
+            (
+                "hovers-here-after-a-reset",
+                "a reset forgets the depth to hover at",
+                f"3s {_sound(HoverAt(1, 1.25))} 5min brown_out 10s hover 25min",
+                "motors hover",
+            ),
+            (
+                "hovers-at-the-least-depth",
+                "a depth of 0 is refused, and 0.25 m are none",
+                f"10s {_sound(HoverAt(1, 0.25))} 25min permission 3min",
+                "motors hover at 0.25 m",
+            ),
+            (
+                "hovers-at-the-most",
+                "a depth is a u8 in steps of 0.25 m",
+                f"10s {_sound(HoverAt(1, 63.75))} 15min",
+                "motors hover at 63.75 m",
+            ),
+            (
+                "a-depth-for-another-state",
+                "the depth of an order that was refused is not used",
+                f"3s permission 20s {_sound(HoverAt(1, 1.25))} 10s sink 5min hover 15min",
+                "motors hover",
+            ),
+        )
+    ),
     _case(
         "a-hover-refused-is-forgotten",
         RequirementSource.STATES,
@@ -1553,6 +1867,106 @@ def _named(state: State) -> str:
     return state.name.lower().replace("_", "-")
 
 
+_SLOTS = "SLOT_ASSIGNMENT: a slot of no time, beyond its frame, or with a guard as long is refused"
+_WAKES = "SLEEP_SCHEDULE: a wake of no time, or as long as its period, is refused; any on a board that never sleeps"
+_BOUNDS = [
+    _case(
+        f"bounds-{name}",
+        RequirementSource.PACKETS,
+        requirement,
+        f"3s {' '.join(map(_sound, commands))} 90min permission 70s rises 15min",
+        whole,
+        tolerance_ms=_SLOT_MS,
+        counts_refusals=True,
+    )
+    for name, requirement, whole, commands in (
+        ("a-slot-of-the-whole-frame", _SLOTS, _HOURLY, (SlotAssignment(1, 60_000, 60_000, 500, 0, 0),)),
+        ("a-slot-that-ends-with-its-frame", _SLOTS, _HOURLY, (SlotAssignment(1, 60_000, 20_000, 500, 2, 0),)),
+        ("a-slot-that-ends-1-ms-later", _SLOTS, _HOURLY, (SlotAssignment(1, 59_999, 20_000, 500, 2, 0),)),
+        ("a-slot-longer-than-its-frame", _SLOTS, _HOURLY, (SlotAssignment(1, 60_000, 60_001, 500, 0, 0),)),
+        ("a-slot-of-1-ms", _SLOTS, _HOURLY, (SlotAssignment(1, 60_000, 1, 0, 30_000, 0),)),
+        ("a-slot-of-no-time", _SLOTS, _HOURLY, (SlotAssignment(1, 60_000, 0, 0, 0, 0),)),
+        ("a-slot-in-no-frame", _SLOTS, _HOURLY, (SlotAssignment(1, 0, 0, 0, 0, 0),)),
+        (
+            "a-guard-1-ms-shorter-than-its-slot",
+            _SLOTS,
+            _HOURLY,
+            (SlotAssignment(1, 60_000, 4000, 3999, 3, 0),),
+        ),
+        ("a-guard-as-long-as-its-slot", _SLOTS, _HOURLY, (SlotAssignment(1, 60_000, 4000, 4000, 3, 0),)),
+        ("no-guard", _SLOTS, _HOURLY, (SlotAssignment(1, 60_000, 4000, 0, 3, 0),)),
+        ("a-wake-of-1-ms", _WAKES, _HOURLY, (SleepSchedule(1, 600_000, 1),)),
+        ("a-wake-1-ms-shorter-than-its-period", _WAKES, _HOURLY, (SleepSchedule(1, 600_000, 599_999),)),
+        ("a-wake-as-long-as-its-period", _WAKES, _HOURLY, (SleepSchedule(1, 600_000, 600_000),)),
+        ("a-wake-of-no-time", _WAKES, _HOURLY, (SleepSchedule(1, 600_000, 0),)),
+        ("a-period-of-no-time", _WAKES, _HOURLY, (SleepSchedule(1, 0, 0),)),
+        (
+            "a-refused-one-leaves-the-former",
+            _WAKES,
+            _HOURLY,
+            (SleepSchedule(1, 900_000, 20_000), SleepSchedule(1, 600_000, 0)),
+        ),
+        ("a-schedule-for-one-that-never-sleeps", _WAKES, _NEVER, (SleepSchedule(1, 600_000, 10_000),)),
+        ("the-first-time", "BEACON: a time above 2^53 ms is refused", _HOURLY, (Beacon(1, 0),)),
+        ("the-last-time", "BEACON: a time above 2^53 ms is refused", _HOURLY, (Beacon(1, 1 << 53),)),
+        (
+            "beyond-the-last-time",
+            "BEACON: a time above 2^53 ms is refused",
+            _HOURLY,
+            (Beacon(1, (1 << 53) + 1),),
+        ),
+        (
+            "every-number-of-a-level",
+            "SET_THRESHOLD: a number above 2 is refused",
+            _HOURLY,
+            tuple(SetThreshold(1, it, 0.5) for it in Threshold),
+        ),
+        ("a-depth-of-0", "HOVER: a depth of 0 is refused", _HOURLY, (HoverAt(1, 0.0),)),
+    )
+]
+_ACKS = [
+    _case(
+        f"an-acknowledgement-{name}",
+        RequirementSource.PACKETS,
+        requirement,
+        f"{_REPORTING} {script} 5min",
+        counts_refusals=True,
+        shows=_sends(LogRecords),
+    )
+    for name, requirement, script in (
+        ("of-all", "a sequence above that of the next record is refused", f"8s {_wifi(LogAck(1, 98))}"),
+        (
+            "of-one-too-many",
+            "a refused one prolongs a report, too",
+            f"8s {_wifi(LogAck(1, 99))} 8s {_wifi(LogAck(1, 1))}",
+        ),
+        (
+            "of-none",
+            "one of nothing new brings the records from the first one on",
+            f"8s {_wifi(LogAck(1, 0))}",
+        ),
+        (
+            "of-the-largest",
+            "a sequence has four bytes",
+            f"{_wifi(LogAck(1, (1 << 32) - 1))} 1s {_wifi(LogAck(1, 65_536))}",
+        ),
+        (
+            "by-sound",
+            "without Wi-Fi none is heard",
+            f"30s {_sound(LogAck(1, 50))} 1min {_wifi(LogAck(1, 18))}",
+        ),
+        (
+            "for-all",
+            "id 0 addresses all",
+            f"{_wifi(LogAck(EVERYONE, 72))} 1s {_wifi(CommandPacket(Kind.BACK_UP_LOG, EVERYONE))}",
+        ),
+        (
+            "for-another",
+            "a command has the id of its receiver",
+            f"{_wifi(LogAck(257, 72))} 1s {_wifi(CommandPacket(Kind.BACK_UP_LOG, 256))}",
+        ),
+    )
+]
 _TABLE = [
     *(
         _case(
@@ -1563,6 +1977,7 @@ _TABLE = [
             whole,
             primary,
             is_near_tie=state is State.CALLING,
+            counts_refusals=True,
             shows=_taken(word, TABLE[state, trigger]),
         )
         for state, (whole, primary, script) in WAYS_INTO.items()
@@ -1573,7 +1988,7 @@ _TABLE = [
         _case(
             f"nothing-else-in-{_named(state)}",
             RequirementSource.STATES,
-            f"the table: {state.name} takes no other order",
+            f"the table: {state.name} takes no other order, counts it, and keeps nothing of it",
             " ".join(
                 [
                     script,
@@ -1582,14 +1997,84 @@ _TABLE = [
                         for word in _KINDS
                         if (state, _TRIGGERS[word]) not in TABLE and (state, word) not in _KEPT
                     ),
-                    "25min",
+                    f"1min {'falls' if state in DOCKED else ''} 25min {AFTERWARDS}",
                 ]
             ),
             whole,
             primary,
             is_near_tie=state is State.CALLING,
+            counts_refusals=True,
         )
         for state, (whole, primary, script) in WAYS_INTO.items()
+    ),
+    *(
+        _case(
+            f"{name}-in-{_named(state)}",
+            RequirementSource.STATES,
+            f"the table: {state.name} takes {trigger.name}, or refuses and counts it",
+            f"{script} {word} 25min {AFTERWARDS}",
+            whole,
+            primary,
+            is_near_tie=state is State.CALLING,
+            counts_refusals=state
+            is not State.TRANSMITTING,  # the rest of its packet may go on, and drops sound
+        )
+        for name, word, trigger in (
+            ("surfaced", "surfaced", Trigger.SURFACE_REACHED),
+            ("landed", "landed", Trigger.BOTTOM_REACHED),
+            ("emptied", "loses:100", Trigger.BATTERY_EMPTIED),
+        )
+        for state, (whole, primary, script) in WAYS_INTO.items()
+        if state not in (DOCKED if name != "emptied" else STRANDED) | BEYOND_HELP
+    ),
+    *(
+        _case(
+            f"both-emptied-in-{_named(state)}",
+            RequirementSource.STATES,
+            "the table: without charge it is LOST, and a charger that feeds it boots it",
+            f"{script} loses:100 5min ping permission 5min surfaced rises 20min falls 5min",
+            replace(whole, secondary=0.0),
+            primary,
+            shows="state LOST",
+        )
+        for state, (whole, primary, script) in WAYS_INTO.items()
+        if state not in DOCKED | STRANDED | BEYOND_HELP
+    ),
+    *(
+        _case(
+            f"{name}-in-{_named(state)}",
+            RequirementSource.PACKETS,
+            requirement,
+            f"{script} {' '.join(f'{_sound(it)} {_wifi(it)}' for it in commands(lasts_ms(script)))} 45min permission 70s"
+            " rises 61min",
+            whole,
+            primary,
+            is_near_tie=state is State.CALLING,
+            counts_refusals=True,
+        )
+        for name, requirement, commands in (
+            (
+                "a-beacon",
+                "a beacon sets the clock wherever it is received",
+                lambda at_ms: (Beacon(1, at_ms + 200_000),),
+            ),
+            (
+                "settings",
+                "schedule, timeslot and levels are stored wherever they are received",
+                lambda _: (
+                    SleepSchedule(1, 600_000, 20_000),
+                    SlotAssignment(1, 300_000, 3000, 500, 7, 0),
+                    SetThreshold(1, Threshold.SWITCH_BACK, 0.3),
+                ),
+            ),
+            (
+                "a-log-order",
+                "LOG_ACK and BACK_UP_LOG are refused while the Wi-Fi is off",
+                lambda _: (LogAck(1, 1), CommandPacket(Kind.BACK_UP_LOG, 1)),
+            ),
+        )
+        for state, (whole, primary, script) in WAYS_INTO.items()
+        if state not in BEYOND_HELP
     ),
     *(
         _case(
@@ -1604,17 +2089,27 @@ _TABLE = [
         for state, (whole, primary, script) in WAYS_INTO.items()
     ),
 ]
-WHOLE_CASES = (
-    *_PAPER,
-    *_SLEEP,
-    *_PINGS,
-    *_TRAVEL,
-    *(replace(it, shows=it.shows or _sends(LogRecords)) for it in (*_LOG, *_UPLOADS)),
-    *_FAULTS,
-    *_EMERGENCY,
-    *_TIMES,
-    *_TOLD,
-    *_PACKETS,
-    *_ROUND,
-    *_TABLE,
+_PIN = [
+    _case(name, RequirementSource.STATES, requirement, script, primary=0.4, is_near_tie=True)
+    for name, requirement, script in PIN
+]
+WHOLE_CASES = tuple(
+    counting(it)
+    for it in (
+        *_PAPER,
+        *_SLEEP,
+        *_PINGS,
+        *_TRAVEL,
+        *(replace(it, shows=it.shows or _sends(LogRecords)) for it in (*_LOG, *_UPLOADS)),
+        *_FAULTS,
+        *_EMERGENCY,
+        *_TIMES,
+        *_TOLD,
+        *_PACKETS,
+        *_BOUNDS,
+        *_ACKS,
+        *_ROUND,
+        *_PIN,
+        *_TABLE,
+    )
 )

@@ -10,8 +10,15 @@ from firmware_model.bench import Bench
 from firmware_model.config import BoardConfig, Cycle, LastResort, Timekeeping, Timeslots
 from firmware_model.packets import Beacon, CommandPacket, Kind
 from firmware_model.power.charge import FULL, fraction
+from firmware_model.state_groups import DOCKED
 from firmware_model.states import TABLE, State, Trigger
-from firmware_model.stimuli import BottomReached, ResetCause, SurfaceReached
+from firmware_model.stimuli import (
+    BottomReached,
+    ChargePinRose,
+    ChargeVanished,
+    ResetCause,
+    SurfaceReached,
+)
 from firmware_model.table_one import board, power
 
 QUICK = Cycle(
@@ -158,6 +165,10 @@ def caused(state: State, trigger: Trigger) -> Bench:
     elif trigger is Trigger.LOW_LEVEL_REACHED:
         level = in_the_middle_of(state, made).primary
         it = in_the_middle_of(state, config(low_level=level))
+    elif trigger is Trigger.BOTH_EMPTIED and state in DOCKED:
+        it = in_the_middle_of(state, made)
+        it.tell(ChargePinRose(powered=False))
+        it.tell(ChargeVanished(FULL, FULL))
     elif trigger in _EMPTIED:
         it = emptied(state, trigger, made)
     else:

@@ -7,13 +7,28 @@ from dataclasses import replace
 import pytest
 
 from agents.mussel.agent_rig import AgentRig
-from firmware_model.bench.conformance import Case, RequirementSource, Verdict, Whole, history, judged
-from firmware_model.bench.rigs import RigEvent, RigHistory
+from firmware_model.actions import Action
+from firmware_model.bench.conformance import (
+    Case,
+    RequirementSource,
+    Verdict,
+    Whole,
+    history,
+    judged,
+    random_cases,
+)
+from firmware_model.bench.rigs import RigEvent, RigHistory, lasts_ms
 from firmware_model.bench.whole_conformance_cases import WAYS_INTO, WHOLE_CASES
-from firmware_model.packets import CommandPacket, Kind, StatusPacket, WifiStatus, decode
+from firmware_model.firmware import Firmware
+from firmware_model.hardware.clock_chip import DriftingClock
+from firmware_model.packets import Command, CommandPacket, Kind, StatusPacket, WifiStatus, decode
 from firmware_model.power.active_battery import ActiveBattery
+from firmware_model.power.charge_pin import ChargePin, Edge
+from firmware_model.settings import Settings
+from firmware_model.settings_store import SettingsStore
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
+from firmware_model.whole_firmware import WholeFirmware
 
 CASES = {case.name: case for case in WHOLE_CASES}
 NO_EVENT = ("wakes-hourly", "stays-down")
@@ -27,8 +42,8 @@ def shown(case: Case) -> RigHistory:
     return history(case, AgentRig, Died)
 
 
-def test_the_cases_are_270_with_a_name_each() -> None:
-    assert len(WHOLE_CASES) >= 270
+def test_the_cases_are_500_with_a_name_each() -> None:
+    assert len(WHOLE_CASES) >= 500
     assert len(CASES) == len(WHOLE_CASES)
     assert all(case.whole is not None for case in WHOLE_CASES)
 
@@ -172,3 +187,69 @@ def test_a_packet_may_differ_in_its_time_and_its_charges_by_their_tolerance(
 def test_a_word_of_another_rig_is_refused(word: str) -> None:
     with pytest.raises(ValueError, match=r"is neither a wait nor one of permission.*loses:PERCENT"):
         AgentRig(CASE).play(word)
+
+
+def keeps_a_refused_sink(firmware: WholeFirmware, command: Command) -> list[Action]:
+    if command.kind is Kind.SINK and firmware.state is State.REPORTING:
+        firmware._clear_to_sink = True
+    return EXECUTE(firmware, command)
+
+
+EXECUTE = WholeFirmware._execute
+DOCTORED: dict[str, tuple[type, str, object]] = {
+    "nothing-else-in-reporting": (WholeFirmware, "_execute", keeps_a_refused_sink),
+    "a-tie-leaves-it-low": (ChargePin, "_certain", lambda pin, high: Edge.ROSE),
+    "surfaced-in-transmitting": (WholeFirmware, "depth_changed", lambda board, now_ms: []),
+    "emptied-in-awaiting-slot": (WholeFirmware, "level_reached", lambda board, level, now_ms: []),
+    "both-emptied-in-floating": (WholeFirmware, "level_reached", lambda board, level, now_ms: []),
+    "a-beacon-in-booting": (WholeFirmware, "_set_clock", lambda board, agent_ms: []),
+    "settings-in-hovering": (WholeFirmware, "_change_setting", lambda board, command: []),
+    "a-log-order-in-released": (WholeFirmware, "_extend_report", lambda board, action: []),
+    "a-ping-as-it-falls-asleep": (WholeFirmware, "_pinged", lambda board: []),
+    "a-dock-ends-its-calls": (WholeFirmware, "_pin_edge", Firmware._pin_edge),
+    "bounds-a-wake-as-long-as-its-period": (SettingsStore, "apply", lambda store, command, now_ms: True),
+    "hovers-here-after-a-depth": (WholeFirmware, "_hover_mm", lambda board: 1250),
+    "an-offset-beyond-its-frame-late": (Settings, "transmits_at_ms", lambda it, reading_ms: reading_ms),
+    "in-doubt-at-its-slot": (DriftingClock, "doubt_ms", lambda clock, at_ms, bound_ppb: 0),
+    "a-beacon-dispels-it": (WholeFirmware, "_apply_if_allowed", lambda board, trigger: []),
+}
+"""A case of each family of requirements, and a firmware that breaks it."""
+
+
+@pytest.mark.parametrize("name", DOCTORED)
+def test_a_case_of_each_family_fails_a_board_that_breaks_it(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    expected = shown(CASES[name])
+    monkeypatch.setattr(*DOCTORED[name])
+    assert judged(CASES[name], expected, AgentRig, Died, {}).verdict is Verdict.FAILED
+
+
+def test_random_histories_visit_every_state_and_last_up_to_two_days() -> None:
+    """Those of a seed that the faults of states which a short script never reaches would show in."""
+    cases = list(random_cases(40, 1, is_whole=True))
+    assert sorted(lasts_ms(it.script) for it in cases)[20] > 12 * 3_600_000
+    assert max(lasts_ms(it.script) for it in cases) <= 48 * 3_600_000
+    visited = {it.what for case in cases for it in shown(case).states or ()}
+    assert visited == {f"state {it.name}" for it in State if it is not State.OFF}
+
+
+@pytest.mark.parametrize(
+    "state", [State.AWAITING_BEACON, State.CALLING, State.AWAITING_SLOT], ids=lambda it: it.name
+)
+def test_random_histories_find_a_board_that_stays_in_a_rare_state(
+    state: State, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A board that does not leave the state when a battery is empty or its time is over."""
+    cases = list(random_cases(40, 1, is_whole=True))
+    expected = [shown(it) for it in cases]
+    deadline_of = WholeFirmware._deadline_of
+    monkeypatch.setattr(
+        WholeFirmware,
+        "_deadline_of",
+        lambda board, of, now_ms: None if of is state else deadline_of(board, of, now_ms),
+    )
+    verdicts = [
+        judged(case, ours, AgentRig, Died, {}).verdict for case, ours in zip(cases, expected, strict=True)
+    ]
+    assert Verdict.FAILED in verdicts

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from firmware_model.actions import Action, Dropped
 from firmware_model.bench import Bench
 from firmware_model.bench.conformance import (
     Case,
@@ -31,9 +32,10 @@ from firmware_model.bench.rigs import BenchRig, Rig, RigEvent, RigHistory, lasts
 from firmware_model.bench.whole_conformance_cases import WHOLE_CASES
 from firmware_model.config import BoardConfig
 from firmware_model.firmware import Firmware
-from firmware_model.packets import StatusPacket
+from firmware_model.packets import Command, Kind, StatusPacket
 from firmware_model.packets.codec import MusselbedCodec
-from firmware_model.states import State
+from firmware_model.power.charge_pin import ChargePin, Edge
+from firmware_model.states import State, Trigger
 from firmware_model.table_one import worst_case_board
 
 DIVE = Case(
@@ -57,8 +59,8 @@ def our_board(case: Case) -> Rig:
     return BenchRig(Bench(worst_case_of(case), primary=case.primary))
 
 
-def test_the_cases_are_120_and_more_with_a_name_each() -> None:
-    assert len(CASES) >= 120
+def test_the_cases_are_200_and_more_with_a_name_each() -> None:
+    assert len(CASES) >= 200
     assert len({case.name for case in CASES}) == len(CASES)
     cited = {RequirementSource.CAPTURED, RequirementSource.SCRIPT}
     assert {case.source for case in (*CASES, *WHOLE_CASES)} == set(RequirementSource) - cited
@@ -290,3 +292,36 @@ def test_a_turn_sees_the_pin_as_it_is_when_it_acts() -> None:
     """The pin is high for 1 ms: by hand, a turn that takes longer finds it low, and the edge never happened."""
     touch = replace(DIVE, script="3s permission 70s rises 1ms falls 5min")
     assert [it.what for it in history(touch, costly(5, 1), Died).events] == ["motors float"]
+
+
+def keeps_a_refused_sink(firmware: Firmware, command: Command) -> list[Action]:
+    if command.kind is Kind.SINK and firmware.state is State.CHARGING:
+        firmware._clear_to_sink = True
+    return EXECUTE(firmware, command)
+
+
+def pings_are_refused(firmware: Firmware) -> list[Action]:
+    return [Dropped(0, "a ping")]
+
+
+EXECUTE = Firmware._execute
+DOCTORED: dict[str, tuple[type, str, object]] = {
+    "nothing-else-in-charging": (Firmware, "_execute", keeps_a_refused_sink),
+    "ping-in-sinking": (Firmware, "_pinged", pings_are_refused),
+    "a-tie-leaves-it-low": (ChargePin, "_certain", lambda pin, high: Edge.ROSE),
+    "landed-in-released": (Firmware, "depth_changed", lambda firmware, now_ms: []),
+    "empties-before-it-sinks": (Firmware, "level_reached", lambda firmware, level, now_ms: []),
+    "a-release-kept-through-a-gap": (Firmware, "_pin_edge", lambda firmware, edge: []),
+    "the-counter-wraps-in-a-boot": (Firmware, "_boot_trigger", lambda firmware: Trigger.BOOTED_AT_SURFACE),
+}
+"""A case of each family of requirements, and a firmware that breaks it."""
+
+
+@pytest.mark.parametrize("name", DOCTORED)
+def test_a_case_of_each_family_fails_a_board_that_breaks_it(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (case,) = (it for it in CASES if it.name == name)
+    expected = history(case, our_board, Died)
+    monkeypatch.setattr(*DOCTORED[name])
+    assert judged(case, expected, our_board, Died, {}).verdict is Verdict.FAILED
