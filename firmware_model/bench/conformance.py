@@ -332,13 +332,27 @@ def _difference(case: Case, ours: RigHistory, theirs: RigHistory, late_ms: int) 
 
 
 def _state_difference(case: Case, ours: RigHistory, theirs: RigHistory, late_ms: int) -> str | None:
-    """The first state that differs; those that held for no time are left out."""
+    """The first state that differs; those that held for no time are left out.
+
+    A late turn may prolong or shorten a state. So one that holds about as long as a turn may be on one board alone.
+    """
     if ours.states is None or theirs.states is None:
         return None
     least_ms = 1 + 2 * late_ms
-    for n, (expected, found) in enumerate(
-        zip_longest(_lasting(ours.states, least_ms), _lasting(theirs.states, least_ms))
-    ):
+    more_ms = least_ms + 2 * late_ms
+    differences = [
+        _first_difference(case, _lasting(ours.states, expects_ms), _lasting(theirs.states, finds_ms), late_ms)
+        for expects_ms, finds_ms in dict.fromkeys(
+            ((least_ms, least_ms), (least_ms, more_ms), (more_ms, least_ms))
+        )
+    ]
+    return None if None in differences else differences[0]
+
+
+def _first_difference(
+    case: Case, expects: Iterator[RigEvent], finds: Iterator[RigEvent], late_ms: int
+) -> str | None:
+    for n, (expected, found) in enumerate(zip_longest(expects, finds)):
         if expected is None or found is None or expected.what != found.what:
             return f"expected {_told(expected)}, found {_told(found)}"
         by_charge_ms = _ENERGY * expected.at_ms if expected.what in _BY_CHARGE else 0

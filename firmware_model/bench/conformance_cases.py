@@ -24,6 +24,8 @@ from firmware_model.states import TABLE, State, Trigger
 
 _UP = "3s permission 70s"
 """It floats."""
+_LATE_UP = "6s permission 70s"
+"""It floats, after a boot of 5 s."""
 _DOCKED = f"{_UP} rises 10min"
 _RELEASED = f"{_DOCKED} falls 1s"
 _SINKING = f"{_UP} sink 30s"
@@ -81,7 +83,8 @@ _PAPER = [
         "charges-485-min",
         RequirementSource.PAPER,
         "Table I: one coil fills an empty battery in 485 minutes",
-        "17h permission 70s rises 9h",
+        "1h permission 70s rises 9h",
+        0.05,
         paper=PaperTime("the primary is full", 485, 485, begins="charges"),
     ),
     Case(
@@ -344,8 +347,9 @@ _STATES = [
     Case(
         "permission-prolongs-no-float",
         RequirementSource.STATES,
-        "a permission afloat is refused, and it sinks 12 h after it came up",
-        f"{_UP} permission 13h",
+        "a permission afloat is refused, and does not begin the time afloat anew",
+        f"{_LATE_UP} permission 9h",
+        uneven=True,
         shows="motors sink",
     ),
     Case(
@@ -595,13 +599,6 @@ _STATES = [
         is_near_tie=True,
         shows="charges",
     ),
-    Case(
-        "looks-on-as-the-counter-wraps",
-        RequirementSource.STATES,
-        "the minutes of the looks go on as the counter wraps, until a reset",
-        "37h rises_unseen 2min falls 5min brown_out 10s rises_unseen 2min",
-        shows="state CHARGING",
-    ),
     Case("brown-out-below", RequirementSource.STATES, "a reset on the bottom measures on", "1h brown_out 1h"),
     Case(
         "brown-out-afloat",
@@ -821,19 +818,26 @@ _WRAPS = "36h 24min 31s"
 COUNTER: tuple[tuple[str, str, str], ...] = (
     ("afloat", "30h permission 13h", "motors sink"),
     ("before-a-release", "36h 20min permission 70s rises 130s falls 10min", "motors sink"),
-    ("in-a-debounce", f"{_WRAPS} 970ms rises 10min falls 5min", "state CHARGING"),
     ("in-a-chatter", f"{_WRAPS} chatter:30:10:100 rises 5min", "state CHARGING"),
-    ("in-a-boot", f"{_WRAPS} brown_out 500ms permission 2s permission 3min", "state SURFACING"),
-    ("while-it-comes-up", f"{_WRAPS} travel:20min permission 10min", "motors sink"),
+    (
+        "in-a-boot-and-a-debounce",
+        f"{_WRAPS} brown_out 970ms rises 530ms permission 10min falls 5min",
+        "state CHARGING",
+    ),
+    (
+        "while-it-comes-up-and-before-a-look",
+        f"{_WRAPS} travel:20min permission 40min rises_unseen 2min falls 5min brown_out 10s rises_unseen 2min",
+        "state CHARGING",
+    ),
 )
-"""What lasts as the counter wraps: a name, a script, and what it shows."""
+"""Scripts with a time that lasts as the counter wraps: (name, script, sign). A look's minutes go on until a reset."""
 _COUNTER = [
     Case(
         f"the-counter-wraps-{name}",
         RequirementSource.PORT,
         "the counter wraps after 36 hours",
         script,
-        is_near_tie=name == "in-a-debounce",
+        is_near_tie="debounce" in name,
         shows=shows,
     )
     for name, script, shows in COUNTER
@@ -1045,8 +1049,6 @@ _ROUNDS = [
         ),
     )
 ]
-_LATE_UP = "6s permission 70s"
-"""It floats, after a boot of 5 s."""
 _TIMES = [
     Case(
         f"other-times-of-{name}",

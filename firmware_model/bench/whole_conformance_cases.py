@@ -278,7 +278,7 @@ _SLEEP = [
             "the counter wraps after 36 hours",
             script,
             Whole(float_min=480),
-            is_near_tie=name == "in-a-debounce",
+            is_near_tie="debounce" in name,
             shows=shows,
         )
         for name, script, shows in _WRAPPING
@@ -1658,13 +1658,6 @@ _ROUND = [
         shows="state CHARGING",
     ),
     _case(
-        "looks-on-as-the-counter-wraps",
-        RequirementSource.STATES,
-        "the minutes of the looks go on as the counter wraps, until a reset",
-        "37h rises_unseen 2min falls 5min brown_out 10s rises_unseen 2min",
-        shows="state CHARGING",
-    ),
-    _case(
         "a-first-slot-in-its-wake",
         RequirementSource.STATES,
         "a board that had no slot transmits the first time at the end of a wake under way",
@@ -1828,7 +1821,7 @@ WAYS_INTO: dict[State, tuple[Whole, float, str]] = {
     State.REPORTING: (_FIELD, 0.5, f"{_UP} rises 3550s"),
     State.RELEASED: (_FIELD, 1.0, _RELEASED),
     State.SINKING: (_FIELD, 1.0, f"{_RELEASED} release 20s"),
-    State.HOVERING: (_FIELD, 1.0, "10s hover 15min"),
+    State.HOVERING: (_FIELD, 1.0, "10s hover 16min"),
     State.EMPTY: (_FIELD, 0.005, "2h"),
     State.CALLING: (Whole("field", 0.19, last_resort=LastResort.CALL), 0.005, "3552s 900ms"),
     State.LOST: (Whole("never", 0.005), 0.005, "20h"),
@@ -1877,6 +1870,7 @@ _BOUNDS = [
         f"3s {' '.join(map(_sound, commands))} 90min permission 70s rises 15min",
         whole,
         tolerance_ms=_SLOT_MS,
+        is_near_tie="1-ms-shorter-than-its-period" in name,
         counts_refusals=True,
     )
     for name, requirement, whole, commands in (

@@ -28,7 +28,7 @@ CLAIMS_LESS = {
     "a-way-down-finds-it",
     "a-look-after-a-reset",
     "a-look-while-it-debounces",
-    "looks-on-as-the-counter-wraps",
+    "the-counter-wraps-while-it-comes-up-and-before-a-look",
     "a-level-repeated",
     "a-rise-missed-in-a-touch",
     "counts-what-it-refuses",
@@ -43,11 +43,17 @@ def board(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return compiled(tmp_path_factory)
 
 
-def test_the_c_board_passes_everything(board: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["mu", "conform", str(board), "--random", "40", "--json"]) == 0
+def all_passed(capsys: pytest.CaptureFixture[str], *arguments: str) -> int:
+    """Judges a program, and asserts that it passes: the number of its cases."""
+    code = main(["mu", "conform", *arguments, "--json"])
     results = json.loads(capsys.readouterr().out)
-    assert len(results) > 100
-    assert {it["verdict"] for it in results} == {"passed"}
+    assert {it["case"]: it["reason"] for it in results if it["verdict"] != "passed"} == {}
+    assert code == 0
+    return len(results)
+
+
+def test_the_c_board_passes_everything(board: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert all_passed(capsys, str(board), "--random", "40") == len(CASES) + 40
 
 
 @pytest.mark.parametrize(
@@ -75,10 +81,7 @@ def test_the_whole_c_board_passes_everything(
     tmp_path_factory: pytest.TempPathFactory, options: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     program = str(compiled(tmp_path_factory, "whole_board"))
-    assert main(["mu", "conform", program, "--profile", "mu", *options, "--json"]) == 0
-    results = json.loads(capsys.readouterr().out)
-    assert len(results) >= 260
-    assert {it["verdict"] for it in results} == {"passed"}
+    assert all_passed(capsys, program, "--profile", "mu", *options) >= 400
 
 
 def test_a_board_of_the_worst_case_is_no_whole_board(board: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -107,11 +110,8 @@ def test_the_c_board_passes_while_its_turns_take_time(
 ) -> None:
     """Every second case with one seed, and the others with another."""
     cases = [word for it in CASES[seed % 2 :: 2] if not it.is_near_tie for word in ("--case", it.name)]
-    options = ["--cost", "5", "--seed", str(seed), "--random", "30", "--json"]
-    assert main(["mu", "conform", str(board), *cases, *options]) == 0
-    results = json.loads(capsys.readouterr().out)
-    assert len(results) == 30 + len(cases) // 2 > 80
-    assert {it["verdict"] for it in results} == {"passed"}
+    options = ["--cost", "5", "--seed", str(seed), "--random", "30"]
+    assert all_passed(capsys, str(board), *cases, *options) == 30 + len(cases) // 2 > 80
 
 
 @pytest.mark.parametrize(("profile", "least"), [("worst-case", 30), ("mu", 10)])
@@ -351,9 +351,9 @@ WHOLE_MUTANTS = {
     ),
     "a sequence that is used again": (
         "sample_log.c",
-        "        known = end;",
-        "        ;",
-        "written-at-a-page-s-edge",
+        "log_state.next = known + unwritable;",
+        "log_state.next = known;",
+        "torn-at-a-page-s-edge",
     ),
     "a kind of any version": (
         "command_task.c",

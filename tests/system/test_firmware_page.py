@@ -10,11 +10,20 @@ from pathlib import Path
 import pytest
 from doc_blocks import blocks, file_of
 
+from firmware_model.bench.conformance_cases import CASES
+from firmware_model.bench.whole_conformance_cases import WHOLE_CASES
+
 pytestmark = pytest.mark.system
 ROOT = Path(__file__).parents[2]
 TUTORIAL, *REFERENCES = (
     ROOT / "docs" / it for it in ("first-firmware.md", "firmware-port.md", "conformance.md")
 )
+
+
+def test_the_page_of_the_kit_tells_how_many_cases_there_are() -> None:
+    text = (ROOT / "docs" / "conformance.md").read_text()
+    assert f"through {len(CASES)} cases" in text
+    assert f"has {len(WHOLE_CASES)} cases" in text
 
 
 def test_the_pages_commands_give_what_they_show(tmp_path: Path) -> None:
@@ -42,7 +51,8 @@ def test_the_pages_commands_give_what_they_show(tmp_path: Path) -> None:
     assert len(shown) == 12
     for line in shown:
         assert line.strip() in done.stdout
-    assert done.stdout.count("166 cases: 166 passed") == 2
+    count = len(CASES) + 20
+    assert done.stdout.count(f"{count} cases: {count} passed") == 2
     assert "2 cases: 1 passed, 1 failed" in done.stdout
     assert "exit code 3\n" in done.stdout
     assert "3 cases: 3 passed" in done.stdout

@@ -183,8 +183,8 @@ def test_a_packet_may_differ_in_its_time_and_its_charges_by_their_tolerance(
     assert judged(CASE, sent(STATUS), lambda case: _Fixed(found), Died, {}).verdict is verdict
 
 
-@pytest.mark.parametrize("word", ["jump", "travel:60s", "loses:much"])
-def test_a_word_of_another_rig_is_refused(word: str) -> None:
+@pytest.mark.parametrize("word", ["jump", "travel:60", "loses:much"])
+def test_a_word_that_no_rig_has_is_refused(word: str) -> None:
     with pytest.raises(ValueError, match=r"is neither a wait nor one of permission.*loses:PERCENT"):
         AgentRig(CASE).play(word)
 

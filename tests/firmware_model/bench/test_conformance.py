@@ -173,6 +173,40 @@ def test_dead_firmware_fails_whatever_the_source() -> None:
     assert (result.verdict, result.reason) == (Verdict.FAILED, "its firmware failed: it ended")
 
 
+class Shown(BenchRig):
+    """A board whose history is given."""
+
+    def __init__(self, shown: RigHistory) -> None:
+        super().__init__(Bench(worst_case_board()))
+        self._history = shown
+
+    def shown(self) -> RigHistory:
+        return self._history
+
+
+@pytest.mark.parametrize(
+    ("ends_ms", "verdict"), [(1021, Verdict.PASSED), (1030, Verdict.PASSED), (1050, Verdict.FAILED)]
+)
+def test_a_state_about_as_long_as_a_late_turn_may_be_on_one_board_alone(
+    ends_ms: int, verdict: Verdict
+) -> None:
+    """By hand: ours lasts 20 ms, which two turns of 10 ms may take away or double; 50 ms are more."""
+    ours, theirs = (
+        RigHistory(
+            (),
+            0,
+            0,
+            states=(
+                RigEvent(0, "state FLOATING"),
+                RigEvent(1000, "state RELEASED"),
+                RigEvent(it, "state ACTIVE"),
+            ),
+        )
+        for it in (1020, ends_ms)
+    )
+    assert judged(DIVE, ours, lambda _: Shown(theirs), Died, {}, late_ms=10).verdict is verdict
+
+
 def test_a_packet_that_differs_is_told_by_its_fields() -> None:
     status = StatusPacket(1, 4, State.ACTIVE, 0.5, 0.9, 1.0, 2.0, 3.0, 70_000)
     ours, theirs = (
@@ -312,7 +346,11 @@ DOCTORED: dict[str, tuple[type, str, object]] = {
     "landed-in-released": (Firmware, "depth_changed", lambda firmware, now_ms: []),
     "empties-before-it-sinks": (Firmware, "level_reached", lambda firmware, level, now_ms: []),
     "a-release-kept-through-a-gap": (Firmware, "_pin_edge", lambda firmware, edge: []),
-    "the-counter-wraps-in-a-boot": (Firmware, "_boot_trigger", lambda firmware: Trigger.BOOTED_AT_SURFACE),
+    "the-counter-wraps-in-a-boot-and-a-debounce": (
+        Firmware,
+        "_boot_trigger",
+        lambda firmware: Trigger.BOOTED_AT_SURFACE,
+    ),
 }
 """A case of each family of requirements, and a firmware that breaks it."""
 
