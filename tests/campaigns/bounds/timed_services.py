@@ -6,6 +6,7 @@ from collections.abc import Callable
 from random import Random
 from typing import Any
 
+from apad_bridge.mission.values import Refused
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.scenario.loader import from_data, resolve
@@ -67,7 +68,7 @@ def uptime_of(drawn: dict[str, Any], scenario: Scenario) -> float:
             docked = [
                 id
                 for id, dock in zip(sorted(ids, key=api.battery), api.free_docks(), strict=False)
-                if api.collect(id, dock)
+                if _collected(api, id, dock)
             ]
             api.sleep(max(1.0, alarm_s + drawn["stay_s"] - api.now()))
             for id in docked:
@@ -81,3 +82,10 @@ def uptime_of(drawn: dict[str, Any], scenario: Scenario) -> float:
         raise RuntimeError(f"{drawn}: {source.error}") from source.error
     figures = uptime_figures(recorder.meter, flight.now_ms, battery_min=recorder.battery_min)
     return float(figures["uptime_paper"]["mean"])
+
+
+def _collected(api: Api, id: int, dock: int) -> bool:
+    try:
+        return api.collect(id, dock)
+    except Refused:
+        return False  # it is lost
