@@ -11,9 +11,11 @@ import tarfile
 import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, distribution, entry_points
 from pathlib import Path
 from shutil import copy2
+from typing import Any
 
 from packaging.requirements import Requirement
 
@@ -32,6 +34,7 @@ _EXTRAS = ("", "netcdf", "studies")
 """The extras that decide figures; "" stands for none."""
 _PINS = launch_scripts("requirements")
 """The versions that the installer brings, with the hashes of their files."""
+_CRATE = "https://w3id.org/ro/crate/"
 _NOT_PACKED = ("fleet", "modems", "checkpoint.jsonl", "supervisor.pid", "scenario.yaml")
 """Names of a run that belong to its processes; its scenario is written anew."""
 
@@ -153,6 +156,38 @@ def _describe(folder: Path, repeat: _Repeat) -> None:
         f'{repeat.fly}\n{repeat.compare}\necho "repeated: {repeat.promise}"\n'
     )
     script.chmod(0o755)
+    _write_crate(folder, repeat, own)
+
+
+def _write_crate(folder: Path, repeat: _Repeat, version: str) -> None:
+    """Describes the folder as an RO-Crate, version 1.1: its files, the program that made them, and how to repeat them.
+
+    Source: https://www.researchobject.org/ro-crate/1.1/. Whoever publishes the archive chooses its licence.
+    """
+    files = [{"@id": it.relative_to(folder).as_posix()} for it in sorted(folder.rglob("*")) if it.is_file()]
+    crate, program = "ro-crate-metadata.json", {"@id": "#musselbed"}
+    graph: list[dict[str, Any]] = [
+        {
+            "@id": crate,
+            "@type": "CreativeWork",
+            "about": {"@id": "./"},
+            "conformsTo": {"@id": f"{_CRATE}1.1"},
+        },
+        {
+            "@id": "./",
+            "@type": "Dataset",
+            "name": folder.name,
+            "description": f"Flown with musselbed {version}. `sh repeat.sh` flies it again. {repeat.promise}",
+            "datePublished": f"{datetime.now(UTC):%Y-%m-%d}",
+            "license": "chosen by whoever publishes this archive",
+            "hasPart": files,
+        },
+        {**program, "@type": "SoftwareApplication", "name": "musselbed", "softwareVersion": version},
+        {"@id": "#flown", "@type": "CreateAction", "instrument": program, "result": {"@id": "./"}},
+        *({**it, "@type": "File", "contentSize": str((folder / it["@id"]).stat().st_size)} for it in files),
+    ]
+    text = json.dumps({"@context": f"{_CRATE}1.1/context", "@graph": graph}, indent=1)
+    (folder / crate).write_text(text + "\n")
 
 
 def _with_hashes(pins: Sequence[tuple[str, str]]) -> list[str]:

@@ -95,6 +95,13 @@ def test_a_packed_run_repeats_its_summary(tmp_path: Path) -> None:
     shutil.rmtree(author)
     folder = unpacked(archive, tmp_path / "elsewhere")
     assert (folder / "run/run.bag").is_file() and not (folder / "run/fleet").exists()
+    crate = json.loads((folder / "ro-crate-metadata.json").read_text())
+    entities = {it["@id"]: it for it in crate["@graph"]}
+    assert entities["ro-crate-metadata.json"]["about"] == {"@id": "./"}
+    parts = {it["@id"] for it in entities["./"]["hasPart"]}
+    there = {it.relative_to(folder).as_posix() for it in folder.rglob("*") if it.is_file()}
+    assert parts == there - {"ro-crate-metadata.json"} and parts <= entities.keys()
+    assert {"name", "description", "datePublished", "license"} <= entities["./"].keys()
     done = repeat(folder)
     assert done.returncode == 0, done.stderr
     assert "repeated" in done.stdout

@@ -14,6 +14,7 @@ import time
 import xmlrpc.client
 from dataclasses import dataclass, field
 from http.client import HTTPException
+from importlib.util import find_spec
 from pathlib import Path
 
 from agents.hosting.interrupts import held_back, let_in
@@ -54,8 +55,10 @@ def start_master(home: Path, timeout_s: float, orphan_s: float = ORPHAN_S) -> Ma
     """Starts a master that keeps its files in `home` (made if it is missing), and returns when it answers XML-RPC.
 
     Raises:
-        MasterFailed: it did not answer within `timeout_s`; it has been ended and no node was started.
+        MasterFailed: it did not answer within `timeout_s`; it has been ended and no node was started. Or there is no ROS.
     """
+    if find_spec("rosmaster") is None:
+        raise MasterFailed(f"{sys.executable} sees no ROS 1: fly by --time asap, or see docs/install.md")
     home.mkdir(parents=True, exist_ok=True)
     log = home / "master.log"
     deadline_s = time.monotonic() + timeout_s
