@@ -68,7 +68,7 @@ class Api(Queries):
             calls = [it for it in dir(type(self)) if not it.startswith("_")]
             near = get_close_matches(name, calls, n=1)
             meant = f"did you mean api.{near[0]}? " if near else ""
-            raise AttributeError(f"there is no api.{name}: {meant}docs/scripting.md has every call")
+            raise AttributeError(f"there is no api.{name}: {meant}docs/reference/api.md has every call")
 
     # Primitives: each call gives an order and returns at once.
 

@@ -1,7 +1,5 @@
 """Tests the API's calls in flights in memory: answers, orders, refusals, and the end of every wait."""
 
-import inspect
-import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -317,15 +315,3 @@ def test_a_script_may_import_what_lies_beside_it(pool: Scenario, tmp_path: Path)
     path = tmp_path / "route.py"
     path.write_text("from my_routes_x17 import ROUTE\napi.go_to_local(*ROUTE[0])\nprint(api.wait_goto())\n")
     assert fly_script(pool, path).said == (str(Status.DONE),)
-
-
-def test_the_page_states_the_type_that_each_call_returns() -> None:
-    page = (Path(__file__).parents[3] / "docs/scripting.md").read_text().replace("\\|", "|")
-    stated = {
-        name: kind
-        for kind, calls in re.findall(r"^\| `([^`]+)` \| ((?:`\w+`(?:, )?)+) \|$", page, re.MULTILINE)
-        for name in re.findall(r"\w+", calls)
-    }
-    calls = {name: it for name, it in inspect.getmembers(Api, inspect.isfunction) if not name.startswith("_")}
-    del calls["attach"]  # the flight's own
-    assert stated == {name: str(inspect.signature(it).return_annotation) for name, it in calls.items()}

@@ -111,5 +111,5 @@ def test_a_call_that_does_not_exist_is_answered_with_the_nearest_and_the_page(po
     flight = fly_script(pool, script)
     assert flight.end_reason is EndReason.SCRIPT_FAILED
     assert flight.ended_by.endswith(
-        "AttributeError: there is no api.goto: did you mean api.go_to? docs/scripting.md has every call"
+        "AttributeError: there is no api.goto: did you mean api.go_to? docs/reference/api.md has every call"
     )
