@@ -22,13 +22,16 @@ debian_modules=(
 )
 # The extras of setup.cfg.
 extras=studies,export,imc,foxglove
+# The wheels of ROS 2, for an environment of their own: the first one publishes, the others read what it publishes.
+ros2_packages=('ros-rclpy[fastrtps]' ros-sensor-msgs ros-geometry-msgs ros-nav-msgs ros-std-msgs ros-visualization-msgs
+  ros-diagnostic-msgs ros-rosgraph-msgs)
 # The Pythons of Debian 12 and 13, for which launch_scripts/make-lock pins versions.
 pinned_pythons="3.11 3.13"
 # Prints the version of Debian's Python, as 3.11.
 debian_python() { /usr/bin/python3 -c 'import sys; print("%d.%d" % sys.version_info[:2])'; }
 # Prints the release and the processor, as `debian 13, x86_64`.
 machine() { (. /etc/os-release && echo "$ID ${VERSION_ID:-$VERSION_CODENAME}, $(uname -m)"); }
-# Prints the file of pinned versions and hashes, $1 being run, mu or test; nothing for a Python or processor without pins.
+# Prints the file of pinned versions and hashes, $1 being run, mu, test or ros2; nothing for a Python or processor without pins.
 pinned_versions() {
   local file=launch_scripts/requirements/$(debian_python)/$1.txt
   [ "$(uname -m)" != x86_64 ] || [ ! -e "$file" ] || echo "$file"

@@ -75,6 +75,10 @@ class BeliefChanged(Event):
     low: Annotated[float | None, Meaning("begin of the charge's interval of 95 %", "0 to 1")] = None
     high: Annotated[float | None, Meaning("end of that interval", "0 to 1")] = None
     mode: Annotated[Mode | None, Meaning("the most probable mode, by name")] = None
+    place_cov: Annotated[
+        tuple[float, float, float] | None,
+        Meaning("its place's variance north, covariance, and variance east; of a twin alone", "m2"),
+    ] = None
     reported: Annotated[
         dict[str, float] | None,
         Meaning("by name, the newest of the quantities that it reports and nobody estimates"),

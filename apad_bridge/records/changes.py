@@ -132,6 +132,7 @@ def _event_of(belief: Belief) -> BeliefChanged:
         low=round(low, 5),
         high=round(high, 5),
         mode=belief.mode,
+        place_cov=_rounded(belief.place_cov),
     )
 
 
@@ -150,6 +151,11 @@ def _differs(before: Belief, belief: Belief) -> bool:
         or abs(before.primary - belief.primary) >= step
         or abs(sds[0] - sds[1]) >= step
     )
+
+
+def _rounded(place_cov: tuple[float, float, float]) -> tuple[float, float, float]:
+    north, between, east = place_cov
+    return round(north, 4), round(between, 4), round(east, 4)
 
 
 def _or_none(number: float) -> float | None:

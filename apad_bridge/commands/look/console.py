@@ -92,10 +92,8 @@ def run(arguments: argparse.Namespace) -> int:
     def warn(text: str) -> None:
         print(f"musselbed console: {text}", file=sys.stderr, flush=True)
 
-    if arguments.directory is not None and arguments.apad is not None:
-        raise UserError("--apad chooses a run on the master: leave out RUN")
     try:
-        with _directory_of(arguments) as directory:
+        with directory_of(arguments) as directory:
             serve(
                 directory,
                 ListenAddress(arguments.host, arguments.port, tuple(it.lower() for it in arguments.name)),
@@ -111,8 +109,10 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 @contextmanager
-def _directory_of(arguments: argparse.Namespace) -> Iterator[Path]:
-    """The run's directory, or a copy of the one on another machine that lasts while it is entered."""
+def directory_of(arguments: argparse.Namespace) -> Iterator[Path]:
+    """The directory of RUN, or a copy of the run on the master that lasts while it is entered. UserError for both."""
+    if arguments.directory is not None and arguments.apad is not None:
+        raise UserError("--apad chooses a run on the master: leave out RUN")
     if arguments.directory is not None:
         yield arguments.directory
         return
@@ -123,7 +123,7 @@ def _directory_of(arguments: argparse.Namespace) -> Iterator[Path]:
         try:
             copy = stack.enter_context(mirrored(find_run(arguments.apad), Unheard))
         except (PeerFailed, Unheard) as error:
-            print(f"musselbed console: {error}", file=sys.stderr)
+            print(f"musselbed {arguments.command}: {error}", file=sys.stderr)
             raise SystemExit(Exit.PEER_FAILED) from error
         yield copy
 

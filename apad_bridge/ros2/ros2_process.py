@@ -1,0 +1,99 @@
+"""Starts and ends the process that publishes on ROS 2, in an environment of its own, and hands messages over to it."""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import subprocess
+import sys
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from struct import Struct
+
+from agents.hosting.link_protocol import readable
+from apad_bridge.ros2.topics import Publication
+from apad_bridge.ros2.typed import hash_of
+from apad_bridge.scenario.errors import UserError
+
+PYTHON = Path(sys.prefix).with_name(".venv-ros2") / "bin" / "python"
+"""launch_scripts/install --ros2 makes it, beside the environment of musselbed."""
+RECORD = Struct("<II")
+NEW_TOPIC = 0xFFFFFFFF
+"""As `publisher.py` reads them, which imports nothing of ours."""
+_PROGRAM = Path(__file__).with_name("publisher.py")
+_STARTS_S = 60.0
+_TAKES_S = 10.0
+_END_S = 5.0
+_OF_OTHER_ROS = ("LD_LIBRARY_PATH", "AMENT_PREFIX_PATH", "COLCON_PREFIX_PATH", "CMAKE_PREFIX_PATH")
+"""A setup file of ROS sets them, and its libraries would take the place of the environment's own."""
+_DISCOVERY = ("ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_LOCALHOST_ONLY", "ROS_STATIC_PEERS")
+
+
+class Ros2Gone(Exception):
+    """The process that publishes has ended, or takes nothing any more; the text is one line."""
+
+
+def require_ros2() -> None:
+    """UserError with the mend where ROS 2 is not installed for musselbed."""
+    if not PYTHON.exists():
+        raise UserError("ROS 2 is not installed for musselbed: run launch_scripts/install --ros2")
+
+
+class Ros2Process:
+    """Owned by one thread."""
+
+    def __init__(self, node: str) -> None:
+        """`node` is its node's name. Ros2Gone when it does not come up."""
+        self._numbers: dict[str, int] = {}
+        self._link, far = socket.socketpair()
+        self._link.settimeout(_TAKES_S)
+        with far:
+            self._process = subprocess.Popen(
+                [str(PYTHON), "-I", str(_PROGRAM), node],
+                stdin=far.fileno(),
+                stdout=subprocess.PIPE,
+                env=environment(os.environ),
+                start_new_session=True,
+            )
+        assert self._process.stdout is not None
+        answers = readable(self._process.stdout.fileno(), _STARTS_S)
+        if not answers or self._process.stdout.readline() != b"ready\n":
+            self.close()
+            raise Ros2Gone("ROS 2 does not start: its reason stands above")
+
+    def publish(self, it: Publication) -> None:
+        """Hands one message over. Ros2Gone."""
+        if it.topic not in self._numbers:
+            self._numbers[it.topic] = len(self._numbers)
+            self._announce(it, self._numbers[it.topic])
+        self._send(self._numbers[it.topic], it.data)
+
+    def close(self) -> None:
+        """Ends the process, which ends at its input's end."""
+        self._link.close()
+        assert self._process.stdout is not None
+        self._process.stdout.close()
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(_END_S)
+        self._process.kill()
+        self._process.wait()
+
+    def _announce(self, it: Publication, number: int) -> None:
+        told = {"number": number, "topic": it.topic, "kind": it.kind, "kept": it.kept}
+        self._send(NEW_TOPIC, json.dumps({**told, "hexadecimal": hash_of(it.kind)}).encode())
+
+    def _send(self, number: int, data: bytes) -> None:
+        try:
+            self._link.sendall(RECORD.pack(number, len(data)) + data)
+        except OSError as error:
+            raise Ros2Gone(f"the process that publishes on ROS 2 takes nothing any more: {error}") from error
+
+
+def environment(outer: Mapping[str, str]) -> dict[str, str]:
+    """The environment of the process: Fast DDS, which the wheels have, and by default for this machine alone."""
+    inner = {name: value for name, value in outer.items() if name not in _OF_OTHER_ROS}
+    if not any(name in inner for name in _DISCOVERY):
+        inner["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+    return {**inner, "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp"}
