@@ -23,45 +23,58 @@ _LATE = 1 / 5
 
 @dataclass(frozen=True, slots=True)
 class Figures:
-    """A mission's figures. Hours are the aMussels' own, uptimes are percent, metres are the paper's straight legs.
-
-    A board that logs counts its samples. The paper's worst case has no log and never sleeps: each time step of equation
-    (3) that it spends under water with charge is a sample.
-    """
+    """A mission's figures. Hours are the aMussels' own, uptimes are percent, metres are the paper's straight legs."""
 
     amussels_lost: int
+    """AMussels that at some time could no longer surface."""
     samples_taken: int
+    """A board that logs counts its samples. The paper's worst case never sleeps: each time step of equation (3) under water
+    with charge is one."""
     longest_gap_h: float
     """The longest time in which one aMussel took no sample."""
     uptime_submerged_mean: float
+    """Share of time at work under water, as a mean over aMussels."""
     uptime_submerged_min: float
+    """The same share of the least aMussel."""
     uptime_paper_mean: float
+    """The paper's uptime: not docked, and the battery above 0; as a mean over aMussels."""
     uptime_paper_min: float
+    """The uptime of the least aMussel."""
     uptime_equal_charge: float
     """`uptime_paper_mean` with the charge left over or missing at the end, at the boards' own rates."""
     charge_gain_mean: float
     """Mean charge at the end minus at the begin."""
     metres: float
+    """The way planned: straight legs, as the paper counts them."""
     metres_per_service: float | None
-    """None without a service."""
+    """`metres` for each of `services`; None without a service."""
     apad_wh: float | None
-    """None at another theta than 1, where the aMussels charge faster than the aPad spends."""
+    """Energy that the aPad drew. None at another theta than 1, where the aMussels charge faster than the aPad spends."""
     apad_cycles: float | None
     """`apad_wh` in whole batteries of the aPad."""
     dead_time_h: float
-    """Time with an empty primary battery, over all aMussels."""
+    """Time with an empty primary battery, over all aMussels, in their own hours."""
     final_charge_mean: float
+    """Mean charge of the primary batteries at the end."""
     # Not in the tables of strategies; Table II and the comparison of models use these.
     uptime_paper_max: float
+    """The uptime of the best aMussel."""
     active_mean: float
+    """The mean number of active aMussels."""
     driven_m: float
+    """The way that the aPad drove."""
     services: int
+    """AMussels that left a dock full, or made room."""
     ended_by: str
+    """The reason of the end, in words."""
     end_reason: EndReason | None
+    """The kind of that reason."""
     apad_travel_wh: float | None
-    """The parts of `apad_wh`: thrusters, what is on all the time, and the docks that hold an aMussel."""
+    """The part of `apad_wh` for the thrusters."""
     apad_hotel_wh: float | None
+    """The part for computers and sensors, which are on all the time."""
     apad_handed_wh: float | None
+    """The part for docks that hold an aMussel."""
     dead_late_h: float
     """`dead_time_h` in the last fifth of the mission alone: a fleet that is held for ever has none there."""
 

@@ -28,6 +28,10 @@ from apad_bridge.studies.report import (
 )
 from apad_bridge.studies.runner import Row
 from apad_bridge.studies.specification import StudyPlan
+from apad_bridge.studies.sweep import draw, sweep_of
+
+_PAGE_MM = 160.0
+"""The width of the figure over a parameter, on the page."""
 
 
 class Findings:
@@ -37,6 +41,7 @@ class Findings:
         self.plan = plan
         self.rows = rows
         self.compared = comparisons(plan, rows)
+        self.sweep = sweep_of(plan, rows)
 
     def as_data(self) -> dict[str, Any]:
         """The keys of `--json`, as plain data."""
@@ -50,11 +55,18 @@ class Findings:
         """The tables and sentences for a terminal of so many columns, in their order."""
         for each in self.compared:
             yield from _comparison_lines(each, self.plan, width)
+        if self.sweep is not None:
+            head, *rows = self.sweep.cells()
+            table = table_of(f"over {self.sweep.key}, on the same configurations; p-values by Holm", head)
+            for cells in rows:
+                table.add_row(*cells)
+            yield table
 
     def write_figures(self, directory: Path) -> str:
         """Writes the file with figures, and returns a sentence that names it. OSError if it cannot be written."""
         path = directory / REPORT
-        write_report(path, self.plan, self.rows, self.compared, self.answer())
+        sweep = None if self.sweep is None else draw(self.sweep, _PAGE_MM)
+        write_report(path, self.plan, self.rows, self.compared, self.answer(), sweep)
         return f"Tables and figures, for a browser: {path}"
 
 

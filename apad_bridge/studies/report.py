@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from apad_bridge.assembly.capacity import Bounds, bounds_of
 from apad_bridge.scenario.text_file import write_atomically
@@ -21,6 +21,9 @@ from apad_bridge.studies.figures import COLUMNS
 from apad_bridge.studies.runner import Row
 from apad_bridge.studies.specification import Setting, StudyPlan
 from apad_bridge.studies.statistics import Difference, Estimate, Standing, standings
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 RESULTS, REPORT = "results.parquet", "report.html"
 HEADINGS = {
@@ -130,9 +133,14 @@ def _record(plan: StudyPlan, row: Row) -> dict[str, Any]:
 
 
 def write_report(
-    path: Path, plan: StudyPlan, rows: Sequence[Row], found: Sequence[Comparison], answer: Sequence[str] = ()
+    path: Path,
+    plan: StudyPlan,
+    rows: Sequence[Row],
+    found: Sequence[Comparison],
+    answer: Sequence[str] = (),
+    over_parameter: Figure | None = None,
 ) -> None:
-    """Writes one page that needs no other file; it begins with the study's own answer, if it has one."""
+    """Writes one page that needs no other file; it begins with the study's own answer and figure, if it has them."""
     study = plan.study
     parts = [
         f"<h1>{escape(study.name)}</h1>",
@@ -142,6 +150,7 @@ def write_report(
         f"lost, then samples taken, then way planned. Differences are to <em>{escape(plan.baseline)}</em>, paired by "
         f"configuration; the primary figure is {escape(HEADINGS[study.primary])}, all other p-values are adjusted by "
         "Holm.</p>",
+        *([] if over_parameter is None else [f"<div class=sweep>{_svg(over_parameter)}</div>"]),
     ]
     for index, each in enumerate(found):
         parts += [
@@ -171,7 +180,7 @@ table + table {{margin-top: 1.5em}}
 td, th {{padding: .2em .8em .2em 0; text-align: right; white-space: nowrap; border-bottom: 1px solid #8888}}
 td:first-child, th:first-child {{text-align: left}}
 svg {{width: 100%; min-width: 720px; max-width: 100%; height: auto; background: #fff}}
-.pair {{display: flex; flex-wrap: wrap; gap: 0 3em}}
+.sweep svg {{max-width: 720px}} .pair {{display: flex; flex-wrap: wrap; gap: 0 3em}}
 @media (max-width: 720px) {{svg {{max-width: none}}
   td, th {{font-size: 12px; padding-right: .5em}} td:first-child {{white-space: normal}}}}
 @media screen and (prefers-color-scheme: dark) {{:root {{color-scheme: dark}} body {{background: #12171d; color: #e6ebf1}}
@@ -264,6 +273,10 @@ def _figure(rows: Sequence[Row], plan: StudyPlan, bounds: Bounds) -> str:
     axes[2].set_xlabel(HEADINGS["metres"])
     axes[2].set_title(HEADINGS["uptime_paper_mean"])
     drawing.legend(loc="outside right upper")  # beside the missions, of which it would hide some
+    return _svg(drawing)
+
+
+def _svg(drawing: Figure) -> str:
     text = io.StringIO()
     drawing.savefig(text, format="svg", metadata={"Date": None})
     svg = text.getvalue()

@@ -78,27 +78,29 @@ def _rank(standing: Standing) -> tuple[float, float, float]:
 def _differences(
     ours: Mapping[int, Row], theirs: Mapping[int, Row], primary: str, confidence: float
 ) -> dict[str, Difference | None]:
-    found: dict[str, tuple[Estimate, float] | None] = {}
-    for column in COLUMNS:
-        pairs = [
-            (ours[seed][column], theirs[seed][column])
-            for seed in ours
-            if ours[seed][column] is not None and theirs[seed][column] is not None
-        ]
-        values = [a - b for a, b in pairs]
-        estimate = estimate_of(values, confidence)
-        found[column] = None if estimate is None else (estimate, _p_of(values))
-    secondary = [it for it in COLUMNS if it != primary and found[it] is not None]
-    adjusted = dict(zip(secondary, holm([_p(found[it]) for it in secondary]), strict=True))
-    return {
-        column: None if it is None else Difference(it[0], adjusted.get(column, it[1]))
-        for column, it in found.items()
-    }
+    found = {column: difference_of(ours, theirs, column, confidence) for column in COLUMNS}
+    secondary = [it for it in COLUMNS if it != primary]
+    adjusted = holm_adjusted([found[it] for it in secondary])
+    return {**found, **dict(zip(secondary, adjusted, strict=True))}
 
 
-def _p(found: tuple[Estimate, float] | None) -> float:
-    assert found is not None
-    return found[1]
+def difference_of(
+    ours: Mapping[int, Row], theirs: Mapping[int, Row], column: str, confidence: float
+) -> Difference | None:
+    """Our rows minus theirs, seed by seed, with the p-value as it is; None where no pair has the figure."""
+    values = [
+        ours[seed][column] - theirs[seed][column]
+        for seed in ours
+        if seed in theirs and ours[seed][column] is not None and theirs[seed][column] is not None
+    ]
+    estimate = estimate_of(values, confidence)
+    return None if estimate is None else Difference(estimate, _p_of(values))
+
+
+def holm_adjusted(found: Sequence[Difference | None]) -> list[Difference | None]:
+    """The differences with their p-values adjusted by Holm, as those of one family."""
+    adjusted = iter(holm([it.p for it in found if it is not None]))
+    return [None if it is None else Difference(it.estimate, next(adjusted)) for it in found]
 
 
 def estimate_of(values: Sequence[float | None], confidence: float) -> Estimate | None:

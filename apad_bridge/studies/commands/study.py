@@ -30,6 +30,7 @@ TABLE_TWO = "table2"
 SLEEP = "sleep"
 CAPACITY = "capacity"
 _OUT = Path("studies")
+_COLUMN_MM, _LEAST_MM, _MOST_MM = 84.0, 30.0, 400.0
 
 
 def add_parser(commands: Any) -> None:
@@ -49,6 +50,7 @@ def add_parser(commands: Any) -> None:
             f"musselbed study {SLEEP} --seeds 10",
             f"musselbed study {CAPACITY}",
             "musselbed study pool-12 --seeds 20",
+            "musselbed study mine.yaml --figure threshold.pdf --width-mm 84 --table latex",
             note="See docs/studies.md.",
         ),
     )
@@ -81,6 +83,20 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--json", action="store_true", help="print the results as JSON on stdout, nothing else"
     )
+    parser.add_argument(
+        "--figure",
+        type=Path,
+        metavar="FILE.pdf",
+        help="write the primary figure over the one parameter that the study varies; also FILE.svg",
+    )
+    parser.add_argument(
+        "--width-mm", type=float, metavar="MM", help=f"width of --figure (default: {_COLUMN_MM:g}, a column)"
+    )
+    parser.add_argument(
+        "--table",
+        choices=("latex", "csv"),
+        help="print its differences to the first value as a table on stdout, nothing else",
+    )
     parser.set_defaults(run=run)
 
 
@@ -88,10 +104,12 @@ def run(arguments: argparse.Namespace) -> int:
     # Imported here: a study's parts are many, and the other commands start without them.
     from apad_bridge.studies.report import RESULTS, write_parquet
     from apad_bridge.studies.runner import StudyFailed, fly_study
+    from apad_bridge.studies.sweep import as_table, write_figure
 
     if find_spec("pyarrow") is None:
         raise UserError("pyarrow, which writes the results, is missing: run launch_scripts/install")
     plan, findings_of = _study_of(arguments)
+    _check_outputs(arguments, plan)
     if any(it.fleet.firmware for it in plan.named):
         print("a study flies our firmware in place of fleet.firmware", file=sys.stderr)
     directory: Path = arguments.out or _OUT / plan.study.name
@@ -99,7 +117,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.fit is not None:
         workers = _fitting(arguments.fit, directory, workers)
     try:
-        with _progress(arguments.json) as progress:
+        with _progress(arguments.json or arguments.table is not None) as progress:
             task = progress.add_task(plan.study.name, total=plan.missions)
             rows = fly_study(plan, directory, workers, lambda missions: progress.advance(task, missions))
     except KeyboardInterrupt:
@@ -113,6 +131,11 @@ def run(arguments: argparse.Namespace) -> int:
     findings = findings_of(plan, rows)
     write_parquet(directory / RESULTS, plan, rows)
     figures = findings.write_figures(directory)
+    if arguments.figure is not None and findings.sweep is not None:
+        write_figure(findings.sweep, arguments.figure, arguments.width_mm or _COLUMN_MM)
+    if arguments.table is not None and findings.sweep is not None:
+        print(as_table(findings.sweep, arguments.table))
+        return Exit.DONE
     if arguments.json:
         print(json.dumps({**findings.as_data(), "files": str(directory)}))
         return Exit.DONE
@@ -122,6 +145,28 @@ def run(arguments: argparse.Namespace) -> int:
     console.print(f"A row for each mission: {directory / RESULTS}", soft_wrap=True)
     console.print(figures, soft_wrap=True)
     return Exit.DONE
+
+
+def _check_outputs(arguments: argparse.Namespace, plan: StudyPlan) -> None:
+    """UserError, before anything is flown, for a figure or table that this study cannot give."""
+    from apad_bridge.studies.sweep import FIGURE_FORMATS, swept_key
+
+    figure, width_mm = arguments.figure, arguments.width_mm
+    if width_mm is not None and figure is None:
+        raise UserError("--width-mm is of a figure: name its file by --figure")
+    if width_mm is not None and not _LEAST_MM <= width_mm <= _MOST_MM:
+        raise UserError(f"--width-mm {width_mm:g}: must be from {_LEAST_MM:g} to {_MOST_MM:g}")
+    if figure is not None and figure.suffix not in FIGURE_FORMATS:
+        raise UserError(f"--figure {figure}: must end in {' or '.join(FIGURE_FORMATS)}")
+    if figure is not None and not figure.absolute().parent.is_dir():
+        raise UserError(f"--figure {figure}: there is no such directory")
+    if arguments.table is not None and arguments.json:
+        raise UserError("--table and --json both print on stdout: leave one out")
+    if (figure is not None or arguments.table is not None) and swept_key(plan) is None:
+        raise UserError(
+            "--figure and --table show a study over one parameter: give one key of `parameters` two values or more; "
+            "theta is none, because figures at different theta do not compare"
+        )
 
 
 def _study_of(arguments: argparse.Namespace) -> tuple[StudyPlan, type[Findings]]:
