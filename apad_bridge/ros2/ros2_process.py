@@ -17,8 +17,8 @@ from apad_bridge.ros2.topics import Publication
 from apad_bridge.ros2.typed import hash_of
 from apad_bridge.scenario.errors import UserError
 
-PYTHON = Path(sys.prefix).with_name(".venv-ros2") / "bin" / "python"
-"""launch_scripts/install --ros2 makes it, beside the environment of musselbed."""
+ENVIRONMENT = Path(sys.prefix).with_name(".venv-ros2")
+"""launch_scripts/install --ros2 makes it, beside that of musselbed, and writes the file `installed` once it is whole."""
 RECORD = Struct("<II")
 NEW_TOPIC = 0xFFFFFFFF
 """As `publisher.py` reads them, which imports nothing of ours."""
@@ -37,7 +37,7 @@ class Ros2Gone(Exception):
 
 def require_ros2() -> None:
     """UserError with the mend where ROS 2 is not installed for musselbed."""
-    if not PYTHON.exists():
+    if not (ENVIRONMENT / "installed").exists():
         raise UserError("ROS 2 is not installed for musselbed: run launch_scripts/install --ros2")
 
 
@@ -51,7 +51,7 @@ class Ros2Process:
         self._link.settimeout(_TAKES_S)
         with far:
             self._process = subprocess.Popen(
-                [str(PYTHON), "-I", str(_PROGRAM), node],
+                [str(ENVIRONMENT / "bin" / "python"), "-I", str(_PROGRAM), node],
                 stdin=far.fileno(),
                 stdout=subprocess.PIPE,
                 env=environment(os.environ),
