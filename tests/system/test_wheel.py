@@ -12,7 +12,7 @@ from shutil import copy2
 
 import pytest
 
-pytestmark = pytest.mark.system
+pytestmark = [pytest.mark.system, pytest.mark.field_kit]
 ROOT = Path(__file__).parents[2]
 BUILD = "from setuptools import build_meta as it; import sys; it.build_sdist(sys.argv[1])"
 NO_PACKAGES = re.compile(
