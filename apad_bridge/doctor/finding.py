@@ -16,7 +16,7 @@ class CheckStatus(StrEnum):
     WARN = "WARN"
     FAIL = "FAIL"
     CANNOT_TELL = "CANNOT TELL"
-    """Nothing told what the check needs. It is no OK: for a mission it is red, like FAIL."""
+    """Nothing told what the check needs. It is no OK: a mission does not start on it, as on a FAIL."""
 
 
 @dataclass(frozen=True, slots=True)

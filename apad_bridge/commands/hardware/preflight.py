@@ -33,7 +33,7 @@ from apad_bridge.commands.prepare.preflight_checks import (
     report_path,
 )
 from apad_bridge.commands.trust import add_trust_argument, trust_of_looked_at
-from apad_bridge.doctor.finding import CheckStatus, Finding, fail, ok, red_keys, run_check
+from apad_bridge.doctor.finding import CheckStatus, Finding, fail, key_among, ok, red_keys, run_check
 from apad_bridge.doctor.preflight import check_lookout, check_stop
 from apad_bridge.events.persons import ScriptTold
 from apad_bridge.records.journal import read_journal
@@ -66,7 +66,7 @@ def add_parser(commands: Any) -> None:
         epilog=ending(
             "musselbed preflight launch_scripts/scenarios/real-apad.yaml --lookout Ana",
             "musselbed preflight launch_scripts/scenarios/real-apad.yaml --lookout Ana --prove-stop --prove-docks",
-            note="The exit code is 3 when something is red.",
+            note="The exit code is 3 when a check is red, or cannot tell.",
         ),
     )
     parser.add_argument("scenario", type=Path, metavar="SCENARIO.yaml")
@@ -137,7 +137,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print(path.read_text(), end="")
     else:
-        _show(report, red, path)
+        _show(report, red, path, apads)
         for command in recording_commands(scenario, options.namespace):
             print(f"on the vehicle's computer: {command}")
     return Exit.PEER_FAILED if red else Exit.DONE
@@ -246,26 +246,49 @@ def _prove_docks(scenario: Scenario, options: RunOptions, apad: str) -> Finding:
     return ok(f"{lines[-1]}: a person must have watched it")
 
 
-def _show(report: Report, red: dict[str, list[Finding]], path: Path) -> None:
+def _show(report: Report, red: dict[str, list[Finding]], path: Path, apads: Sequence[str]) -> None:
     table = Table(box=box.SIMPLE_HEAD, title=f"Preflight of {report.scenario}, {report.master}, {report.at}")
     for column in ("", "check", "found", "mend"):
         table.add_column(column, overflow="fold")
     for it in report.findings:
         table.add_row(
-            f"[{_STYLES[it.status]}]{it.status.value}[/]", it.check, _plain(it.found), _plain(it.mend or "")
+            f"[{_STYLES[it.status]}]{it.status.value}[/]",
+            it.check,
+            _plain(it.found),
+            _plain(_mend(it, apads)),
         )
     console = Console()
     console.print(table)
-    doubts = sum(it.status is CheckStatus.WARN for it in report.findings)
-    if red:
-        never = sorted(never_overridden().intersection(red))
-        told = f", of which {', '.join(never)} cannot be overridden" if never else ""
-        console.print(f"[bold red]RED[/]: {', '.join(red)}{told}", highlight=False)
-    else:
-        console.print(f"[green]GREEN[/]{f', with {doubts} warnings' if doubts else ''}", highlight=False)
+    for line in verdict(report, red):
+        console.print(line, highlight=False)
     for key, person in report.accepted.items():
         console.print(f"{key} cannot be told, and {person} accepts that", highlight=False, markup=False)
     console.print(f"kept in {path}", highlight=False)
+
+
+def _mend(finding: Finding, apads: Sequence[str]) -> str:
+    if finding.status is not CheckStatus.CANNOT_TELL:
+        return finding.mend or ""
+    key = key_among(finding.check, apads)
+    return f"{finding.mend}; or check it by hand, and give --accept {key}:YOUR-NAME"
+
+
+def verdict(report: Report, red: dict[str, list[Finding]]) -> Iterator[str]:
+    """The last lines, with rich's marks: RED for failed checks, CANNOT TELL for untold ones, or GREEN."""
+    failed = [key for key, its in red.items() if any(it.status is CheckStatus.FAIL for it in its)]
+    untold = [key for key in red if key not in failed]
+    if failed:
+        never = sorted(never_overridden().intersection(failed))
+        told = f", of which {', '.join(never)} cannot be overridden" if never else ""
+        yield f"[{_STYLES[CheckStatus.FAIL]}]RED[/]: {', '.join(failed)}{told}"
+    if untold:
+        yield (
+            f"[{_STYLES[CheckStatus.CANNOT_TELL]}]CANNOT TELL[/]: {', '.join(untold)}: no run starts before it is mended, "
+            "or a person accepts it by --accept"
+        )
+    if not red:
+        doubts = sum(it.status is CheckStatus.WARN for it in report.findings)
+        yield f"[green]GREEN[/]{f', with {doubts} warnings' if doubts else ''}"
 
 
 def _plain(text: str) -> str:

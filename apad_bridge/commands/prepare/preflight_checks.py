@@ -159,7 +159,7 @@ def refuse_red(report: Report, apads: Sequence[str], despite: Sequence[str]) -> 
         words += [f"--accept {key}" for key in red if key not in failed or key in despite]
         mend = f"; a person may decide otherwise by {' '.join(words)}" if words else ""
         lines = "\n".join(it.line() for it in refused)
-        raise UserError(f"a real aPad does not start on red{mend}:\n{lines}")
+        raise UserError(f"a real aPad does not start on red, nor where a check cannot tell{mend}:\n{lines}")
     return sorted(set(failed).intersection(despite))
 
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import getpass
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from scenario_files import POOL_FILE
 
+from apad_bridge.commands.hardware.preflight import verdict
 from apad_bridge.commands.prepare import preflight_checks
 from apad_bridge.commands.prepare.preflight_checks import (
     Report,
@@ -20,7 +22,7 @@ from apad_bridge.commands.prepare.preflight_checks import (
     refuse_red,
     report_path,
 )
-from apad_bridge.doctor.finding import CheckStatus, Finding, cannot_tell, fail, ok
+from apad_bridge.doctor.finding import CheckStatus, Finding, cannot_tell, fail, ok, red_keys
 from apad_bridge.scenario.errors import UserError
 from apad_bridge.scenario.loader import load
 
@@ -67,6 +69,21 @@ def test_a_check_that_cannot_tell_is_red_until_a_person_accepts_it_by_name() -> 
     assert accepted == {"origin": "Ana"}
     assert refuse_red(replace(doubtful, accepted=accepted), ["/apad1"], []) == []
     assert accepted_by(["origin"], doubtful.findings, ["/apad1"])["origin"] == getpass.getuser()
+
+
+def test_what_nothing_told_is_not_called_red_and_says_how_a_person_accepts_it() -> None:
+    doubtful = cannot_tell("nobody says", "compare by hand", check="/apad1 origin")
+    failed = fail("it is not", "see to it", check="/apad1 watchdog")
+
+    def lines(*findings: Finding) -> list[str]:
+        report = replace(GREEN, findings=findings)
+        return [re.sub(r"\[.*?\]", "", it) for it in verdict(report, red_keys(findings, ["/apad1"]))]
+
+    (alone,) = lines(doubtful)
+    assert alone.startswith("CANNOT TELL: origin: ") and "--accept" in alone and "RED" not in alone
+    both = lines(doubtful, failed)
+    assert both[0] == "RED: watchdog" and both[1].startswith("CANNOT TELL: origin: ")
+    assert lines(ok("inside", check="/apad1 fence")) == ["GREEN"]
 
 
 def test_a_failure_is_not_accepted() -> None:
