@@ -56,11 +56,12 @@ def print_table(
     if table.row_count > 0:
         console.print(table)
     if why_none is not None:
-        _print(console, f"Interrupted: {why_none}. Its figures compare with those of no whole flight.")
+        _print(console, f"Interrupted: {why_none}. Do not compare its figures with those of a whole flight.")
+    dead = f", {summary['gave_up']} dead for good" if summary["gave_up"] else ""
     _print(
         console,
         f"{summary['services']} served, {_count_text(summary['amussels_lost'])} lost, {_count_text(summary['emptied'])} "
-        f"emptied. End of the mission: {summary['ended_by']}.",
+        f"emptied{dead}. End of the mission: {summary['ended_by']}.",
     )
     _print(
         console,

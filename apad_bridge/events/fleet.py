@@ -117,6 +117,7 @@ class ProcessDied(Event):
     when = "an aMussel's process ended: a reset of its MU"
     counted = ("id", "agent_ms", "cause")
     category = Category.TROUBLE
+    is_told_at_once = True
 
     id: AMussel
     agent_ms: AgentTime
@@ -125,8 +126,9 @@ class ProcessDied(Event):
     gave_up: Annotated[str | None, Meaning("why it stays dead; null when it was started again")]
 
     def text(self) -> str:
-        fate = f": {self.gave_up}" if self.gave_up else ", and was started again"
-        return f"the process of aMussel {self.id} died{fate}"
+        if self.gave_up is not None:
+            return f"the process of aMussel {self.id} died for good: {self.gave_up}"
+        return f"the process of aMussel {self.id} died ({self.reason}), and was started again"
 
 
 @dataclass(frozen=True)

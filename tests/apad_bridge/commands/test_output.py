@@ -225,6 +225,7 @@ SUMMARY = {
     "samples_uploaded": None,
     "amussels_lost": 0,
     "emptied": 0,
+    "gave_up": 0,
     "services": 16,
     "apad_energy_fraction": 0.2,
     "apad_energy_missing": None,
@@ -267,6 +268,14 @@ def test_a_run_that_was_stopped_or_failed_is_no_row_of_the_papers_table(
     shown = capsys.readouterr().out
     assert "no row of the paper's Table II" in shown and "a row of" not in shown
     assert f"Interrupted: {why}." in shown
+
+
+def test_boards_that_are_dead_for_good_are_counted_beside_the_lost(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    for gave_up, words in ((0, "0 lost, 0 emptied. End"), (2, "0 lost, 0 emptied, 2 dead for good. End")):
+        print_table(Console(width=200), "pool-12", "cautious", SUMMARY | {"gave_up": gave_up})
+        assert words in capsys.readouterr().out
 
 
 def test_a_flight_with_faults_of_its_scenario_is_no_row_of_the_papers_table(

@@ -285,3 +285,12 @@ def test_a_charge_that_no_second_witness_proves_is_a_cause_with_its_count() -> N
     for agent_id in (3, 4):
         counts.take(MissionMs(1000), DocksDisagree(agent_id, reason))
     assert counts.figures()["causes"] == {reason: 2}
+
+
+def test_a_process_that_died_is_told_at_once_and_whether_it_is_for_good() -> None:
+    died = {"id": 7, "agent_ms": 5, "cause": "BROWN_OUT", "reason": "SIGKILL", "gave_up": None}
+    assert told_line(61_000, event_of("died", died)) == (
+        "01:01  the process of aMussel 7 died (SIGKILL), and was started again"
+    )
+    for_good = told_line(61_000, event_of("died", died | {"gave_up": "it died too often"}))
+    assert for_good == "01:01  the process of aMussel 7 died for good: it died too often"
