@@ -267,6 +267,7 @@ def test_the_index_lists_every_page_once_in_one_of_four_groups() -> None:
     listed = re.findall(r"^- \[[^\]]+\]\(([^)]+)\): \S", index.read_text(), re.MULTILINE)
     pages = [str(page.relative_to(index.parent)) for page in (*BY_HAND, *MADE) if page != index]
     whole = [link for link in listed if "#" not in link]
+    assert not (dead := sorted({*whole} - {*pages})), f"docs/README.md links to no page: {', '.join(dead)}"
     assert sorted(whole) == sorted(pages), "add a line for the page to a group of docs/README.md"
     assert re.findall(r"^## (.*)$", index.read_text(), re.MULTILINE) == [
         "Tutorials",

@@ -76,8 +76,8 @@ class GuardOptions:
     battery_reserve: Fraction | None = None
     """The charge that must be left at the end of the way home."""
     pilots: tuple[str, ...] = ()
-    """Nodes by which a pilot steers an aPad that tells nobody of a pilot (generation A): while a goal of theirs runs,
-    nothing goes out."""
+    """Nodes by which a pilot steers an aPad of generation A, which publishes nothing about a pilot. While one of these
+    nodes has a goal that runs, the bench sends no order."""
     amussel_depth_m: Positive | None = None
     """The greatest depth for which the aMussels are rated; the loader refuses a deeper `area.depth_m`."""
     watchdog: WhenUnwatched | None = None

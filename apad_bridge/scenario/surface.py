@@ -237,7 +237,7 @@ class LegForecast:
         return None
 
     def at(self, at_ms: int, speed_m_s: float) -> FlowNow | None:
-        """The flow of a decision's time, for a planner whose go-tos have this speed over ground; None in calm water."""
+        """The flow at a decision's time, for a planner whose go-tos have this speed over ground; None in calm water."""
         return None if self._surface is None else FlowNow(self._apad, self._surface, at_ms, speed_m_s)
 
     def meeting_m(self, from_m: Vector, place_m: Vector, speed_m_s: float, at_ms: int) -> Vector | None:

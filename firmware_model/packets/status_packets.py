@@ -35,7 +35,7 @@ class StatusPacket:
 
     agent_id: int
     sequence: int
-    """Counts all statuses since the boot, modulo 65536, also the short ones, which do not tell it."""
+    """Counts all statuses since the boot, modulo 65536, also the short ones, which do not carry it."""
     state: State
     primary: float
     """A charge, in steps of 1/65535, as the next one."""
