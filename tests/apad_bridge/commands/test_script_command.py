@@ -15,7 +15,6 @@ from apad_bridge.runs.exits import Exit
 from apad_bridge.runs.script_in_memory import fly_script
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.scripting.api import Api
 
 ROOT = Path(__file__).parents[3]
 PAGE = ROOT / "docs/scripting.md"
@@ -130,9 +129,3 @@ def test_every_command_on_the_page_runs(
         ]
         assert main(words) == Exit.DONE
         assert capsys.readouterr().out
-
-
-def test_the_page_names_every_call_of_the_api() -> None:
-    named = set(re.findall(r"`(\w+)[(`]", PAGE.read_text()))
-    calls = {name for name in dir(Api) if not name.startswith("_")} - {"attach"}
-    assert calls - named == set()
