@@ -64,7 +64,7 @@ class FollowedRun:
         self._water = Water(scenario)
         self._scale = scenario.time_scale
         self._history = History(JournalContents([], 0), scenario)
-        self._offset_ms = 0
+        self._offset_ms: int | None = None
         self._ended_s: float | None = None
         self._believed_ms: dict[int, int] = {}
         self._newest: tuple[tuple[int, APadMoved], ...] = ()
@@ -89,7 +89,7 @@ class FollowedRun:
                 self._extend_track((event.north_m, event.east_m))
         if self.state.ended_by is not None and self._ended_s is None:
             self._ended_s = time.monotonic()
-        if new.entries and written_ns == self._path.stat().st_mtime_ns:
+        if new.entries and (self._offset_ms is None or written_ns == self._path.stat().st_mtime_ns):
             self._set_clock(written_ns // 1_000_000)
         return new.entries
 
@@ -105,7 +105,7 @@ class FollowedRun:
 
     def stamp_ms(self, at_ms: int) -> int:
         """The stamp of a message about a mission time: Unix time, or the mission time itself."""
-        return max(0, at_ms + self._offset_ms)
+        return max(0, at_ms + (self._offset_ms or 0))
 
     @property
     def apad(self) -> MovingAPad | None:
@@ -159,7 +159,7 @@ class FollowedRun:
             return 0.0, 0.0, 0.0
         (before_ms, before), (at_ms, _) = self._newest
         span_ms = at_ms - before_ms
-        if not 0 < span_ms <= _NEWEST_MS or self._history.end_ms - at_ms > _NEWEST_MS:
+        if not 0 < span_ms <= _NEWEST_MS or self.now_ms - at_ms > _NEWEST_MS:
             return 0.0, 0.0, 0.0
         north = 1000 * (now.north_m - before.north_m) / span_ms
         east = 1000 * (now.east_m - before.east_m) / span_ms
@@ -169,6 +169,6 @@ class FollowedRun:
 
     def _set_clock(self, written_ms: int) -> None:
         """The journal's newest line was written at its tick. Once set, the offset stays, so that stamps do not sway."""
-        offset_ms = written_ms - self._history.end_ms
-        if self.has_wall_time and abs(offset_ms - self._offset_ms) > _JUMP_MS:
+        offset_ms = written_ms - self._history.end_ms if self.has_wall_time else 0
+        if self._offset_ms is None or abs(offset_ms - self._offset_ms) > _JUMP_MS:
             self._offset_ms = offset_ms

@@ -38,8 +38,9 @@ def serve(run_dir: Path, began: Callable[[RunTopics], None], tell: Callable[[str
     with received_by(asked.set):
         if not await_beginning(directory, asked.is_set, tell):
             return
+        RunDirectory.open(run_dir)
         try:
-            scenario = load(RunDirectory.open(run_dir).scenario)
+            scenario = load(directory.scenario)
             run = FollowedRun(directory, scenario)
         except ScenarioError as error:
             raise RunDirectoryError(error.lines[0]) from error
