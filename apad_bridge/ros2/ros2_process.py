@@ -21,7 +21,7 @@ ENVIRONMENT = Path(sys.prefix).with_name(".venv-ros2")
 """launch_scripts/install --ros2 makes it, beside that of musselbed, and writes the file `installed` once it is whole."""
 RECORD = Struct("<II")
 NEW_TOPIC = 0xFFFFFFFF
-"""As `publisher.py` reads them, which imports nothing of ours."""
+"""`publisher.py` has both, too, because it imports nothing of ours."""
 _PROGRAM = Path(__file__).with_name("publisher.py")
 _STARTS_S = 60.0
 _TAKES_S = 10.0
