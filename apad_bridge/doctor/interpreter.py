@@ -14,6 +14,7 @@ from inspect import getmodulename
 from pathlib import Path
 
 from apad_bridge.doctor.finding import Check, Finding, fail, ok, warn
+from apad_bridge.records.run_directory import parts_of_others
 
 INSTALL = "run launch_scripts/install"
 OUR_PACKAGES = ("agents", "apad_bridge", "firmware_model")
@@ -73,6 +74,12 @@ def check_packages(distribution: str = "musselbed") -> Iterator[Finding]:
             yield fail("is not installed", INSTALL, check=name)
             continue
         yield check_numpy(version) if name == "numpy" else ok(version, check=name)
+
+
+def check_parts_of_others() -> list[Finding]:
+    """Names the packages that bring strategies, codecs or commands: they are trusted, and fly along."""
+    found = "; ".join(f"{package}: {parts}" for package, parts in parts_of_others().items())
+    return [ok(found or "none")]
 
 
 def _is_of_this_python(line: str) -> bool:
@@ -185,6 +192,7 @@ def _removal(module: Path) -> str:
 CHECKS: tuple[Check[None], ...] = (
     Check("python", lambda _: check_python()),
     Check("packages", lambda _: check_packages()),
+    Check("packages of others", lambda _: check_parts_of_others()),
     Check("our packages", lambda _: check_shadows()),
     Check("shadowed packages", lambda _: check_pinned()),
 )

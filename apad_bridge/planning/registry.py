@@ -30,6 +30,7 @@ from apad_bridge.planning.rollout import FairRollout, Rollout
 from apad_bridge.planning.solution import StepKind
 from apad_bridge.planning.strategy import CollectionStrategy, RedeploymentStrategy
 from apad_bridge.planning.triage import ByLoad, Core, Triage
+from firmware_model.packets.codec import brought_by
 
 GROUP = "musselbed.strategies"
 Sort = TypeVar("Sort", CollectionStrategy, RedeploymentStrategy)
@@ -169,7 +170,7 @@ def _create_by_name(name: str, kind: StepKind, scales: Scales) -> tuple[str, obj
     """A strategy of ours or of a package, after the words that name its source."""
     entries = tuple(entry for entry in _entries() if entry.name == name)
     sources = ["musselbed itself"] * (name in _BUILT_IN or name in _SCALED) + [
-        _package(entry) for entry in entries
+        brought_by(entry) for entry in entries
     ]
     if not sources:
         raise ValueError(
@@ -260,10 +261,6 @@ def _load(entry: EntryPoint) -> object:
         return entry.load()()
     except A_USERS_ERROR as error:
         raise ValueError(
-            f"strategy {entry.name!r} (from {_package(entry)}, {entry.value}) cannot be loaded: "
+            f"strategy {entry.name!r} (from {brought_by(entry)}, {entry.value}) cannot be loaded: "
             f"{type(error).__name__}: {error}"
         ) from error
-
-
-def _package(entry: EntryPoint) -> str:
-    return f"{entry.dist.name} {entry.dist.version}" if entry.dist else entry.value

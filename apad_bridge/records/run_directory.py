@@ -13,7 +13,7 @@ import subprocess
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import PackageNotFoundError, distributions, version
 from pathlib import Path
 from typing import Any
 
@@ -164,7 +164,11 @@ class RunDirectory:
             if (digest := digest_of_file(it))
         }
         write_resolved(self.scenario, with_strategy_copies(scenario, self.path) if digests else scenario)
-        files = {"strategy_files": digests, "firmware_files": firmware_digests(scenario)}
+        files = {
+            "strategy_files": digests,
+            "firmware_files": firmware_digests(scenario),
+            "packages_of_others": parts_of_others(),
+        }
         self.write_json(self.versions, {**versions(), **{name: it for name, it in files.items() if it}})
 
     def reduced_to_bags(self, apads: Sequence[str]) -> list[Path]:
@@ -205,6 +209,17 @@ def versions() -> dict[str, str | None]:
         except PackageNotFoundError:
             found[name] = None
     return found
+
+
+def parts_of_others() -> dict[str, str]:
+    """The parts that installed packages bring to musselbed, as `{"lab_codec 1.2": "codecs lines"}`."""
+    found: dict[str, set[str]] = {}
+    for package in distributions():
+        for entry in package.entry_points:
+            if entry.group.startswith("musselbed.") and package.name != "musselbed":
+                part = f"{entry.group.removeprefix('musselbed.')} {entry.name}"
+                found.setdefault(f"{package.name} {package.version}", set()).add(part)
+    return {package: ", ".join(sorted(parts)) for package, parts in sorted(found.items())}
 
 
 def _commit() -> str | None:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Protocol, cast
+from typing import TYPE_CHECKING, Protocol, cast
 
 from firmware_model import packets
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
 
 BUILT_IN = "musselbed-1"
 GROUP = "musselbed.codecs"
@@ -33,14 +36,30 @@ class MusselbedCodec:
 def load_codec(name: str) -> Codec:
     """The codec called `name`: the built-in one, or a class under the entry-point group `musselbed.codecs`.
 
-    Raises ValueError for an unknown name, with the known names in its text.
+    Raises ValueError for an unknown name, with the known names in its text, for a name that two packages bring, and for a
+    class that cannot be made. The text then names the package with its version.
     """
     if name == BUILT_IN:
         return MusselbedCodec()
     # Imported here: it takes megabytes that an agent with the built-in layout never needs.
     from importlib.metadata import entry_points
 
-    found = {entry.name: entry for entry in entry_points(group=GROUP)}
-    if name not in found:
-        raise ValueError(f"no codec is called {name!r}; there are: {', '.join(sorted([BUILT_IN, *found]))}")
-    return cast(Codec, found[name].load()())
+    entries = entry_points(group=GROUP)
+    found = [entry for entry in entries if entry.name == name]
+    if not found:
+        known = ", ".join(sorted({BUILT_IN, *(entry.name for entry in entries)}))
+        raise ValueError(f"no codec is called {name!r}; there are: {known}")
+    packages = sorted({brought_by(entry) for entry in found})
+    if len(packages) > 1:
+        raise ValueError(f"codec {name!r} is in each of {', '.join(packages)}: uninstall one of them")
+    try:
+        return cast(Codec, found[0].load()())
+    except Exception as error:
+        raise ValueError(
+            f"codec {name!r} (from {packages[0]}, {found[0].value}) cannot be loaded: {type(error).__name__}: {error}"
+        ) from error
+
+
+def brought_by(entry: EntryPoint) -> str:
+    """The package that brings an entry point, with its version; the entry's value for one without metadata."""
+    return f"{entry.dist.name} {entry.dist.version}" if entry.dist else entry.value

@@ -11,11 +11,12 @@ No renderer shows such a comment. The marks are:
 
 from __future__ import annotations
 
-import configparser
 import re
+import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from shutil import copy2
 
 from firmware_model.packets.codec import GROUP
 
@@ -32,17 +33,19 @@ def file_of(page: Path, name: str) -> str:
     return found[0]
 
 
+TEMPLATES = ROOT / "launch_scripts/templates"
+
+
 def install_codec(site: Path) -> None:
-    """Writes the package with a codec that docs/extending.md shows, as pip leaves it behind."""
-    page = ROOT / "docs" / "extending.md"
-    setup = configparser.ConfigParser()
-    setup.read_string(file_of(page, "setup.cfg"))
-    name, version = setup["metadata"]["name"], setup["metadata"]["version"]
+    """Writes the package of the codec's template as pip leaves it behind."""
+    project = tomllib.loads((TEMPLATES / "codec/pyproject.toml").read_text())["project"]
+    name, version = project["name"], project["version"]
     info = site / f"{name}-{version}.dist-info"
     info.mkdir(parents=True)
     (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n")
-    (info / "entry_points.txt").write_text(f"[{GROUP}]{setup['options.entry_points'][GROUP]}\n")
-    (site / f"{setup['options']['py_modules']}.py").write_text(file_of(page, "lab_codec.py"))
+    entries = "".join(f"{it} = {where}\n" for it, where in project["entry-points"][GROUP].items())
+    (info / "entry_points.txt").write_text(f"[{GROUP}]\n{entries}")
+    copy2(TEMPLATES / "codec/lab_codec.py", site)
 
 
 @dataclass(frozen=True)

@@ -1,19 +1,21 @@
-"""docs/first-strategy.md and docs/extending.md as printed: packages are written, installed, flown and compared."""
+"""docs/first-strategy.md as printed, and the templates: packages are installed and flown, and a board is compiled."""
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
 import sysconfig
 from pathlib import Path
+from shutil import copytree, which
 
 import pytest
-from doc_blocks import blocks, file_of
+from doc_blocks import TEMPLATES, blocks, file_of
 
 pytestmark = pytest.mark.system
 ROOT = Path(__file__).parents[2]
-STRATEGY, CODEC = ROOT / "docs" / "first-strategy.md", ROOT / "docs" / "extending.md"
+STRATEGY = ROOT / "docs" / "first-strategy.md"
 POOL = ROOT / "launch_scripts" / "scenarios" / "pool-12.yaml"
 BOAT_OPTION = "--no-build-isolation"
 
@@ -60,16 +62,27 @@ def in_a_shell(script: str, folder: Path, environment: dict[str, str]) -> str:
     return done.stdout
 
 
-def install(page: Path, module: str, folder: Path, environment: dict[str, str], *, options: str = "") -> None:
-    folder.mkdir()
-    for name in (f"{module}.py", "setup.cfg"):
-        (folder / name).write_text(file_of(page, name))
-    (folder / "pyproject.toml").write_text(file_of(STRATEGY, "pyproject.toml"))
+def install(kind: str, folder: Path, environment: dict[str, str], *, options: str = "") -> None:
+    copytree(TEMPLATES / kind, folder)
     in_a_shell(f"{commands()[-1].rstrip()} {options}", folder, environment)
 
 
-def test_both_packages_of_the_page_install_and_fly(tmp_path: Path, environment: dict[str, str]) -> None:
-    install(STRATEGY, "lab_strategies", tmp_path / "strategies", environment)
+def test_a_template_has_three_files_at_most_and_those_of_the_pages() -> None:
+    assert all(len(list(it.iterdir())) <= 3 for it in TEMPLATES.iterdir())
+    strategy = (TEMPLATES / "strategy/lab_strategies.py").read_text()
+    board = (TEMPLATES / "board/my_board.c").read_text()
+    assert strategy == file_of(STRATEGY, "lab_strategies.py")
+    assert board == file_of(ROOT / "docs/first-firmware.md", "my_board.c")
+
+
+@pytest.mark.skipif(which("cc") is None or which("make") is None, reason="make compiles the board in C")
+def test_the_templates_board_compiles_and_runs(tmp_path: Path, environment: dict[str, str]) -> None:
+    copytree(TEMPLATES / "board", tmp_path / "board")
+    assert in_a_shell("make >/dev/null && musselbed mu run ./my_board", tmp_path / "board", environment)
+
+
+def test_the_templates_install_and_fly(tmp_path: Path, environment: dict[str, str]) -> None:
+    install("strategy", tmp_path / "strategies", environment)
     # Before the package is there: its file alone flies, and is compared.
     (tmp_path / "lab_strategies.py").write_text(file_of(STRATEGY, "lab_strategies.py"))
     (tmp_path / "farthest.yaml").write_text(
@@ -87,7 +100,8 @@ def test_both_packages_of_the_page_install_and_fly(tmp_path: Path, environment: 
     # As on a boat: from no index. The setuptools at hand builds it; without the page's option pip looks for one there.
     assert f"`{BOAT_OPTION}`" in STRATEGY.read_text()
     on_a_boat = environment | {"PIP_NO_INDEX": "1"}
-    install(CODEC, "lab_codec", tmp_path / "codec", on_a_boat, options=BOAT_OPTION)
+    install("codec", tmp_path / "codec", on_a_boat, options=BOAT_OPTION)
+    install("command", tmp_path / "command", on_a_boat, options=BOAT_OPTION)
     scenario = tmp_path / "lines.yaml"
     scenario.write_text(text.replace("hearing: {", "hearing: {codec: lines, ").replace("610", "60"))
     in_a_shell(
@@ -101,3 +115,13 @@ def test_both_packages_of_the_page_install_and_fly(tmp_path: Path, environment: 
         line for line in (tmp_path / "run" / "journal.jsonl").read_text().splitlines() if '"plan"' in line
     ]
     assert any('"farthest"' in line for line in plans)
+    others = json.loads((tmp_path / "run/versions.json").read_text())["packages_of_others"]
+    assert others == {
+        "lab_codec 1.2": "codecs lines",
+        "lab_services 1.2": "commands services",
+        "lab_strategies 1.2": "strategies farthest",
+    }
+    assert "lab_codec 1.2: codecs lines" in in_a_shell(
+        "musselbed doctor --all || true", tmp_path, environment
+    )
+    assert in_a_shell("musselbed services run", tmp_path, environment).strip().isdigit()

@@ -7,16 +7,16 @@ import sys
 from pathlib import Path
 
 import pytest
-from doc_blocks import ROOT, file_of
+from doc_blocks import TEMPLATES
 
 from apad_bridge.commands.entry_points import EntryPoint, entry_points
 from apad_bridge.commands.main import main
 
-SERVICES = file_of(ROOT / "docs/extending.md", "lab_services.py") + "\nprint('loaded')\n"
+SERVICES = (TEMPLATES / "command/lab_services.py").read_text() + "\nprint('loaded')\n"
 
 
 def install(site: Path, package: str, module: str, text: str, version: str = "1.0") -> None:
-    """Writes a package with the command of docs/extending.md, as pip leaves it behind."""
+    """Writes a package with the command of the template, as pip leaves it behind."""
     info = site / f"{package}-{version}.dist-info"
     info.mkdir(parents=True)
     (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: {version}\n")

@@ -1,8 +1,10 @@
-"""A laboratory's own packet layout, installed as a distribution: the example of docs/extending.md, word for word."""
+"""A laboratory's own packet layout, installed as a distribution: the template of a codec, word for word."""
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
+from importlib import invalidate_caches
 from pathlib import Path
 
 import pytest
@@ -97,3 +99,23 @@ def test_a_supervisor_of_another_layout_counts_what_it_cannot_read(lines: Codec)
     supervisor.advance(1000)
     assert supervisor.beliefs.all() == []
     assert dict(supervisor.dropped) == {"bytes that are no status packet": 1}
+
+
+def test_a_codec_that_cannot_be_made_or_that_two_packages_bring_names_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.delitem(sys.modules, "lab_codec", raising=False)
+    install_codec(tmp_path)
+    (tmp_path / "lab_codec.py").write_text("raise OSError('no table')\n")
+    with pytest.raises(ValueError, match=r"codec 'lines' \(from lab_codec 1\.2, .*OSError: no table"):
+        load_codec("lines")
+    another = tmp_path / "other_codec-3.0.dist-info"
+    another.mkdir()
+    (another / "METADATA").write_text("Metadata-Version: 2.1\nName: other_codec\nVersion: 3.0\n")
+    (another / "entry_points.txt").write_text("[musselbed.codecs]\nlines = other_codec:Lines\n")
+    invalidate_caches()
+    with pytest.raises(
+        ValueError, match=r"'lines' is in each of lab_codec 1\.2, other_codec 3\.0: uninstall"
+    ):
+        load_codec("lines")
