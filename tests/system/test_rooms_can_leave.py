@@ -85,7 +85,9 @@ def run_in(copy: Path, *words: str) -> str:
 def test_the_help_lists_no_command_of_a_room_that_left(copy: Path) -> None:
     listed = run_in(copy, "-m", "apad_bridge.commands.main", "--help")
     assert "\n  run " in listed and "\n  stop " in listed
-    assert [it for it in ("study", "shadow", "imc", "layout", "foxglove", "ros2") if f"\n  {it} " in listed] == []
+    assert [
+        it for it in ("study", "shadow", "imc", "layout", "foxglove", "ros2") if f"\n  {it} " in listed
+    ] == []
 
 
 def test_the_pool_flies_without_these_rooms_and_has_its_digest(copy: Path, tmp_path: Path) -> None:
