@@ -14,7 +14,6 @@ from inspect import getmodulename
 from pathlib import Path
 
 from apad_bridge.doctor.finding import Check, Finding, fail, ok, warn
-from apad_bridge.records.run_directory import parts_of_others
 
 INSTALL = "run launch_scripts/install"
 OUR_PACKAGES = ("agents", "apad_bridge", "firmware_model")
@@ -78,6 +77,9 @@ def check_packages(distribution: str = "musselbed") -> Iterator[Finding]:
 
 def check_parts_of_others() -> list[Finding]:
     """Names the packages that bring strategies, codecs or commands: they are trusted, and fly along."""
+    # Imported here: this module must not need a package that another one shadows.
+    from firmware_model.packets.codec import parts_of_others
+
     found = "; ".join(f"{package}: {parts}" for package, parts in parts_of_others().items())
     return [ok(found or "none")]
 

@@ -13,7 +13,7 @@ import subprocess
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from importlib.metadata import PackageNotFoundError, distributions, version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,7 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start, save_starts
 from apad_bridge.scenario.starts_table import ENDS_NAME, STARTS_NAME
 from apad_bridge.scenario.text_file import write_atomically
+from firmware_model.packets.codec import parts_of_others
 
 RUNS = Path("runs")
 PRIVATE = 0o700
@@ -209,17 +210,6 @@ def versions() -> dict[str, str | None]:
         except PackageNotFoundError:
             found[name] = None
     return found
-
-
-def parts_of_others() -> dict[str, str]:
-    """The parts that installed packages bring to musselbed, as `{"lab_codec 1.2": "codecs lines"}`."""
-    found: dict[str, set[str]] = {}
-    for package in distributions():
-        for entry in package.entry_points:
-            if entry.group.startswith("musselbed.") and package.name != "musselbed":
-                part = f"{entry.group.removeprefix('musselbed.')} {entry.name}"
-                found.setdefault(f"{package.name} {package.version}", set()).add(part)
-    return {package: ", ".join(sorted(parts)) for package, parts in sorted(found.items())}
 
 
 def _commit() -> str | None:

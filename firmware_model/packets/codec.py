@@ -63,3 +63,16 @@ def load_codec(name: str) -> Codec:
 def brought_by(entry: EntryPoint) -> str:
     """The package that brings an entry point, with its version; the entry's value for one without metadata."""
     return f"{entry.dist.name} {entry.dist.version}" if entry.dist else entry.value
+
+
+def parts_of_others() -> dict[str, str]:
+    """The parts that installed packages bring to musselbed, as `{"lab_codec 1.2": "codecs lines"}`."""
+    from importlib.metadata import distributions  # an agent's process needs neither
+
+    found: dict[str, set[str]] = {}
+    for package in distributions():
+        for entry in package.entry_points:
+            if entry.group.startswith("musselbed.") and package.name != "musselbed":
+                part = f"{entry.group.removeprefix('musselbed.')} {entry.name}"
+                found.setdefault(f"{package.name} {package.version}", set()).add(part)
+    return {package: ", ".join(sorted(parts)) for package, parts in sorted(found.items())}

@@ -18,8 +18,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from shutil import copy2
 
-from firmware_model.packets.codec import GROUP
-
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 EXCERPTS = ("text", "yaml", "xml", "ini", "toml", "diff", "json", "mermaid")
@@ -36,16 +34,18 @@ def file_of(page: Path, name: str) -> str:
 TEMPLATES = ROOT / "launch_scripts/templates"
 
 
-def install_codec(site: Path) -> None:
-    """Writes the package of the codec's template as pip leaves it behind."""
-    project = tomllib.loads((TEMPLATES / "codec/pyproject.toml").read_text())["project"]
+def install_template(site: Path, kind: str) -> None:
+    """Writes the package of a template, as `codec`, as pip leaves it behind."""
+    project = tomllib.loads((TEMPLATES / kind / "pyproject.toml").read_text())["project"]
     name, version = project["name"], project["version"]
     info = site / f"{name}-{version}.dist-info"
     info.mkdir(parents=True)
     (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n")
-    entries = "".join(f"{it} = {where}\n" for it, where in project["entry-points"][GROUP].items())
-    (info / "entry_points.txt").write_text(f"[{GROUP}]\n{entries}")
-    copy2(TEMPLATES / "codec/lab_codec.py", site)
+    ((group, parts),) = project["entry-points"].items()
+    entries = "".join(f"{it} = {where}\n" for it, where in parts.items())
+    (info / "entry_points.txt").write_text(f"[{group}]\n{entries}")
+    for module in (TEMPLATES / kind).glob("*.py"):
+        copy2(module, site)
 
 
 @dataclass(frozen=True)

@@ -112,7 +112,7 @@ def test_a_machine_without_debians_tools_is_told_so(programs: Path) -> None:
 
 def test_an_unknown_option_is_refused(programs: Path) -> None:
     done = run_install(programs, "--tests")
-    assert (done.returncode, done.stderr) == (2, "use: launch_scripts/install [--mu | --test]\n")
+    assert (done.returncode, done.stderr) == (2, "use: launch_scripts/install [--mu | --test | --ros2]\n")
 
 
 @pytest.mark.skipif(Path(sys.prefix) != ROOT / ".venv", reason="these tests do not run in an installed .venv")

@@ -37,6 +37,7 @@ LOOKS: dict[str, tuple[list[str], ...]] = {
     "console": (["."],),
     "foxglove": (["."],),
     "imc": (["."],),
+    "ros2": (["."],),
     "runs": ([".."],),
     "replay": (["."],),
     "report": (["."],),

@@ -19,7 +19,7 @@ from typing import Any
 
 import pytest
 import yaml
-from doc_blocks import install_codec
+from doc_blocks import install_template
 from fleets import PAPER
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -340,7 +340,7 @@ def test_firmware_with_packets_of_its_own_flies_by_its_codec(tmp_path: Path) -> 
     assert program.count(old) == 1
     (tmp_path / "board").write_text(program.replace(old, new))
     (tmp_path / "board").chmod(0o755)
-    install_codec(tmp_path / "site")
+    install_template(tmp_path / "site", "codec")
     shutil.copy(SCENARIO.with_suffix(".csv"), tmp_path)
     data = yaml.safe_load(SCENARIO.read_text())
     data["duration_s"] = 600

@@ -1,13 +1,11 @@
-"""Strategies by name, with a real distribution on sys.path: the example of docs/first-strategy.md, word for
-word.
-"""
+"""Strategies by name, with a real distribution on sys.path: the template's."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import pytest
-from doc_blocks import file_of
+from doc_blocks import install_template
 
 from apad_bridge.planning.candidates import Candidate, Situation
 from apad_bridge.planning.paper_strategies import Cautious, Greedy, GreedyRedeploy, NoCollection
@@ -20,12 +18,6 @@ from apad_bridge.planning.registry import (
     label,
     redeployment,
 )
-
-DOCUMENT = Path(__file__).parents[3] / "docs" / "first-strategy.md"
-
-
-def block(name: str) -> str:
-    return file_of(DOCUMENT, name)
 
 
 def install(site: Path, distribution: str, entries: str, module: str, code: str) -> None:
@@ -62,10 +54,8 @@ def test_a_redeployment_is_no_collection() -> None:
         redeployment("greedy")
 
 
-def test_the_documented_package_adds_a_strategy(site: Path) -> None:
-    setup = block("setup.cfg")
-    entry = setup.split("musselbed.strategies =")[1].strip()
-    install(site, "lab_strategies", entry, "lab_strategies", block("lab_strategies.py"))
+def test_the_template_adds_a_strategy(site: Path) -> None:
+    install_template(site, "strategy")
     assert "farthest" in known_names()
     agents = (
         Candidate(1, 3, 0, 0.5, 1, 3, 0),

@@ -8,7 +8,7 @@ from importlib import invalidate_caches
 from pathlib import Path
 
 import pytest
-from doc_blocks import install_codec
+from doc_blocks import install_template
 from hypothesis import given
 from hypothesis import strategies as st
 from scenario_files import POOL_FILE
@@ -33,7 +33,7 @@ STATUS_LINE = b"$STATUS,7,9,FLOATING,0.50000,1.00000,-3.25,12.50,0.00,1800000*"
 @pytest.fixture
 def lines(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Codec:
     """The documented package, as pip leaves it behind."""
-    install_codec(tmp_path)
+    install_template(tmp_path, "codec")
     monkeypatch.syspath_prepend(str(tmp_path))
     return load_codec("lines")
 
@@ -106,7 +106,7 @@ def test_a_codec_that_cannot_be_made_or_that_two_packages_bring_names_them(
 ) -> None:
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.delitem(sys.modules, "lab_codec", raising=False)
-    install_codec(tmp_path)
+    install_template(tmp_path, "codec")
     (tmp_path / "lab_codec.py").write_text("raise OSError('no table')\n")
     with pytest.raises(ValueError, match=r"codec 'lines' \(from lab_codec 1\.2, .*OSError: no table"):
         load_codec("lines")
