@@ -16,7 +16,6 @@ import itertools
 import math
 import random
 import signal
-import statistics
 import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -35,7 +34,7 @@ from apad_bridge.studies.event_driven import fly_event_driven
 from apad_bridge.studies.findings import Findings, table_of
 from apad_bridge.studies.runner import Block, Fly, Row
 from apad_bridge.studies.specification import StudyPlan, plan_of
-from apad_bridge.studies.table_two import COLUMNS, FIGURES, PAPER, PaperRow, percentile_of
+from apad_bridge.studies.table_two import COLUMNS, FIGURES, PAPER, PaperRow, beside
 
 GOALS = {"cautious": ("Cautious",), "greedy": ("Cautious", "Greedy"), "bay": ("Greedy (bay)",)}
 """The rows that a search fits. The same starts show what the others are."""
@@ -65,7 +64,7 @@ def fitted_study(goal: str, seeds: int = 200) -> StudyPlan:
         "seeds": seeds,
         "parameters": {"duration_s": [round(whole_s * it) for it in sorted(parts, reverse=True)]},
     }
-    return plan_of(data, name, SHIPPED)
+    return replace(plan_of(data, name, SHIPPED), fitted_to=goal)
 
 
 def fly_fitted(goal: str, directory: Path, workers: int) -> Fly:
@@ -245,7 +244,7 @@ class FittedStarts(Findings):
             if row.scenario != each.scenario or (row.recorded == 1 and seconds != whole_s):
                 continue
             figures = [figures_of(row, it, seconds / whole_s) for it in flown]
-            columns = {it: _beside(getattr(row, it), [each[it] for each in figures]) for it in COLUMNS}
+            columns = {it: beside(getattr(row, it), [each[it] for each in figures]) for it in COLUMNS}
             found.append({"row": row.name, "seconds": seconds} | columns)
         return found
 
@@ -257,14 +256,3 @@ _SHOWN = {
     "p95": "ours, 95 %",
     "percentile": "percentile",
 }
-
-
-def _beside(papers: float, ours: Sequence[float]) -> dict[str, float]:
-    values = sorted(ours)
-    return {
-        "paper": papers,
-        "median": statistics.median(values),
-        "p5": values[int(0.05 * len(values))],
-        "p95": values[min(len(values) - 1, int(0.95 * len(values)))],
-        "percentile": percentile_of(papers, values),
-    }

@@ -107,6 +107,8 @@ class StudyPlan:
     """The scenarios as their files have them."""
     trust: registry.Trust | None = None
     """None: strategies in files are not executed."""
+    fitted_to: str = ""
+    """The search from whose starts the missions are flown; empty for starts that are drawn."""
 
     @property
     def blocks(self) -> Iterator[tuple[int, int]]:
@@ -138,7 +140,8 @@ class StudyPlan:
         """A digest of everything that decides a mission's figures; a study resumes the rows of the same digest alone."""
         scenarios = [[_by_content(it) for it in row] for row in self.scenarios]
         decisive = [scenarios, self.strategies, self.study.model, version("musselbed")]
-        text = json.dumps([*decisive, self.study.draws] if self.study.draws else decisive)
+        further = [it for it in (self.study.draws, self.fitted_to) if it]
+        text = json.dumps([*decisive, *further])
         return hashlib.sha256(text.encode()).hexdigest()
 
     def to_wire(self) -> list[Any]:

@@ -109,23 +109,24 @@ def table_two(plan: StudyPlan, rows: Sequence[Row]) -> list[dict[str, Any]]:
         ]
         is_papers = plan.settings[ours[0]["setting"]].theta == THETA
         for column, figure in FIGURES.items():
-            values = sorted(row[figure] for row in ours)
-            value = getattr(paper, column)
-            found.append(
-                {
-                    "row": paper.name,
-                    "column": column,
-                    "paper": value,
-                    "median": statistics.median(values),
-                    "p5": values[int(0.05 * len(values))],
-                    "p95": values[min(len(values) - 1, int(0.95 * len(values)))],
-                    "percentile": percentile_of(value, values)
-                    if is_papers and values[0] < values[-1]
-                    else None,
-                    "paper_recorded": paper.recorded,
-                }
-            )
+            values = [row[figure] for row in ours]
+            compared = {"row": paper.name, "column": column} | beside(getattr(paper, column), values)
+            if not is_papers or min(values) == max(values):
+                compared["percentile"] = None
+            found.append({**compared, "paper_recorded": paper.recorded})
     return found
+
+
+def beside(papers: float, ours: Sequence[float]) -> dict[str, Any]:
+    """The paper's value, our median and central 90 %, and the percentile of the paper's value among ours."""
+    values = sorted(ours)
+    return {
+        "paper": papers,
+        "median": statistics.median(values),
+        "p5": values[int(0.05 * len(values))],
+        "p95": values[min(len(values) - 1, int(0.95 * len(values)))],
+        "percentile": percentile_of(papers, values),
+    }
 
 
 def notes() -> list[str]:

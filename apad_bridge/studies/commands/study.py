@@ -66,7 +66,8 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--fit",
         choices=("cautious", "greedy", "bay"),
-        help=f"searches starts for {TABLE_TWO} from which this row, and those before it, come out as in the paper",
+        help=f"searches starts for {TABLE_TWO} from which rows come out as in the paper: Cautious, Cautious and Greedy in "
+        "the pool, or Greedy in the bay",
     )
     parser.add_argument(
         "--workers", type=int, metavar="N", help="number of processes (default: one for each processor)"

@@ -11,7 +11,7 @@ from apad_bridge.scenario.loader import load, with_values
 from apad_bridge.scenario.starts import read_starts, starts_of
 from apad_bridge.studies.fitted_starts import TOLERANCES, FittedStarts, fitted_study, fly_fitted
 from apad_bridge.studies.models import Model, fly
-from apad_bridge.studies.runner import fly_study
+from apad_bridge.studies.runner import AnotherStudy, fly_study
 from apad_bridge.studies.table_two import (
     COLUMNS,
     PAPER,
@@ -95,6 +95,13 @@ def test_searched_starts_fit_cautious_and_keep_what_the_row_without_charging_say
     area = load(SCENARIOS / "pool-12.yaml").area
     for start in read_starts(tmp_path / "starts-1.csv", area, range(1, 13)):
         assert 0 <= start.north_m <= 28 and 0 <= start.east_m <= 21
+
+
+def test_searches_for_other_rows_share_no_directory(tmp_path: Path) -> None:
+    """Their scenarios and settings are equal, and their starts are not."""
+    fly_study(fitted_study("cautious", 1), tmp_path, lambda plan, blocks: iter([(it, []) for it in blocks]))
+    with pytest.raises(AnotherStudy, match="another study"):
+        fly_study(fitted_study("greedy", 1), tmp_path, 1)
 
 
 def test_a_flight_recorded_in_part_has_uptimes_of_the_whole_mission(tmp_path: Path) -> None:
