@@ -33,14 +33,7 @@ def add_parser(commands: Any) -> None:
         "ROS_MASTER_URI, which may fly on another machine.",
         epilog=ending("musselbed console runs/pool-12-1 --open", "musselbed console --port 8080"),
     )
-    parser.add_argument(
-        "directory",
-        type=Path,
-        nargs="?",
-        metavar="RUN",
-        help="the run's directory (default: the run on the master at ROS_MASTER_URI)",
-    )
-    parser.add_argument("--apad", metavar="NAME", help="without RUN: which of several aPads on that master")
+    add_run_arguments(parser)
     parser.add_argument(
         "--host",
         default=LOOPBACK,
@@ -106,6 +99,18 @@ def run(arguments: argparse.Namespace) -> int:
             f"cannot listen on {arguments.host} port {arguments.port}: {error.strerror}"
         ) from error
     return Exit.DONE
+
+
+def add_run_arguments(parser: argparse.ArgumentParser) -> None:
+    """RUN, or the run on the master: what `directory_of` reads."""
+    parser.add_argument(
+        "directory",
+        type=Path,
+        nargs="?",
+        metavar="RUN",
+        help="the run's directory (default: the run on the master at ROS_MASTER_URI)",
+    )
+    parser.add_argument("--apad", metavar="NAME", help="without RUN: which of several aPads on that master")
 
 
 @contextmanager

@@ -5,10 +5,10 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from apad_bridge.commands.help_text import ending
+from apad_bridge.commands.look.console import add_run_arguments, directory_of
 from apad_bridge.runs.exits import Exit
 
 if TYPE_CHECKING:
@@ -28,20 +28,12 @@ def add_parser(commands: Any) -> None:
             note="It needs launch_scripts/install --ros2; docs/ros2.md has the topics.",
         ),
     )
-    parser.add_argument(
-        "directory",
-        type=Path,
-        nargs="?",
-        metavar="RUN",
-        help="the run's directory (default: the run on the master at ROS_MASTER_URI)",
-    )
-    parser.add_argument("--apad", metavar="NAME", help="without RUN: which of several aPads on that master")
+    add_run_arguments(parser)
     parser.add_argument("--json", action="store_true", help="print the node's name as JSON on stdout")
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    from apad_bridge.commands.look.console import directory_of
     from apad_bridge.ros2.ros2_process import Ros2Gone, require_ros2
     from apad_bridge.ros2.serving import serve
 
