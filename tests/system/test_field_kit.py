@@ -30,7 +30,7 @@ exec env -i HOME=/root PATH=/usr/sbin:/usr/bin:/sbin:/bin chroot "$0" /bin/bash 
 pytestmark = [
     pytest.mark.field_kit,
     pytest.mark.skipif(os.geteuid() != 0, reason="a clean Debian needs root"),
-    pytest.mark.skipif(shutil.which("debootstrap") is None, reason="debootstrap makes the clean Debian"),
+    pytest.mark.skipif(shutil.which("mmdebstrap") is None, reason="mmdebstrap makes the clean Debian"),
 ]
 
 
@@ -50,8 +50,7 @@ def test_a_kit_is_installed_and_flown_on_a_clean_debian_without_a_network(tmp_pa
     subprocess.run([str(ROOT / "launch_scripts" / "make-field-kit"), str(archive)], check=True, timeout=1800)
     subprocess.run(
         [
-            "debootstrap",
-            "--variant=minbase",
+            *("unshare", "--mount", "mmdebstrap", "--variant=minbase"),
             platform.freedesktop_os_release()["VERSION_CODENAME"],
             str(debian),
         ],

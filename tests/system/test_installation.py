@@ -154,8 +154,8 @@ def test_a_pipe_shows_steps_while_they_are_slow(programs: Path) -> None:
         ("13", {"id": "echo 1000"}, "a clean Debian takes root: sudo launch_scripts/test --debian 13"),
         (
             "12",
-            {"id": "echo 0", "debootstrap": ":", "git": ":", "df": "echo Avail; echo 3100M"},
-            "a clean Debian takes 6 GB in /var/tmp, where 3 GB are free",
+            {"id": "echo 0", "mmdebstrap": ":", "git": ":", "df": "echo Avail; echo 3100M"},
+            "a clean Debian takes 8 GB in /var/tmp, where 3 GB are free",
         ),
         (
             "13",
@@ -163,10 +163,11 @@ def test_a_pipe_shows_steps_while_they_are_slow(programs: Path) -> None:
                 "id": "echo 0",
                 "git": ":",
                 "df": "echo 9000M",
-                "debootstrap": "echo 'E: no mirror there'; exit 1",
+                "mmdebstrap": "echo 'E: no mirror there'; exit 1",
+                "unshare": 'shift; "$@"',
                 "apt-get": "echo 'Debian-Security main http://lab/sec'; echo 'Debian main http://lab/debian/'",
             },
-            "debootstrap could not make a Debian 13 from http://lab/debian/: E: no mirror there",
+            "mmdebstrap could not make a Debian 13 from http://lab/debian/: E: no mirror there",
         ),
         (
             "13",
@@ -174,7 +175,7 @@ def test_a_pipe_shows_steps_while_they_are_slow(programs: Path) -> None:
                 "id": "echo 0",
                 "git": ":",
                 "df": "echo 9000M",
-                "debootstrap": ":",
+                "mmdebstrap": ":",
                 "apt-get": "echo 'Lab main http://lab/own'",
             },
             "apt's lists here name no mirror of Debian: apt-get update",
