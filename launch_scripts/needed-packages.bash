@@ -1,4 +1,4 @@
-# What musselbed needs, for launch_scripts/install and launch_scripts/make-field-kit, which source this.
+# What musselbed needs, for launch_scripts/install, make-field-kit, container and test, which source this.
 debian_packages=(
   python3 python3-venv
   python3-rospy python3-rosmaster python3-roslaunch python3-rosbag python3-rostopic python3-rosservice python3-rosnode
@@ -35,4 +35,10 @@ machine() { (. /etc/os-release && echo "$ID ${VERSION_ID:-$VERSION_CODENAME}, $(
 pinned_versions() {
   local file=launch_scripts/requirements/$(debian_python)/$1.txt
   [ "$(uname -m)" != x86_64 ] || [ ! -e "$file" ] || echo "$file"
+}
+# The mirror from which this machine takes Debian's packages, by the lists that apt has read.
+debian_mirror() {
+  # shellcheck disable=SC2016  # the names are apt's
+  apt-get indextargets --format '$(LABEL) $(COMPONENT) $(REPO_URI)' 'Created-By: Packages' 2>/dev/null |
+    sed -n 's/^Debian main //p' | sed -n 1p
 }
