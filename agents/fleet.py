@@ -16,9 +16,7 @@ from agents.water.fields import Fields
 from agents.water.patches import CALM, QuantityWater
 from agents.water.stream import STILL_CURRENT, CurrentConfig
 from firmware_model.actions import Buoyancy
-from firmware_model.config import (
-    BoardConfig,
-)
+from firmware_model.config import BoardConfig, timeslots_of
 from firmware_model.digest import blake2b
 from firmware_model.power.ageing import AS_NEW, rescaled
 from firmware_model.power.charge import Battery, ChargeModel, Flow, grains
@@ -86,7 +84,7 @@ class FleetConfig:
     first_id: int = 1
     """The aMussel with the first acoustic timeslot; the others follow by their ids."""
     agent_ids: tuple[int, ...] = ()
-    """All aMussels' ids, rising, where they have gaps: the place of an id is its timeslot. Empty for none."""
+    """All aMussels' ids, rising, where they have gaps. Empty for none."""
     clock_drift_ppb: int = 0
     """The largest drift of a whole board's clock, either way, in parts of 10^9; each clock has a drift of its own."""
     waters: Mapping[str, QuantityWater] = field(default_factory=lambda: CALM)
@@ -112,7 +110,7 @@ class AgentConfigs:
         self._fleet = fleet
         cycle = None if fleet.board.whole is None else fleet.board.whole.cycle
         self._has_slots = cycle is not None and cycle.slots is not None
-        self._slots = {agent_id: slot for slot, agent_id in enumerate(fleet.agent_ids)}
+        self._slots = timeslots_of(fleet.agent_ids)
         self._water = WaterConfig(
             fleet.seed,
             fleet.time_scale.agent_span(1000),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -80,6 +81,11 @@ class Power:
     def __post_init__(self) -> None:
         if not 0 <= self.path <= PATH_UNIT:
             raise ValueError(f"path must lie in 0 to {PATH_UNIT}, not {self.path}")
+
+
+def timeslots_of(agent_ids: Iterable[int]) -> dict[int, int]:
+    """The number of each aMussel's timeslot: its place among the ids of the whole fleet, ascending."""
+    return {agent_id: number for number, agent_id in enumerate(sorted(agent_ids))}
 
 
 @dataclass(frozen=True, slots=True)

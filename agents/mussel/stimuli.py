@@ -120,7 +120,7 @@ class ContactBounced:
 
 @dataclass(frozen=True, slots=True)
 class PartFailed:
-    """A defect of a part of the board (a `defects.Part`), with a value of its own; the value 0 heals it."""
+    """A defect of a part of the board (a `defects.BoardPart`), with a value of its own; the value 0 heals it."""
 
     part: int
     value: int

@@ -140,7 +140,7 @@ class AgentProcesses:
         return rows
 
     def start(self, wanted: Sequence[Boot]) -> list[LivingAgent | NotStarted]:
-        """Forks agents. Returns a Child, or why there is none, for each boot in order."""
+        """Forks agents. Returns a LivingAgent, or why there is none, for each boot in order."""
         outcomes: dict[int, LivingAgent | NotStarted] = {}
         pending: list[PendingFork] = []
         for place, boot in enumerate(wanted):

@@ -25,7 +25,7 @@ from agents.water.apad_modem import ANSWER_TIMEOUT_MS
 from apad_bridge.events.sound import Asked, NoAnswer
 from apad_bridge.mission.facts import Ping, Send, SupervisorAction
 from apad_bridge.scenario.water.options import Water
-from firmware_model.config import Timeslots
+from firmware_model.config import Timeslots, timeslots_of
 from firmware_model.packets import EVERYONE, Beacon, CommandPacket, Kind, SlotAssignment
 from firmware_model.packets.codec import Codec
 
@@ -61,14 +61,12 @@ class AcousticScheduler:
         now_ms: MissionMs = _START_MS,
         served: Iterable[int] | None = None,
     ) -> None:
-        """`agent_ids` are the whole fleet's: an aMussel's place among them is its timeslot. This aPad serves those in
-        `served`, or all of them if it is None.
-        """
+        """`agent_ids` are the whole fleet's. This aPad serves those in `served`, or all of them if it is None."""
         self._config = config
         self._codec = codec
         self._slots = slots
-        self._agent_ids = sorted(agent_ids)
-        served_ids = self._agent_ids if served is None else sorted(served)
+        self._numbers = timeslots_of(agent_ids)
+        served_ids = list(self._numbers) if served is None else sorted(served)
         self._window = ALWAYS
         talk = config.water.talk
         self._beacon_period_ms = round(talk.beacon_period_s * 1000)
@@ -76,7 +74,7 @@ class AcousticScheduler:
         self._ping_period_ms = round(talk.ping_period_s * 1000)
         self._guard_ms = 0 if slots is None else slots.guard_ms
         if talk.waits and slots is not None:
-            self._window = TdmaWindow(slots.frame_ms, len(self._agent_ids) * slots.slot_ms, talk.turn)
+            self._window = TdmaWindow(slots.frame_ms, len(self._numbers) * slots.slot_ms, talk.turn)
         agent_ms = config.scale.agent_ms(now_ms)
         self._free_from_ms: int = agent_ms
         """The time from which nothing is scheduled yet."""
@@ -208,8 +206,10 @@ class AcousticScheduler:
         slots, delay_ms = self._slots, self.delays_ms[agent_id]
         assert slots is not None  # delays are measured for timeslots only
         offset_ms = -2 * delay_ms if self._beacon_period_ms else -delay_ms
-        index = self._agent_ids.index(agent_id)
-        assignment = SlotAssignment(agent_id, slots.frame_ms, slots.slot_ms, slots.guard_ms, index, offset_ms)
+        number = self._numbers[agent_id]
+        assignment = SlotAssignment(
+            agent_id, slots.frame_ms, slots.slot_ms, slots.guard_ms, number, offset_ms
+        )
         return self._with_send_time(Send(Medium.SOUND, agent_id, self._codec.encode(assignment)), now_ms)
 
     def _beacon(self, now_ms: MissionMs) -> Send:

@@ -26,7 +26,7 @@ from apad_bridge.beliefs.twin_parameters import (
 )
 from apad_bridge.scenario.estimator_options import TwinModel
 from apad_bridge.scenario.schema import DriftMode, HearingMode, Positioning, Scenario
-from firmware_model.config import PATH_UNIT, BoardConfig, FullFirmware
+from firmware_model.config import PATH_UNIT, BoardConfig, FullFirmware, timeslots_of
 from firmware_model.power.charge import FULL, ChargeModel, Segments
 from firmware_model.power.rails import Rail, rails_of
 from firmware_model.state_groups import DOCKED
@@ -87,14 +87,14 @@ def schedules(
 
     A board is always awake, as the paper's worst case, or asleep but for the wakes of its cycle.
 
-    `all_ids` are the whole fleet's, ascending: an aMussel's place among them is its timeslot.
+    `all_ids` are the whole fleet's.
     """
     if firmware is None or firmware.cycle is None:
         return dict.fromkeys(ids, Schedule((0,), (Mode.IDLE,)))
     served = set(ids)
     return {
         agent_id: Schedule((0,), (Mode.ASLEEP,), _cycle_of(firmware, timeslot))
-        for timeslot, agent_id in enumerate(all_ids)
+        for agent_id, timeslot in timeslots_of(all_ids).items()
         if agent_id in served
     }
 

@@ -40,7 +40,7 @@ from apad_bridge.supervisor.recorder_interface import FlightRecorder
 from apad_bridge.supervisor.run_spec import FROM_START, RunSpec
 from apad_bridge.supervisor.sample_collection import NoSampleCollection, SampleCollection
 from apad_bridge.vehicle.capabilities import of_simulated_apad
-from apad_bridge.vehicle.docking import DockingPort
+from apad_bridge.vehicle.docking_port import DockingPort
 from apad_bridge.vehicle.guards.gate import Gate, Safety
 from apad_bridge.vehicle.guards.monitor import Monitor
 from apad_bridge.world.apad.apad import SimulatedAPad

@@ -24,10 +24,10 @@ from agents.hosting.link_protocol import readable
 from agents.water.sea_link import SOCKET_NAME
 from apad_bridge.assembly.division import Member
 from apad_bridge.planning.registry import Trust
-from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
+from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.ros.simulated_node.apad_process import APadNodeFailed, start_apad_node, stop_apad_node
 from apad_bridge.ros.system.master import MasterFailed, start_master
-from apad_bridge.ros.system.route import environment_for, free_port, somebodys_master, why_gone
+from apad_bridge.ros.system.route import environment_for, free_port, somebodys_master
 from apad_bridge.runs.beside import watched_master
 from apad_bridge.runs.children import (
     Child,
@@ -40,7 +40,7 @@ from apad_bridge.runs.children import (
 )
 from apad_bridge.runs.display import JointDisplay, ProgressDisplay
 from apad_bridge.runs.exits import Exit
-from apad_bridge.runs.nurseries import end_fleet, fleet_lives, start_nursery
+from apad_bridge.runs.nurseries import end_fleet, start_nursery
 from apad_bridge.runs.parent_protocol import Failed, Gave, Kept, ParentMessage, Said, Seen, Summary
 from apad_bridge.runs.several.summary import Flown
 from apad_bridge.runs.status import RunStatus
@@ -54,7 +54,7 @@ if TYPE_CHECKING:
 _END_S = 10.0
 """A supervisor that was asked to end in order is killed after this time without a new record, and after six times as long
 in any case. On an idle machine it takes a second."""
-_MASTER_S = 10.0
+MASTER_S = 10.0
 _SEA_S = 60.0
 WAIT_FOR_RESUME_S = 600.0
 """A fleet without a supervisor is kept for `musselbed resume` for this time."""
@@ -113,34 +113,6 @@ def fly(
         return SupervisorWatch(runs, progress, nodes, reassigner).read_until_all_ended()
 
 
-def resume(
-    name: str, run_dir: Path, options: RunOptions, progress: ProgressDisplay, trust: Trust | None
-) -> Flown:
-    """Starts another supervisor for a run whose supervisor died, and shows it until it ends.
-
-    All else runs already, or has ended with the machine: of the run's own it starts all again, and ends it.
-    """
-    with held_back(), not_suspended(), ExitStack() as stack:
-        nodes: dict[str, subprocess.Popen[bytes]] = {}
-        if options.owns_master and (gone := why_gone(options.master_uri)) is not None:
-            progress.print_message(
-                f"{gone}: the run's own master, simulated aPad and fleet are started again"
-            )
-            options, nodes[name] = _open_ros_again(stack, run_dir, options, progress.print_message)
-        elif options.owns_master:
-            stack.enter_context(watched_master(options.master_uri, run_dir, progress.print_message))
-        if not fleet_lives(run_dir):
-            stack.callback(_end_own_fleet, run_dir)
-        run = Run(name, run_dir, options, trust)
-        return SupervisorWatch([run], progress, nodes, resumes=True).read_until_all_ended()
-
-
-def _end_own_fleet(run_dir: Path) -> None:
-    """Ends the fleet that our supervisor has started. One that another resumed the run with meanwhile keeps it."""
-    if supervisor_of(run_dir) is None:
-        end_fleet(run_dir)
-
-
 def start_supervisor(run: Run, *, resume: bool) -> Child:
     """Starts a supervisor. One that resumes saves its epoch and `keeps` itself, once it holds the run's lock."""
     return Child(
@@ -172,7 +144,7 @@ def _open_ros(
         return options.on_master(somebodys_master()), {}
     nodes = {}
     try:
-        master = start_master(whole.path / "ros", _MASTER_S)
+        master = start_master(whole.path / "ros", MASTER_S)
         stack.callback(master.stop, 1.0)
         stack.enter_context(watched_master(master.uri, whole.path, tell))
         for member in members:
@@ -195,44 +167,6 @@ def _open_ros(
     stack.callback(clock.end, 1.0)
     followed = replace(options, apad=APadKind.ROS, time=TimeSource.ROS, speed=1.0)
     return followed.on_master(master.uri), nodes
-
-
-def _open_ros_again(
-    stack: ExitStack, run_dir: Path, options: RunOptions, tell: Callable[[str], None]
-) -> tuple[RunOptions, subprocess.Popen[bytes]]:
-    """Another master of the run's own, and its simulated aPad as the records saw it last; `stack` ends both."""
-    try:
-        scenario, held = _apad_as_seen(RunDirectory(run_dir))
-        master = start_master(run_dir / "ros", _MASTER_S)
-        stack.callback(master.stop, 1.0)
-        stack.enter_context(watched_master(master.uri, run_dir, tell))
-        log = run_dir / "apad.log"
-        node = start_apad_node(scenario, master.uri, log, namespace=options.namespace, held=held)
-    except (MasterFailed, APadNodeFailed, RunDirectoryError) as error:
-        raise PeerFailed(f"{error}; see {run_dir}") from error
-    stack.callback(stop_apad_node, node, 1.0)
-    return options.on_own_master(master.uri), node
-
-
-def _apad_as_seen(directory: RunDirectory) -> tuple[Path, dict[int, int]]:
-    """The file of a scenario with the aPad as the records saw it last, and the aMussels in its docks, by dock index.
-
-    RunDirectoryError for damaged records.
-    """
-    # Imported here, because they compute with numpy, and a run's parent needs them after a restart of the machine alone.
-    from apad_bridge.records.journal import read_journal
-    from apad_bridge.records.run_state import RunState
-    from apad_bridge.runs.resuming import find_resume_point, with_apad_as_seen
-    from apad_bridge.scenario.loader import load, write_resolved
-
-    scenario = load(directory.scenario)
-    state = RunState.of(scenario, read_journal(directory.journal))
-    docked = dict(find_resume_point(state, 0, 0).state.docked)
-    if (seen := with_apad_as_seen(scenario, state.apad)) is None:
-        return directory.scenario, docked
-    file = directory.path / "ros" / "apad_as_seen.yaml"
-    write_resolved(file, seen)
-    return file, docked
 
 
 def _open_sea(stack: ExitStack, members: Sequence[Member], whole: RunDirectory) -> str:

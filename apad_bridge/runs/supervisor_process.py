@@ -34,7 +34,7 @@ from apad_bridge.ros.system.master_watch import forget_silent_master
 from apad_bridge.ros.system.ros_pace import StampedByMaster
 from apad_bridge.ros.system.ros_time import await_master, stamp_ms
 from apad_bridge.ros.system.route import why_gone
-from apad_bridge.runs import flying, resuming
+from apad_bridge.runs import flying
 from apad_bridge.runs.children import supervising
 from apad_bridge.runs.display import ParentDisplay
 from apad_bridge.runs.dry_run import without_commands
@@ -42,6 +42,7 @@ from apad_bridge.runs.exits import Exit, shortage
 from apad_bridge.runs.nurseries import adopt
 from apad_bridge.runs.parent_protocol import Failed, Summary, say, write
 from apad_bridge.runs.several.member import join_others
+from apad_bridge.runs.start_state import StartState, begin_run, ongoing_faults, resume_run
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.run_options import BenchPart, RunOptions
 from apad_bridge.scenario.schema import Scenario
@@ -81,7 +82,7 @@ class _Run:
     path: Path
     config: FlightConfig
     options: RunOptions
-    start_state: resuming.StartState
+    start_state: StartState
     sea: RemoteSea | None = None
     """The sea that several aPads share, in a process of its own."""
 
@@ -119,7 +120,7 @@ def _open_run(run_dir: Path, trust: Trust | None, *, resume: bool, keeps: bool) 
     if not options.owns_master:
         await_master()
     if not resume:
-        start_state = resuming.begin_run(directory, config, options, stamp_ms)
+        start_state = begin_run(directory, config, options, stamp_ms)
         return _Run(run_dir, config, options, start_state, _find_sea(config, options))
     if options.owns_master:
         # After a restart of the machine the run has another master than before.
@@ -128,7 +129,7 @@ def _open_run(run_dir: Path, trust: Trust | None, *, resume: bool, keeps: bool) 
     options.save(run_dir)
     sea = _find_sea(config, options)
     others_ms = None if sea is None else sea.now_ms
-    start_state = resuming.resume_run(directory, config, options, say, stamp_ms, others_ms)
+    start_state = resume_run(directory, config, options, say, stamp_ms, others_ms)
     resume_point = start_state.resume_point
     if resume_point is not None and options.keeps:
         resume_point = replace(resume_point, state=resume_point.state.stood_down())
@@ -191,7 +192,7 @@ def _flight_context(run: _Run, fleet: FlightFleet | NoFleet) -> Iterator[FlightC
         run.config,
         fleet,
         start_state.journal.last_ms if options.is_resumed else -1,
-        resuming.ongoing_faults(start_state.recorder.state),
+        ongoing_faults(start_state.recorder.state),
         real_hull=options.has_real_vehicle,
     )
     with (

@@ -1,7 +1,7 @@
 """The table of faults that a run can have for a time, and a scenario's list of them.
 
-The scenario, the service /musselbed/inject_fault and the console take the same rows. The supervisor's module
-`fault_injection` carries them out.
+The scenario, the service /musselbed/inject_fault and the console take the same rows.
+`apad_bridge/world/fault_injection.py` carries them out.
 """
 
 from __future__ import annotations

@@ -64,7 +64,7 @@ from apad_bridge.vehicle.commands import (
     Primitive,
     VehicleCommand,
 )
-from apad_bridge.vehicle.docking import DockingPort
+from apad_bridge.vehicle.docking_port import DockingPort
 from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.guards.orders import Surfacing
 from apad_bridge.vehicle.guards.stops import StopRecord

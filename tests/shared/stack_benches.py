@@ -22,7 +22,7 @@ from apad_bridge.scenario.guard_options import GuardOptions
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle.commands import CloseDock, GoTo, Hold, OpenDock, Primitive, VehicleCommand
-from apad_bridge.vehicle.docking import DockingPort
+from apad_bridge.vehicle.docking_port import DockingPort
 from apad_bridge.vehicle.generation_a.core import GenerationACore
 from apad_bridge.vehicle.generation_a.docks import ReportedDocks
 from apad_bridge.vehicle.generation_a.messages import (

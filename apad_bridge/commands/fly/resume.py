@@ -45,7 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
     from apad_bridge.commands.outcome import report
     from apad_bridge.records.journal import FORMAT_VERSION, format_of
     from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
-    from apad_bridge.runs import parent
+    from apad_bridge.runs import resuming
     from apad_bridge.runs.children import supervisor_of
     from apad_bridge.runs.own_runs import code_of
     from apad_bridge.runs.progress import FlightProgress
@@ -95,7 +95,7 @@ def run(arguments: argparse.Namespace) -> int:
         _ask_whether_it_may_move()
     progress = FlightProgress(scenario.name, scenario.duration_ms, quiet=arguments.json)
     with peers_may_fail(progress.was_told), progress:
-        flown = parent.resume(scenario.apad.name, path, options, progress, trust)
+        flown = resuming.resume(scenario.apad.name, path, options, progress, trust)
         if flown.failures:
             raise PeerFailed(*failure_lines(flown.failures))
     (summary,) = flown.summaries.values()

@@ -16,6 +16,8 @@ from dataclasses import dataclass, field
 from http.client import HTTPException
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
+from xml.parsers.expat import ExpatError
 
 from agents.hosting.interrupts import held_back, let_in
 from apad_bridge.doctor.network import Timed
@@ -25,6 +27,8 @@ ORPHAN_S = 600.0
 run's nodes alive."""
 
 _PROGRAM = Path(__file__).with_name("master_process.py")
+_LOG = "master.log"
+_ANSWER_S = 3.0
 
 
 class MasterFailed(Exception):
@@ -60,7 +64,7 @@ def start_master(home: Path, timeout_s: float, orphan_s: float = ORPHAN_S) -> Ma
     if find_spec("rosmaster") is None:
         raise MasterFailed(f"{sys.executable} sees no ROS 1: fly by --time asap, or see docs/install.md")
     home.mkdir(parents=True, exist_ok=True)
-    log = home / "master.log"
+    log = home / _LOG
     deadline_s = time.monotonic() + timeout_s
     with held_back():
         with open(home / "master.err", "ab") as errors:
@@ -126,11 +130,33 @@ def _let_it_outlive_us(process: subprocess.Popen[bytes]) -> None:
         raise MasterFailed("ended while it started") from None
 
 
-def _check_answer(uri: str, pid: int, deadline_s: float) -> None:
-    transport = Timed(max(0.1, deadline_s - time.monotonic()))
+def why_gone_of(home: Path, uri: str) -> str | None:
+    """One line for a master of this `home` that answers no more at its URI; None for one that does, or that stands still.
+
+    Another program may have its port now, and another run's master is no master of this run.
+    """
+    gone = f"the run's own ROS master at {uri} is gone"
     try:
-        with xmlrpc.client.ServerProxy(uri, transport=transport) as master:
-            answer = master.getPid("/musselbed")
+        code, _, pid = _ask_pid(uri, _ANSWER_S)
+    except TimeoutError:
+        return None
+    except (OSError, HTTPException, xmlrpc.client.Error, ExpatError, ValueError, TypeError) as error:
+        return f"{gone} ({error})"
+    try:
+        words = Path(f"/proc/{int(pid)}/cmdline").read_text().split("\0") if code == 1 else []
+    except (OSError, ValueError, TypeError):
+        words = []
+    return None if str((home / _LOG).absolute()) in words else f"{gone} (another program answers there)"
+
+
+def _ask_pid(uri: str, timeout_s: float) -> Any:
+    with xmlrpc.client.ServerProxy(uri, transport=Timed(timeout_s)) as master:
+        return master.getPid("/musselbed")
+
+
+def _check_answer(uri: str, pid: int, deadline_s: float) -> None:
+    try:
+        answer = _ask_pid(uri, max(0.1, deadline_s - time.monotonic()))
     except (OSError, HTTPException, xmlrpc.client.Error) as error:
         raise MasterFailed(f"at {uri} does not answer ({error})") from None
     if answer != [1, "", pid]:

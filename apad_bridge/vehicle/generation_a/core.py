@@ -41,7 +41,7 @@ from apad_bridge.vehicle.commands import (
     Stop,
     VehicleCommand,
 )
-from apad_bridge.vehicle.docking import GoToProgress
+from apad_bridge.vehicle.docking_port import GoToProgress
 from apad_bridge.vehicle.generation_a.controllers_off import ControllersOff
 from apad_bridge.vehicle.generation_a.docks import ReportedDocks
 from apad_bridge.vehicle.generation_a.messages import (

@@ -28,8 +28,8 @@ from apad_bridge.vehicle.commands import (
     VehicleCommand,
     VehicleFact,
 )
-from apad_bridge.world.apad.charger import Charger
 from apad_bridge.world.apad.docks import Docks
+from apad_bridge.world.apad.home_charger import Charger
 from apad_bridge.world.apad.kinematics import STEP_MS, Pose
 from apad_bridge.world.apad.misses import Misses
 from apad_bridge.world.apad.motion import Coast, Motion, Steer

@@ -21,7 +21,7 @@ from apad_bridge.records.journal import JournalTail
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.flying import PreparedFlight, prepare
 from apad_bridge.runs.progress import FlightProgress
-from apad_bridge.runs.resuming import begin_run, ongoing_faults, resume_run
+from apad_bridge.runs.start_state import begin_run, ongoing_faults, resume_run
 from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource

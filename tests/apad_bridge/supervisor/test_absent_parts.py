@@ -18,7 +18,7 @@ from apad_bridge.mission.facts import Ping, RangeHeard, Send
 from apad_bridge.mission.flight_mission import FlightMission
 from apad_bridge.mission.orders import PingAgent
 from apad_bridge.runs.in_memory import open_flight
-from apad_bridge.runs.resuming import restore_allocation
+from apad_bridge.runs.start_state import restore_allocation
 from apad_bridge.scenario.loader import load
 from apad_bridge.supervisor.packet_relay import no_relay
 from apad_bridge.supervisor.run_spec import RunSpec

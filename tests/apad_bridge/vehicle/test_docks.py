@@ -13,11 +13,11 @@ from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.events.event import Event
 from apad_bridge.events.mission import MissionState
 from apad_bridge.mission.order_book import OrderBook
-from apad_bridge.runs.resuming import find_resume_point
+from apad_bridge.runs.start_state import find_resume_point
 from apad_bridge.scenario.loader import load
 from apad_bridge.supervisor.run_spec import ResumePoint, RunSpec
 from apad_bridge.vehicle.commands import CloseDock, DockClosed, DockOpened, OpenDock
-from apad_bridge.vehicle.docking import DockingPort
+from apad_bridge.vehicle.docking_port import DockingPort
 from apad_bridge.vehicle.outcomes import DockChanged, PrimitiveSucceeded
 
 POOL = load(POOL_FILE)

@@ -21,7 +21,7 @@ from apad_bridge.vehicle.commands import (
     PoseReported,
     Primitive,
 )
-from apad_bridge.vehicle.docking import DockingEvent, DockingPhase, DockingPort
+from apad_bridge.vehicle.docking_port import DockingEvent, DockingPhase, DockingPort
 from apad_bridge.vehicle.outcomes import PrimitiveFailed, PrimitiveSucceeded
 
 DOCKING = Docking(profile=DockingProfile.VIRTUAL, dock_s=15, undock_s=5, timeout_s=60)

@@ -25,7 +25,7 @@ from apad_bridge.vehicle.commands import (
     OpenDock,
     PoseReported,
 )
-from apad_bridge.vehicle.docking import DockingPort
+from apad_bridge.vehicle.docking_port import DockingPort
 from apad_bridge.vehicle.outcomes import DockChanged, NothingCaught, PrimitiveFailed, PrimitiveSucceeded
 
 OF_B = stack_of(Generation.B).capabilities(4)

@@ -11,7 +11,7 @@ from scenario_files import POOL_FILE
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Docking, DockingProfile
 from apad_bridge.vehicle.commands import CloseDock, GoTo, OpenDock
-from apad_bridge.vehicle.docking import DockingPort
+from apad_bridge.vehicle.docking_port import DockingPort
 from apad_bridge.vehicle.outcomes import DockChanged, PrimitiveFailed, PrimitiveSucceeded
 from apad_bridge.world.apad.apad import SimulatedAPad
 

@@ -10,7 +10,7 @@ from journals import facts_of, state_of
 
 from agents.hosting.faulty_host import FaultyHost
 from agents.mussel.stimuli import PinDisturbed, from_json
-from apad_bridge.runs.resuming import ongoing_faults
+from apad_bridge.runs.start_state import ongoing_faults
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.timed_faults import TABLE, FaultAt, Faults, TimedFault, injection
 from apad_bridge.world.fault_injection import FaultInjection, Ongoing

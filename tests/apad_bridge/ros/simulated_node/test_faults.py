@@ -24,7 +24,7 @@ from apad_bridge.vehicle.commands import (
     ReleaseWanted,
     VehicleCommand,
 )
-from apad_bridge.vehicle.docking import DockingPort
+from apad_bridge.vehicle.docking_port import DockingPort
 from apad_bridge.vehicle.generation_a.core import GenerationACore
 from apad_bridge.vehicle.generation_a.docks import ReportedDocks
 from apad_bridge.vehicle.generation_a.messages import (

@@ -6,8 +6,10 @@ import contextlib
 import os
 import select
 import signal
+import socketserver
 import subprocess
 import sys
+import threading
 import xmlrpc.client
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,7 +18,13 @@ from urllib.parse import urlsplit
 import pytest
 from patient import PATIENCE_S
 
-from apad_bridge.ros.system.master import Master, MasterFailed, loopback_environment, start_master
+from apad_bridge.ros.system.master import (
+    Master,
+    MasterFailed,
+    loopback_environment,
+    start_master,
+    why_gone_of,
+)
 
 pytestmark = pytest.mark.system
 ROOT = Path(__file__).parents[4]
@@ -73,6 +81,39 @@ def test_a_master_that_was_stopped_and_continued_goes_on(master: Master) -> None
         assert pid_that_answers(master.uri) == master.pid
     finally:
         os.close(ended)
+
+
+def test_a_run_knows_its_own_master_from_another_one_at_its_port(master: Master, tmp_path: Path) -> None:
+    assert why_gone_of(tmp_path / "ros", master.uri) is None
+    assert why_gone_of(tmp_path / "another run" / "ros", master.uri) == (
+        f"the run's own ROS master at {master.uri} is gone (another program answers there)"
+    )
+
+
+def test_a_master_that_stands_still_is_not_gone(master: Master, tmp_path: Path) -> None:
+    os.kill(master.pid, signal.SIGSTOP)
+    os.waitid(os.P_PID, master.pid, os.WSTOPPED)
+    assert why_gone_of(tmp_path / "ros", master.uri) is None
+    os.kill(master.pid, signal.SIGCONT)
+
+
+@pytest.mark.parametrize(
+    "answer", [b"HTTP/1.0 200 OK\r\nContent-Type: text/xml\r\n\r\n<html", b"SSH-2.0-OpenSSH_9.2\r\n", b""]
+)
+def test_a_program_that_is_no_master_has_the_port_of_one_that_is_gone(tmp_path: Path, answer: bytes) -> None:
+    class OtherProgram(socketserver.StreamRequestHandler):
+        def handle(self) -> None:
+            while not self.rfile.readline().endswith(b"</methodCall>\n"):
+                pass
+            self.wfile.write(answer)
+
+    with socketserver.ThreadingTCPServer(("127.0.0.1", 0), OtherProgram) as server:
+        threading.Thread(target=server.serve_forever).start()
+        uri = f"http://127.0.0.1:{server.server_address[1]}/"
+        why = why_gone_of(tmp_path / "ros", uri)
+        server.shutdown()
+    assert why is not None
+    assert why.startswith(f"the run's own ROS master at {uri} is gone (")
 
 
 def test_two_masters_are_two_although_the_shell_names_the_first(

@@ -28,7 +28,7 @@ from apad_bridge.records.run_state import RunState
 from apad_bridge.records.summary import Ending
 from apad_bridge.runs.exits import Exit
 from apad_bridge.runs.parent_protocol import Failed, from_line
-from apad_bridge.runs.resuming import find_resume_point, gap_ms, resume_run
+from apad_bridge.runs.start_state import find_resume_point, gap_ms, resume_run
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource
 from apad_bridge.scenario.starts import starts_of
