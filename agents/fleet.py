@@ -10,7 +10,7 @@ from agents.mussel.agent import AgentConfig
 from agents.mussel.body import BodyConfig, WaterConfig
 from agents.mussel.physical import Physical
 from agents.mussel.reporter import ReportConfig
-from agents.time_scale import TimeScale
+from agents.time_scale import TICK_MS, TimeScale
 from agents.water.chance import fates
 from agents.water.fields import Fields
 from agents.water.patches import CALM, QuantityWater
@@ -113,7 +113,7 @@ class AgentConfigs:
         self._slots = timeslots_of(fleet.agent_ids)
         self._water = WaterConfig(
             fleet.seed,
-            fleet.time_scale.agent_span(1000),
+            fleet.time_scale.agent_span(TICK_MS),
             fleet.body,
             fleet.current.stream(),
             Fields.by_key({key: waters.field() for key, waters in fleet.waters.items()}),

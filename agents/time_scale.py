@@ -13,6 +13,9 @@ from typing import NewType
 AgentMs = NewType("AgentMs", int)
 MissionMs = NewType("MissionMs", int)
 
+TICK_MS = 1000
+"""The mission acts once a second, the paper's 1 Hz."""
+
 
 @dataclass(frozen=True, slots=True)
 class TimeScale:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from agents.hosting.descriptors import SHORT_OF_FILES
-from agents.time_scale import MissionMs
+from agents.time_scale import TICK_MS, MissionMs
 from apad_bridge.analysis.replay.series import (
     COLUMNS,
     MAX_PACKETS,
@@ -37,7 +37,6 @@ _FAULTS = [
     for fault, row in TABLE.items()
 ]
 """The rows of the table of faults, for the page's form."""
-_TICK_MS = 1000
 _MOST_SAMPLES = 2 * MAX_SAMPLES
 """With one more, every second sample is dropped, here and on each page."""
 
@@ -97,7 +96,7 @@ class Feed:
         self._journal.close()
 
     def _new_sample(self) -> dict[str, Any] | None:
-        now_ms = MissionMs(self._view.end_ms // _TICK_MS * _TICK_MS)
+        now_ms = MissionMs(self._view.end_ms // TICK_MS * TICK_MS)
         if now_ms <= self._view.times_ms[-1] and not self._view.has_late_lines:
             return None
         before = self._view.counts

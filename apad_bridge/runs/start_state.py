@@ -10,7 +10,7 @@ from pathlib import Path
 
 from agents.coordinator import Coordinator
 from agents.mussel.stimuli import ContactClosed, ContactOpened, Placed, Stimulus, from_json
-from agents.time_scale import AgentMs, MissionMs
+from agents.time_scale import TICK_MS, AgentMs, MissionMs
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.capacity import battery_worth_min
 from apad_bridge.assembly.flight_config import FlightConfig
@@ -33,7 +33,7 @@ from apad_bridge.scenario.run_options import BenchPart, RunOptions
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.scenario.timed_faults import injection
-from apad_bridge.supervisor.core import TICK_MS, LearnedState
+from apad_bridge.supervisor.core import LearnedState
 from apad_bridge.supervisor.run_spec import ResumePoint
 from apad_bridge.vehicle.errors import PeerFailed
 from apad_bridge.world.fault_injection import Ongoing

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from agents.hosting.interrupts import held_back, let_in
-from agents.time_scale import MissionMs
+from agents.time_scale import TICK_MS, MissionMs
 from agents.water.sea_client import RemoteSea, SeaRefused
 from apad_bridge.acoustics.serial.lines import open_serial_lines
 from apad_bridge.assembly import parts
@@ -49,7 +49,6 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.amussel_orders import AMusselOrders
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.control import control_offered
-from apad_bridge.supervisor.core import TICK_MS
 from apad_bridge.supervisor.run_spec import RunSpec
 from apad_bridge.vehicle.errors import PeerFailed
 from apad_bridge.world.contacts import Contacts

@@ -20,7 +20,7 @@ from typing import Any
 from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import SoundSent, Truth, WifiSent
 from agents.mussel.stimuli import Stimulus, WasReset, from_json
-from agents.time_scale import AgentMs, MissionMs
+from agents.time_scale import TICK_MS, AgentMs, MissionMs
 from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.capacity import battery_worth_min
 from apad_bridge.assembly.division import members
@@ -51,7 +51,7 @@ from apad_bridge.scenario.starts import starts_of
 from apad_bridge.scenario.surface import surface_of
 from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
-from apad_bridge.supervisor.core import TICK_MS, LearnedState
+from apad_bridge.supervisor.core import LearnedState
 from apad_bridge.supervisor.run_spec import RunSpec
 from apad_bridge.supervisor.sample_collection import SampleCollection
 from apad_bridge.world.apad.apad import SimulatedAPad

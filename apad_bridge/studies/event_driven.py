@@ -26,7 +26,7 @@ import numpy.typing as npt
 from agents.hosting.in_process import InProcessHost
 from agents.mussel.body import drift_words
 from agents.mussel.outputs import Truth
-from agents.time_scale import MissionMs
+from agents.time_scale import TICK_MS, MissionMs
 from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.division import members
 from apad_bridge.assembly.flight_config import flight_config
@@ -50,7 +50,7 @@ from apad_bridge.studies.cruising_apad import CruisingAPad
 from apad_bridge.studies.figures import FigureMeter, Figures
 from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
-from apad_bridge.supervisor.core import TICK_MS, LearnedState
+from apad_bridge.supervisor.core import LearnedState
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.supervisor.run_spec import RunSpec
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported

@@ -84,9 +84,6 @@ from firmware_model.packets import (
 )
 from firmware_model.packets.codec import Codec
 
-TICK_MS = 1000
-"""The mission acts once a second, the paper's 1 Hz."""
-
 _PRIORITY: dict[type, int] = {
     DockClosed: 0,
     DockOpened: 0,

@@ -14,7 +14,7 @@ from agents.coordinator import AgentDied
 from agents.mussel.outputs import SoundSent, StateDoubted, StimulusDropped, WifiSent
 from agents.mussel.stimuli import SoundArrived, Stimulus, to_json
 from agents.packet_medium import Medium
-from agents.time_scale import MissionMs
+from agents.time_scale import TICK_MS, MissionMs
 from agents.water.medium import PacketEnded
 from agents.water.sea_events import (
     AgentRanged,
@@ -42,7 +42,7 @@ from apad_bridge.mission.facts import (
 from apad_bridge.mission.orders import AllowMotion, GoBackIn, StopVehicle
 from apad_bridge.supervisor.clock import StopSign
 from apad_bridge.supervisor.context import FlightContext, Watcher
-from apad_bridge.supervisor.core import TICK_MS, Supervisor
+from apad_bridge.supervisor.core import Supervisor
 from apad_bridge.supervisor.packet_relay import RemoteContact
 from apad_bridge.supervisor.recorder_interface import FlightRecorder
 from apad_bridge.vehicle.commands import CloseDock, OpenDock, PoseReported

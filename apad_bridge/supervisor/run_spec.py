@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from agents.time_scale import MissionMs
+from agents.time_scale import TICK_MS, MissionMs
 from apad_bridge.events.mission import MissionState
 from apad_bridge.events.persons import Steering
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.manual import CommandSource
-from apad_bridge.supervisor.core import TICK_MS, LearnedState
+from apad_bridge.supervisor.core import LearnedState
 from apad_bridge.vehicle.guards.stops import NO_STOPS, RestoredStops
 from apad_bridge.vehicle.outcomes import PrimitiveFailed
 

@@ -60,6 +60,7 @@ def test_processes_that_are_killed_stopped_or_short_of_memory_come_back(tmp_path
     assert "SIGKILL" in deaths[KILLED, "BROWN_OUT"]["reason"]
     assert "no answer within 2 s" in deaths[STOPPED, "WATCHDOG"]["reason"]
     assert all(it["gave_up"] is None for it in deaths.values())
+    assert "Traceback" not in (out / "fleet" / "nursery.log").read_text()
     assert [it["t"] for it in lines if it["kind"] == "fault_over" and it["fault"] == "memory_limit"] == [
         150_000
     ]

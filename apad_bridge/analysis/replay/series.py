@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from enum import IntEnum
 from typing import Any
 
-from agents.time_scale import MissionMs, TimeScale
+from agents.time_scale import TICK_MS, MissionMs, TimeScale
 from apad_bridge.analysis.replay.history import History
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.assembly.stacks import stack_of
@@ -35,7 +35,6 @@ MAX_PACKETS = 20_000
 """The newest packets of a page; those before them are counted."""
 Counts = tuple[int, int, int, int]
 """The lengths of the track, of the events, of the plans and of the packets."""
-_TICK_MS = 1000
 _EMPTY = 0.0005
 """A charge below it is written as 0.0 %."""
 _OFTEN_EMPTY = ("believed", "low", "high", "taken", "acknowledged", "heard", "capacity", "reported")
@@ -60,9 +59,9 @@ class ColourStatus(IntEnum):
 
 def sample_times(end_ms: int, agents: int) -> list[MissionMs]:
     """The times of the samples: whole ticks from 0 on, always with the last one."""
-    last_ms = end_ms // _TICK_MS * _TICK_MS
+    last_ms = end_ms // TICK_MS * TICK_MS
     samples = min(MAX_SAMPLES, max(60, MAX_VALUES // max(1, agents)))
-    step_ms = max(1, -(-last_ms // _TICK_MS // (samples - 1))) * _TICK_MS
+    step_ms = max(1, -(-last_ms // TICK_MS // (samples - 1))) * TICK_MS
     return [MissionMs(ms) for ms in (*range(0, last_ms, step_ms), last_ms)]
 
 
@@ -111,7 +110,7 @@ class RunView:
         self._history = History(journal, scenario)
         ids = [agent["id"] for agent in self._starts]
         self.times_ms: list[int] = []
-        self._ticks = max(1, (run_ms or self._history.end_ms) // _TICK_MS)
+        self._ticks = max(1, (run_ms or self._history.end_ms) // TICK_MS)
         self._agents: dict[int, dict[str, list[Any]]] = {it: {name: [] for name in COLUMNS} for it in ids}
         self._active: list[int] = []
         self._cost: list[float] = []

@@ -1,16 +1,19 @@
-"""A fork ends as its orders say, also if they come before it has run a line of its own."""
+"""A fork ends as its orders say, also if they come before it has run a line of its own, and says why it ends."""
 
 from __future__ import annotations
 
 import os
 import signal
+import socket
+import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Any, cast
 
 from fleets import PAPER
 
 from agents.fleet import resting_on_bottom
-from agents.nursery import agent_processes
+from agents.nursery import agent_processes, child
 from agents.nursery.agent_processes import AgentProcesses, Boot, LivingAgent
 from agents.nursery.fleet_file import FleetFile, RestartPolicy
 from firmware_model.stimuli import ResetCause
@@ -55,3 +58,20 @@ def start_one_that_is_to_end(run: Path) -> int:
     _, status = os.waitpid(agent.pid, 0)
     assert signal.SIGTERM not in signal.pthread_sigmask(signal.SIG_BLOCK, ())
     return -os.waitstatus_to_exitcode(status)
+
+
+def test_an_agent_without_memory_says_so_in_one_line(tmp_path: Path) -> None:
+    def take_too_much(*_: object) -> None:
+        raise MemoryError
+
+    agent = os.fork()
+    if agent == 0:
+        signal.alarm(20)
+        os.dup2(os.open(tmp_path / "log", os.O_WRONLY | os.O_CREAT), 2)
+        sys.stderr = os.fdopen(2, "w")
+        ours, theirs = socket.socketpair()
+        vars(child)["serve"] = take_too_much
+        child.live(os.getppid(), b"amussel-3", theirs.fileno(), 3, 64, ours, memoryview(b""), cast(Any, None))
+    _, status = os.waitpid(agent, 0)
+    assert os.waitstatus_to_exitcode(status) == 1
+    assert (tmp_path / "log").read_text() == "amussel-3: out of memory\n"

@@ -20,6 +20,7 @@ from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.scenario.loader import load
 
 Lines = list[dict[str, Any]]
+ENERGY = "energy is neither made nor lost"
 
 
 @pytest.fixture(scope="module")
@@ -127,7 +128,7 @@ def acknowledged_before_it_was_taken(lines: Lines) -> None:
 @pytest.mark.parametrize(
     ("breaks", "rule"),
     [
-        (energy_from_nowhere, "energy is neither made nor lost"),
+        (energy_from_nowhere, ENERGY),
         (full_beyond_full, "a charge lies in 0 to 1"),
         (back_in_time, "time never falls"),
         (a_line_from_the_past, "time never falls"),
@@ -176,16 +177,43 @@ def test_a_sample_is_kept_once_and_was_taken(journal: Lines, run: Path) -> None:
     ]
 
 
-def test_a_whole_board_in_sound_obeys_them(tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def sound_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Whole boards that sample and speak through the water."""
+    folder = tmp_path_factory.mktemp("sound")
     scenarios = Path(__file__).parents[3] / "launch_scripts/scenarios"
     data = yaml.safe_load((scenarios / "sound-12.yaml").read_text())
     data["fleet"]["start"] = str(scenarios / data["fleet"]["start"])
-    scenario, out = tmp_path / "sound.yaml", tmp_path / "run"
+    scenario, out = folder / "sound.yaml", folder / "run"
     scenario.write_text(yaml.safe_dump(data | {"duration_s": 600}))
     command = ["run", str(scenario), "--time", "asap", "--hosting", "one_process", "--out", str(out)]
     assert main(command) == 0
-    assert any(line["kind"] == "packet" for line in lines_in(out / "journal.jsonl"))
-    assert check_run(RunDirectory.open(out)) == []
+    return out
+
+
+def test_a_whole_board_in_sound_obeys_them(sound_run: Path) -> None:
+    assert any(line["kind"] == "packet" for line in lines_in(sound_run / "journal.jsonl"))
+    assert check_run(RunDirectory.open(sound_run)) == []
+
+
+@pytest.mark.parametrize(
+    ("resumes", "vanished", "broken"),
+    [(True, 0, set()), (False, 0, {ENERGY}), (True, 5 * 10**13, {ENERGY})],
+    ids=["killed in the tick of a transmission", "not killed", "killed, and a leak beside"],
+)
+def test_a_kill_loses_the_truths_of_a_tick_and_not_more(
+    sound_run: Path, resumes: bool, vanished: int, broken: set[str]
+) -> None:
+    """A transmission of a second took charge, and its line was not on disk yet."""
+    lines = copy.deepcopy(lines_in(sound_run / "journal.jsonl"))
+    lost = of_kind(lines, "truth", id=3, state="TRANSMITTING")[0]
+    after = next(n for n in of_kind(lines, "truth", id=3) if n > lost)
+    lines[after]["primary"][1] -= vanished
+    resumed = {"t": lines[lost]["t"], "kind": "resumed", "journal_dropped": 0, "journal_torn_bytes": 0}
+    lines[lost : lost + 1] = [resumed | {"bag_repaired": None, "bag_lost_ms": 0}] if resumes else []
+    checker = Invariants(load(sound_run / "scenario.yaml"))
+    until = journal_of([line for line in lines if line["t"] <= lines[after]["t"]])
+    assert {it.rule for entry in until.entries for it in checker.take(entry)} == broken
 
 
 @pytest.fixture(scope="module")
@@ -217,7 +245,7 @@ def test_a_motor_run_that_costs_nothing_breaks_the_rule_of_energy(motor_run: Pat
     checker = Invariants(load(motor_run / "scenario.yaml"))
     until = journal_of(lines[: lines.index(surfacing) + 1])
     broken = [it for entry in until.entries for it in checker.take(entry)]
-    assert {it.rule for it in broken} == {"energy is neither made nor lost"}
+    assert {it.rule for it in broken} == {ENERGY}
 
 
 def test_the_command_shows_the_lines_that_break_a_law(

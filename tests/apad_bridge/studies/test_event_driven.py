@@ -14,7 +14,7 @@ from scenario_files import POOL_FILE, WHOLE_FILE
 from stack_benches import cleared
 
 from agents.mussel.body import drift_step_um
-from agents.time_scale import MissionMs
+from agents.time_scale import TICK_MS, MissionMs
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.division import members
 from apad_bridge.assembly.flight_config import flight_config
@@ -38,7 +38,7 @@ from apad_bridge.studies.event_driven import (
 )
 from apad_bridge.studies.figures import Figures
 from apad_bridge.studies.models import Model, fly, fly_each_tick
-from apad_bridge.supervisor.core import TICK_MS, LearnedState
+from apad_bridge.supervisor.core import LearnedState
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.supervisor.run_spec import ResumePoint, RunSpec
 from apad_bridge.vehicle.commands import Arrived, CloseDock, GoTo, OpenDock
