@@ -62,9 +62,7 @@ NORTH_M, EAST_M = POOL.apad.start_m
 DOCKING = POOL.mission.docking
 BATTERY_V = (10.5, 16.0)
 ROWS = dict(
-    re.findall(
-        r"^\| `(\w+)` \| [AB, ]+ \| .* \| (.*) \|$", (ROOT / "docs/failures.md").read_text(), re.MULTILINE
-    )
+    re.findall(r"^\| `(\w+)` \| [AB, ]+ \| (.*) \|$", (ROOT / "docs/failures.md").read_text(), re.MULTILINE)
 )
 AWAY = GoTo(1, NORTH_M + 10.0, EAST_M, 0.5, 0.5)
 
