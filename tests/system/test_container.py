@@ -9,8 +9,11 @@ import hashlib
 import json
 import os
 import shutil
+import signal
 import subprocess
+from itertools import takewhile
 from pathlib import Path
+from threading import Timer
 from typing import Any
 
 import pytest
@@ -62,10 +65,21 @@ def test_the_image_is_whole_and_its_command_flies_the_demo(tmp_path: Path) -> No
     its = config["config"]
     command = [*its["Env"], f"--chdir={its['WorkingDir']}", *its["Cmd"]]
     alone = ["unshare", "--net", "--mount", "--pid", "--fork", "--kill-child", "bash", "-c", IN_IMAGE]
-    flown = subprocess.run(
-        [*alone, str(root), *command], stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=900
-    )
-    assert flown.returncode == 0, flown.stdout + flown.stderr
-    assert "http://0.0.0.0:8080/?token=" in flown.stdout + flown.stderr
+    with subprocess.Popen(
+        [*alone, str(root), *command],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    ) as flight:
+        assert flight.stdout is not None
+        late = Timer(900, flight.kill)
+        late.start()
+        said = "".join(takewhile(lambda line: "until Ctrl-C" not in line, flight.stdout))
+        (first,) = Path(f"/proc/{flight.pid}/task/{flight.pid}/children").read_text().split()
+        os.kill(int(first), signal.SIGINT)
+        assert flight.wait(60) == 0, said
+        late.cancel()
+    assert "http://0.0.0.0:8080/?token=" in said
     (run,) = (root / its["WorkingDir"].lstrip("/") / "runs").glob("demo-*")
     assert json.loads((run / "summary.json").read_text())["amussels_lost"] == 0
