@@ -9,7 +9,7 @@ from types import MappingProxyType
 
 from agents.hosting.host import Death, Grant, Host
 from agents.mussel.outputs import Output
-from agents.mussel.stimuli import Stimulus
+from agents.mussel.stimuli import AgentStimulus
 from agents.time_scale import AgentMs, MissionMs, TimeScale
 from firmware_model.stimuli import ResetCause
 
@@ -44,7 +44,7 @@ class Coordinator:
         self._due_ms = dict(self._granted_ms)
         self._heap = [(due_ms, agent_id) for agent_id, due_ms in self._due_ms.items()]
         heapq.heapify(self._heap)
-        self._waiting: dict[int, list[tuple[AgentMs, Stimulus]]] = {}
+        self._waiting: dict[int, list[tuple[AgentMs, AgentStimulus]]] = {}
         self._muted_until_ms: dict[int, AgentMs] = {}
 
     def mute(self, agent_id: int) -> None:
@@ -83,14 +83,14 @@ class Coordinator:
             return waiting_ms
         return self._heap[0][0] if waiting_ms is None else min(waiting_ms, self._heap[0][0])
 
-    def receive(self, agent_id: int, stimulus: Stimulus, now_ms: MissionMs) -> AgentMs | None:
+    def receive(self, agent_id: int, stimulus: AgentStimulus, now_ms: MissionMs) -> AgentMs | None:
         """Takes a fact of the world at mission time `now_ms`, for one agent.
 
         Returns the fact's stamp in agent time. For an agent outside the fleet it keeps nothing and returns None.
         """
         return self.receive_at(agent_id, stimulus, self.scale.agent_ms(now_ms))
 
-    def receive_at(self, agent_id: int, stimulus: Stimulus, agent_ms: AgentMs) -> AgentMs | None:
+    def receive_at(self, agent_id: int, stimulus: AgentStimulus, agent_ms: AgentMs) -> AgentMs | None:
         """`receive` for a fact with a stamp in agent time."""
         granted_ms = self._granted_ms.get(agent_id)
         if granted_ms is None:

@@ -12,7 +12,7 @@ from agents.mussel.physical import Physical
 from agents.mussel.reporter import ReportConfig
 from agents.time_scale import TICK_MS, TimeScale
 from agents.water.chance import fates
-from agents.water.fields import Fields
+from agents.water.fields import WaterFields
 from agents.water.patches import CALM, QuantityWater
 from agents.water.stream import STILL_CURRENT, CurrentConfig
 from firmware_model.actions import Buoyancy
@@ -116,7 +116,7 @@ class AgentConfigs:
             fleet.time_scale.agent_span(TICK_MS),
             fleet.body,
             fleet.current.stream(),
-            Fields.by_key({key: waters.field() for key, waters in fleet.waters.items()}),
+            WaterFields.by_key({key: waters.field() for key, waters in fleet.waters.items()}),
         )
 
     def config(self, agent_id: int) -> AgentConfig:

@@ -14,7 +14,7 @@ from enum import Enum, auto
 
 from agents.hosting.host import Death, Grant, Host, Reply
 from agents.mussel.outputs import Output, PingAnswered, SoundSent, StimulusDropped, WifiSent
-from agents.mussel.stimuli import PingArrived, SoundArrived, Stimulus, WifiArrived
+from agents.mussel.stimuli import AgentStimulus, PingArrived, SoundArrived, WifiArrived
 
 _CUT = "a packet on a link that was cut"
 _DEAF = "a sound that a deaf modem did not hear"
@@ -42,7 +42,7 @@ class FaultyHost:
         self._seed = seed
         self._defects: dict[int, dict[LinkDefect, float]] = {}
         """Empty for an aMussel that still has late packets on their way."""
-        self._to_come: dict[int, list[tuple[int, Stimulus]]] = {}
+        self._to_come: dict[int, list[tuple[int, AgentStimulus]]] = {}
         """Late packets to an aMussel, with the agent time at which each arrives, rising."""
         self._to_go: dict[int, list[Output]] = {}
         """Late packets from an aMussel, stamped with the agent time at which each is sent, rising."""
@@ -87,7 +87,7 @@ class FaultyHost:
     def grant(self, grants: Mapping[int, Grant]) -> dict[int, Reply | Death]:
         if not self._defects:
             return self._host.grant(grants)
-        passed: dict[int, tuple[list[tuple[int, Stimulus]], list[Output]]] = {}
+        passed: dict[int, tuple[list[tuple[int, AgentStimulus]], list[Output]]] = {}
         """For each faulty aMussel: the stimuli that are late after this window, and the ones that were lost."""
         changed = dict(grants)
         for agent_id in self._defects.keys() & grants.keys():
@@ -102,7 +102,9 @@ class FaultyHost:
                 self._forget_healthy(agent_id)
         return outcomes
 
-    def _toward(self, agent_id: int, grant: Grant) -> tuple[Grant, list[tuple[int, Stimulus]], list[Output]]:
+    def _toward(
+        self, agent_id: int, grant: Grant
+    ) -> tuple[Grant, list[tuple[int, AgentStimulus]], list[Output]]:
         """The window with the packets that arrive in it, those that are still late after it, and those that are lost."""
         defects = self._defects[agent_id]
         delay_ms = round(defects.get(LinkDefect.DELAY, 0))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from agents.mussel.outputs import Output, Truth
-from agents.mussel.stimuli import Stimulus
+from agents.mussel.stimuli import AgentStimulus
 from firmware_model.stimuli import ResetCause
 from firmware_model.value import value
 
@@ -17,7 +17,7 @@ class Grant:
     """A window: time up to `until_ms`, and its facts as (at_ms, stimulus) in order."""
 
     until_ms: int
-    stimuli: tuple[tuple[int, Stimulus], ...] = ()
+    stimuli: tuple[tuple[int, AgentStimulus], ...] = ()
 
 
 @value

@@ -280,7 +280,7 @@ def _count(field: Any) -> int:
     return field
 
 
-def _fact(item: Any) -> tuple[int, stimuli.Stimulus]:
+def _fact(item: Any) -> tuple[int, stimuli.AgentStimulus]:
     if not isinstance(item, list) or len(item) != 2:
         raise LinkError("not a (time, stimulus)")
     try:

@@ -22,6 +22,7 @@ from agents.mussel.outputs import (
 from agents.mussel.physical import Physical
 from agents.mussel.reporter import ReportConfig, Reporter
 from agents.mussel.stimuli import (
+    AgentStimulus,
     BuoyancyJammed,
     ChargeLost,
     ClockShifted,
@@ -37,7 +38,6 @@ from agents.mussel.stimuli import (
     PingArrived,
     Placed,
     SoundArrived,
-    Stimulus,
     WasReset,
     WifiArrived,
 )
@@ -59,7 +59,7 @@ if TYPE_CHECKING:
     from agents.mussel.defects import Defects
     from agents.mussel.failing_flash import FailingFlash
     from agents.mussel.logbook import Logbook
-    from agents.mussel.peripherals import World
+    from agents.mussel.peripherals import MeasuredWorld
     from agents.mussel.port_firmware import PortFirmware
     from agents.mussel.state_doubts import StateDoubts
     from firmware_model.port import FirmwareLike
@@ -103,7 +103,7 @@ class Agent:
         self._doubts: StateDoubts | None = None
         self._ask_for_report: Callable[[int], list[board_actions.Action]] | None = None
         """Asks the firmware for a report; None where the board's host makes them."""
-        self._world: World | None = None
+        self._world: MeasuredWorld | None = None
         self._truths: list[Truth] = []
         self._last: tuple[State, Physical] | None = None
         self._boot_outputs = self._power_on(physical, now_ms, cause)
@@ -188,9 +188,9 @@ class Agent:
         if self._others is not None:
             self._others.close()
 
-    def _open_world(self, physical: Physical) -> World:
+    def _open_world(self, physical: Physical) -> MeasuredWorld:
         """The water and the flash for somebody's firmware on a whole board."""
-        from agents.mussel.peripherals import World
+        from agents.mussel.peripherals import MeasuredWorld
         from agents.water.fields import unit_noises
         from firmware_model.sampling.sensors import SENSORS, Counts, sample
 
@@ -212,7 +212,7 @@ class Agent:
             noises = unit_noises(water.seed, self.config.board.agent_id, sequence)
             return sample(SENSORS, water.fields.values_at(*place, now_ms), noises)
 
-        return World(self._open_flash(), place_cm, sensors, physical.samples, physical.acknowledged)
+        return MeasuredWorld(self._open_flash(), place_cm, sensors, physical.samples, physical.acknowledged)
 
     def _open_flash(self) -> Flash:
         if self._flash is None:
@@ -296,7 +296,7 @@ class Agent:
         self._now_ms = now_ms
         return outputs
 
-    def receive(self, stimulus: Stimulus, now_ms: int) -> list[Output]:
+    def receive(self, stimulus: AgentStimulus, now_ms: int) -> list[Output]:
         """Takes a fact from the world at `now_ms`, after everything that was due by then."""
         outputs = self.advance(now_ms)
         try:
@@ -426,7 +426,7 @@ class Agent:
             self._note_truth(now_ms)
         return [self._by_wifi(now_ms, status)]
 
-    def _take(self, stimulus: Stimulus, now_ms: int) -> list[Output]:
+    def _take(self, stimulus: AgentStimulus, now_ms: int) -> list[Output]:
         match stimulus:
             case ContactClosed(north_um, east_um):
                 if not self._at_surface(now_ms) or self.body.docked:

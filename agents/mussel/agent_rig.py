@@ -17,6 +17,7 @@ from agents.mussel.outputs import Output, SoundSent, StimulusDropped, WifiSent
 from agents.mussel.port_firmware import link_to
 from agents.mussel.reporter import ReportConfig
 from agents.mussel.stimuli import (
+    AgentStimulus,
     BuoyancyJammed,
     ChargeLost,
     ClockShifted,
@@ -26,7 +27,6 @@ from agents.mussel.stimuli import (
     PartFailed,
     PinDisturbed,
     SoundArrived,
-    Stimulus,
     WasReset,
     WifiArrived,
 )
@@ -262,7 +262,7 @@ class AgentRig(Rig):
     def own_stimuli(self) -> Sequence[str]:
         return STIMULI
 
-    def _tell(self, *stimuli: Stimulus) -> None:
+    def _tell(self, *stimuli: AgentStimulus) -> None:
         for stimulus in stimuli:
             self.outputs += self.agent.receive(stimulus, self.now_ms)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from agents.mussel.board_link import BENCH_TIMEOUT_S
-from agents.mussel.peripherals import World
+from agents.mussel.peripherals import MeasuredWorld
 from agents.mussel.port_firmware import PortFirmware, link_to
 from agents.mussel.whole_port_firmware import WholePortFirmware
 from firmware_model.board import MakeFirmware
@@ -27,7 +27,7 @@ def firmware_of(command: Sequence[str], config: BoardConfig) -> MakeFirmware:
             lambda: link_to(command, BENCH_TIMEOUT_S), config, hardware, seed=1
         )
     counts = (1 << 15,) * len(SENSORS)
-    world = World(MemoryFlash(), lambda now_ms: (0, 0, 0), lambda now_ms, sequence: (counts, 0))
+    world = MeasuredWorld(MemoryFlash(), lambda now_ms: (0, 0, 0), lambda now_ms, sequence: (counts, 0))
 
     def make(hardware: WholeBoardHardware) -> PortFirmware:
         world.place_cm = lambda now_ms: (0, 0, 0 if hardware.at_surface else _DEPTH_CM)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from struct import Struct
 
-from agents.water.fields import Fields
+from agents.water.fields import WaterFields
 from agents.water.stream import Stream
 from firmware_model.actions import Buoyancy
 from firmware_model.digest import blake2b
@@ -86,7 +86,7 @@ class WaterConfig:
     step_ms: int
     body: BodyConfig
     current: Stream
-    fields: Fields
+    fields: WaterFields
     """The water around the sensors."""
 
 

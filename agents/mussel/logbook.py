@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from agents.water.fields import Fields, unit_noises
+from agents.water.fields import WaterFields, unit_noises
 from firmware_model.packets.log_packets import RECORDS_AT_ONCE, LogRecords
 from firmware_model.packets.sample_record import SampleRecord
 from firmware_model.sampling.flash import Flash
@@ -19,7 +19,7 @@ class Logbook:
     """`samples` and `acknowledged` come from the registers. `seed`, id and sequence key a sample's noise."""
 
     def __init__(
-        self, agent_id: int, seed: int, fields: Fields, flash: Flash, samples: int, acknowledged: int
+        self, agent_id: int, seed: int, fields: WaterFields, flash: Flash, samples: int, acknowledged: int
     ) -> None:
         self.log = FlashLog(flash, samples, acknowledged)
         self._agent_id = agent_id

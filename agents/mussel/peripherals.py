@@ -48,7 +48,7 @@ class ClockRegister(IntEnum):
 
 
 @dataclass(slots=True)
-class World:
+class MeasuredWorld:
     """The part of the world that a board's devices measure, and the registers and flash that outlive a reset."""
 
     flash: Flash
@@ -64,7 +64,7 @@ class World:
 class Peripherals:
     """The devices that only measure or keep. `alarm` is the reading at which the clock chip interrupts; None for never."""
 
-    def __init__(self, hardware: WholeBoardHardware, world: World) -> None:
+    def __init__(self, hardware: WholeBoardHardware, world: MeasuredWorld) -> None:
         self._hardware = hardware
         self.world = world
         self.alarm: int | None = None

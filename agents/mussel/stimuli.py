@@ -126,7 +126,7 @@ class PartFailed:
     value: int
 
 
-Stimulus = (
+AgentStimulus = (
     ContactClosed
     | DockMoved
     | ContactOpened
@@ -147,30 +147,30 @@ Stimulus = (
 )
 """The order gives the kinds their codes on links and in journals: a new one comes last."""
 
-_KINDS: tuple[type[Any], ...] = get_args(Stimulus)
+_KINDS: tuple[type[Any], ...] = get_args(AgentStimulus)
 """By code."""
 _CODES: dict[type[Any], int] = {kind: code for code, kind in enumerate(_KINDS)}
 _FIELDS: tuple[tuple[tuple[str, type], ...], ...] = tuple(tuple(get_type_hints(it).items()) for it in _KINDS)
 """The names and types of a kind's fields, by code."""
 
 
-def to_wire(stimulus: Stimulus) -> list[Any]:
+def to_wire(stimulus: AgentStimulus) -> list[Any]:
     """[code, field, ...]: plain values that msgpack carries."""
     code = _CODES[type(stimulus)]
     return [code, *(getattr(stimulus, name) for name, _ in _FIELDS[code])]
 
 
-def to_json(stimulus: Stimulus) -> list[int | str]:
+def to_json(stimulus: AgentStimulus) -> list[int | str]:
     """Its form in a journal: `to_wire` with bytes in hexadecimal."""
     return [field.hex() if isinstance(field, bytes) else field for field in to_wire(stimulus)]
 
 
-def from_json(fields: list[int | str]) -> Stimulus:
+def from_json(fields: list[int | str]) -> AgentStimulus:
     """The inverse of `to_json`; ValueError for anything else."""
     return from_wire([bytes.fromhex(field) if isinstance(field, str) else field for field in fields])
 
 
-def from_wire(wire: Any) -> Stimulus:
+def from_wire(wire: Any) -> AgentStimulus:
     """The inverse of `to_wire`; ValueError for anything else."""
     if not isinstance(wire, list) or not wire or type(wire[0]) is not int or not 0 <= wire[0] < len(_KINDS):
         raise ValueError("not a stimulus")
@@ -179,5 +179,5 @@ def from_wire(wire: Any) -> Stimulus:
         type(v) is not t for v, (_, t) in zip(wire[1:], fields, strict=True)
     ):
         raise ValueError(f"a {_KINDS[wire[0]].__name__} has other fields")
-    stimulus: Stimulus = _KINDS[wire[0]](*wire[1:])
+    stimulus: AgentStimulus = _KINDS[wire[0]](*wire[1:])
     return stimulus

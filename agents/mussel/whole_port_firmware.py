@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from agents.mussel.board_link import BoardLink, FrameToBoard
 from agents.mussel.firmware_failure import FirmwareFailed
-from agents.mussel.peripherals import Address, ClockRegister, Peripherals, World
+from agents.mussel.peripherals import Address, ClockRegister, MeasuredWorld, Peripherals
 from agents.mussel.port_firmware import PortFirmware
 from firmware_model.actions import Action, Buoyancy, Dropped, FeedFrom, SendBytes, StateReported
 from firmware_model.config import BoardConfig, FullFirmware, LastResort, numbers_for_port
@@ -55,7 +55,7 @@ class WholePortFirmware(PortFirmware):
         config: BoardConfig,
         hardware: WholeBoardHardware,
         seed: int,
-        world: World,
+        world: MeasuredWorld,
         modem: int = 3,
     ) -> None:
         """`modem` is the nanomodem's generation."""

@@ -21,6 +21,7 @@ from agents.hosting.host import Grant
 from agents.hosting.link_protocol import NEVER, Key, Repeat, WindowGrant
 from agents.mussel.agent import Agent, AgentConfig
 from agents.mussel.stimuli import (
+    AgentStimulus,
     CoilSlipped,
     ContactClosed,
     ContactOpened,
@@ -29,7 +30,6 @@ from agents.mussel.stimuli import (
     PingArrived,
     Placed,
     SoundArrived,
-    Stimulus,
     WasReset,
     WifiArrived,
 )
@@ -161,7 +161,7 @@ class _Walk:
                     return
         self._grant(agent.next_due_ms or self._now_ms)
 
-    def _grant(self, until_ms: int, *stimuli: Stimulus) -> None:
+    def _grant(self, until_ms: int, *stimuli: AgentStimulus) -> None:
         epoch, sequence = self._key
         self._key = epoch, sequence + 1
         facts = tuple((self._now_ms, stimulus) for stimulus in stimuli)
@@ -181,7 +181,7 @@ def _bottom_um(config: AgentConfig) -> int:
     return config.water.body.sinking.bottom_um
 
 
-def _stimuli(config: AgentConfig, codec: Codec) -> Iterator[Stimulus]:
+def _stimuli(config: AgentConfig, codec: Codec) -> Iterator[AgentStimulus]:
     bottom_um = _bottom_um(config)
     yield from (ContactClosed(0, 0), DockMoved(1, 1), CoilSlipped(), ContactOpened())
     yield from (PingArrived(1), ModemSent(100), SoundArrived(b"wrong"), WifiArrived(b"wrong"))

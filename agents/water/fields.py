@@ -53,13 +53,13 @@ BY_DEPTH: Mapping[str, Field] = {"pressure_mbar": Hydrostatic()}
 
 
 @dataclass(frozen=True, slots=True)
-class Fields:
+class WaterFields:
     """The fields of one water: one for each sensor of the table, in its order."""
 
     of: tuple[Field, ...]
 
     @classmethod
-    def by_key(cls, fields: Mapping[str, Field]) -> Fields:
+    def by_key(cls, fields: Mapping[str, Field]) -> WaterFields:
         """`fields` are by the sensors' keys, of all quantities that do not follow from the depth; KeyError otherwise."""
         return cls(tuple([BY_DEPTH[it.key] if it.calm is None else fields[it.key] for it in SENSORS]))
 

@@ -22,7 +22,7 @@ from agents.modem.facts import FrameArrived
 from agents.modem.firmware import ModemFirmware
 from agents.modem.frames import PAYLOAD_BYTES, SHORT_MS, FrameKind, ModemFrame, ModemGeneration
 from agents.mussel.outputs import Output, PingAnswered, SoundSent, Truth, WifiSent
-from agents.mussel.stimuli import ModemSent, PingArrived, SoundArrived, Stimulus
+from agents.mussel.stimuli import AgentStimulus, ModemSent, PingArrived, SoundArrived
 from agents.time_scale import AgentMs, MissionMs, TimeScale
 from agents.water import medium
 from agents.water.apad_modem import APadModem, ModemSend
@@ -106,7 +106,7 @@ class Authority(Protocol):
 
     def grant(self, until_ms: AgentMs) -> Iterable[Output | AgentDied]: ...
 
-    def receive_at(self, agent_id: int, stimulus: Stimulus, agent_ms: AgentMs) -> int | None: ...
+    def receive_at(self, agent_id: int, stimulus: AgentStimulus, agent_ms: AgentMs) -> int | None: ...
 
 
 class TruthSource(Protocol):
@@ -319,7 +319,7 @@ class Sea:
             stimulus = PingArrived(it.reception.travelled_us) if ping else SoundArrived(frame.data)
             self._tell(node, stimulus, AgentMs(at_ms))
 
-    def _tell(self, node: int, stimulus: Stimulus, at_ms: AgentMs) -> None:
+    def _tell(self, node: int, stimulus: AgentStimulus, at_ms: AgentMs) -> None:
         station = self._station_of.get(node)
         agent_ms = None if station is None else station.coordinator.receive_at(node, stimulus, at_ms)
         if station is not None and agent_ms is not None:

@@ -12,7 +12,7 @@ from contextlib import suppress
 
 from agents.coordinator import AgentDied, Coordinator
 from agents.mussel.outputs import PingAnswered, SoundSent, Truth, WifiSent
-from agents.mussel.stimuli import Stimulus
+from agents.mussel.stimuli import AgentStimulus
 from agents.time_scale import AgentMs, MissionMs
 from agents.water.places import ModemPlace, place_of
 from agents.water.sea import LOST_IN_THE_AIR, SeaConfig, TruthSource
@@ -190,7 +190,7 @@ class RemoteStation:
                 case other:
                     raise LinkEnded(f"it said {type(other).__name__} when it was not due")
 
-    def _receive_stimuli(self, stimuli: tuple[tuple[int, int, Stimulus], ...]) -> None:
+    def _receive_stimuli(self, stimuli: tuple[tuple[int, int, AgentStimulus], ...]) -> None:
         self._stamps += [
             self._coordinator.receive_at(agent_id, stimulus, AgentMs(at_ms))
             for agent_id, at_ms, stimulus in stimuli

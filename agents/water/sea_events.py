@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from agents.coordinator import AgentDied
 from agents.mussel.outputs import Output
-from agents.mussel.stimuli import Stimulus
+from agents.mussel.stimuli import AgentStimulus
 from agents.time_scale import MissionMs
 from agents.water.medium import PacketEnded
 
@@ -58,7 +58,7 @@ class StimulusDelivered:
     mission_ms: MissionMs
     agent_id: int
     agent_ms: int
-    stimulus: Stimulus
+    stimulus: AgentStimulus
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,7 +22,7 @@ from typing import Any, get_args
 from agents.coordinator import AgentDied
 from agents.link_codec import LinkCodec
 from agents.mussel.outputs import Output, Truth
-from agents.mussel.stimuli import Stimulus
+from agents.mussel.stimuli import AgentStimulus
 from agents.nursery import protocol
 from agents.time_scale import AgentMs, MissionMs
 from agents.water.places import ModemPlace
@@ -105,7 +105,7 @@ class Window:
 
     until_ms: AgentMs
     tick_ms: MissionMs | None
-    stimuli: tuple[tuple[int, int, Stimulus], ...]
+    stimuli: tuple[tuple[int, int, AgentStimulus], ...]
     """(aMussel, agent time, stimulus), in order."""
 
 
@@ -123,7 +123,7 @@ class Ticked:
     """The tick's outcome for one flight, after all of its windows."""
 
     results: tuple[SeaResult, ...]
-    stimuli: tuple[tuple[int, int, Stimulus], ...]
+    stimuli: tuple[tuple[int, int, AgentStimulus], ...]
     """The stimuli at the very end of the last window."""
     apads: Mapping[int, ModemPlace | None]
     """`Sea.apads_at_tick`."""

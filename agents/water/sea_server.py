@@ -16,7 +16,7 @@ from multiprocessing.connection import wait
 
 from agents.coordinator import AgentDied
 from agents.mussel.outputs import Output, Truth
-from agents.mussel.stimuli import Stimulus
+from agents.mussel.stimuli import AgentStimulus
 from agents.nursery.protocol import is_of_our_user
 from agents.time_scale import AgentMs, MissionMs
 from agents.water.sea import Sea, Station
@@ -61,7 +61,7 @@ class RemoteFleet:
         self.gone: str | None = None
         self._link = link
         self._due_ms: int | None = None
-        self._stimuli: list[tuple[int, int, Stimulus]] = []
+        self._stimuli: list[tuple[int, int, AgentStimulus]] = []
         self._truths: list[Truth] = []
 
     def come(self, tick: Tick) -> None:
@@ -76,12 +76,12 @@ class RemoteFleet:
             dues_ms.append(self._due_ms)
         return min(dues_ms, default=None)
 
-    def receive_at(self, agent_id: int, stimulus: Stimulus, agent_ms: AgentMs) -> int:
+    def receive_at(self, agent_id: int, stimulus: AgentStimulus, agent_ms: AgentMs) -> int:
         """Keeps the stimulus for the next window. The flight's coordinator stamps it; see `sea_client.py`."""
         self._stimuli.append((agent_id, agent_ms, stimulus))
         return agent_ms
 
-    def take_stimuli(self) -> tuple[tuple[int, int, Stimulus], ...]:
+    def take_stimuli(self) -> tuple[tuple[int, int, AgentStimulus], ...]:
         stimuli, self._stimuli = self._stimuli, []
         return tuple(stimuli)
 

@@ -25,7 +25,7 @@ from apad_bridge.events.vehicle import APadMoved
 from apad_bridge.records.journal import Entry, read_journal
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.records.sample_file import read_samples
-from apad_bridge.records.samples import Water
+from apad_bridge.records.samples import TruthExtrapolator
 from apad_bridge.records.truth_lines import truth_of
 from apad_bridge.scenario.firmware_config import board_config
 from apad_bridge.scenario.loader import load
@@ -61,7 +61,7 @@ class Invariants:
 
     def __init__(self, scenario: Scenario) -> None:
         self._scenario = scenario
-        self._charge_of = Water(scenario).charge_of
+        self._charge_of = TruthExtrapolator(scenario).charge_of
         board = board_config(scenario.board, scenario.seed)
         self._motor_run = board.motor_run if board.whole is None else 0
         """Grains that a run of the motors takes at once; a whole board's motors are a load."""

@@ -22,7 +22,7 @@ from apad_bridge.imc.orders import ConsoleOrder, ConsoleOrders, Unfit
 from apad_bridge.imc.picture import RunPicture
 from apad_bridge.imc.protocol import Message
 from apad_bridge.imc.systems import RunNumber, System
-from apad_bridge.imc.wire import Address, ImcConsole, Received, Wire
+from apad_bridge.imc.wire import Address, ImcConsole, ReceivedMessage, Wire
 from apad_bridge.records.journal import await_beginning
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.scenario.area.local_frame import LocalFrame
@@ -204,7 +204,7 @@ class ImcGateway:
         for agent_id, sample in newest.items():
             self._send(self._run_systems.amussel(agent_id), messages.of_sample(sample))
 
-    def _take(self, received: Received) -> None:
+    def _take(self, received: ReceivedMessage) -> None:
         message = received.message
         if isinstance(message, imc.Announce):
             self._wire.discover(received)
@@ -213,14 +213,14 @@ class ImcGateway:
         elif _is_order(message):
             self._take_order(received)
 
-    def _answer_entities(self, received: Received) -> None:
+    def _answer_entities(self, received: ReceivedMessage) -> None:
         """Answers as the system that is asked. A console asks each of them at its every Announce, until it is answered."""
         asked = self._systems.get(received.message.dst)
         if asked is not None and received.sender in self._wire.destinations:
             stamped = messages.stamped(messages.entity_list(), asked, self._now_s(), received.message.src)
             self._log.append(self._wire.send_to(stamped, received.sender))
 
-    def _take_order(self, received: Received) -> None:
+    def _take_order(self, received: ReceivedMessage) -> None:
         message, dropped = received.message, self._wire.dropped
         if (why := self._wire.why_not_obeyed(received, self._apad.imc_id)) is not None:
             dropped[why] += 1

@@ -55,7 +55,7 @@ class ImcConsole:
 
 
 @dataclass(frozen=True, slots=True)
-class Received:
+class ReceivedMessage:
     message: Message
     sender: Address
     by_multicast: bool
@@ -120,7 +120,7 @@ class Wire:
         self._send(data, address)
         return data
 
-    def receive(self, timeout_s: float) -> Iterator[Received]:
+    def receive(self, timeout_s: float) -> Iterator[ReceivedMessage]:
         """Messages that have arrived, after at most `timeout_s` of waiting."""
         for key, _ in self._selector.select(timeout_s):
             link, by_multicast = key.fileobj, key.data
@@ -140,9 +140,9 @@ class Wire:
                 except imc.Unreadable:
                     self.dropped["a datagram that is no IMC"] += 1
                     continue
-                yield Received(message, sender, by_multicast)
+                yield ReceivedMessage(message, sender, by_multicast)
 
-    def discover(self, received: Received) -> None:
+    def discover(self, received: ReceivedMessage) -> None:
         """Takes an announcement. A console that is heard by multicast is shown the run from now on.
 
         A listed console's other interfaces are its own, too, if it announces them from its listed host with its listed
@@ -160,7 +160,7 @@ class Wire:
         if received.by_multicast and services and (is_known or len(self._discovered) < _MOST_DISCOVERED):
             self._discovered[announced.src] = services[0]
 
-    def why_not_obeyed(self, received: Received, apad_id: int) -> str | None:
+    def why_not_obeyed(self, received: ReceivedMessage, apad_id: int) -> str | None:
         """Why an order does not count; None for one that does."""
         message = received.message
         if received.by_multicast:

@@ -32,7 +32,7 @@ from apad_bridge.records.packet_lines import sound_rows
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.run_state import RunState
 from apad_bridge.records.sample_file import SAMPLE_KEYS, SampleFile, sample_figures
-from apad_bridge.records.samples import TruthSample, Water, apad_sample, belief_sample
+from apad_bridge.records.samples import TruthExtrapolator, TruthSample, apad_sample, belief_sample
 from apad_bridge.records.summary import (
     Ending,
     amussel_figures,
@@ -119,7 +119,7 @@ class Recorder:
         self._scenario, self._scale = scenario, scenario.time_scale
         self._battery_min = battery_min
         self._agent_ids = frozenset(agent_ids)
-        self._water = Water(scenario)
+        self._water = TruthExtrapolator(scenario)
         self.state = RunState(scenario)
         """The state by the events in the journal."""
         self._newest: dict[int, Truth] = {}

@@ -71,7 +71,7 @@ class APadSample(NamedTuple):
     """The aMussel in each dock; -1 for a free dock."""
 
 
-class Water:
+class TruthExtrapolator:
     """Extrapolates a Truth until the next one: batteries and depth are linear from their anchors."""
 
     def __init__(self, scenario: Scenario) -> None:

@@ -15,11 +15,11 @@ from agents.packet_medium import Medium
 from agents.time_scale import MissionMs
 from apad_bridge.acoustics.serial.attached import AttachedModem, NanomodemResult
 from apad_bridge.acoustics.serial.nanomodem import (
+    ModemNotice,
     PacketDirection,
     PacketDropped,
     PacketReceived,
     PacketSent,
-    Reported,
     RoutedPacket,
 )
 from apad_bridge.ros.gateway.claims import LEASE_S, PERIOD_S, TOPIC
@@ -108,7 +108,7 @@ class AMusselBridge:
                     self.counts["sent to aMussels"] += 1
                 case PacketDropped(_, reason):
                     self._drop(reason)
-                case Reported(_, what):
+                case ModemNotice(_, what):
                     self._tell("modem", what)
 
     def _hear(self, packet: RoutedPacket) -> None:

@@ -23,7 +23,7 @@ from apad_bridge.ros.gateway.battery_alerts import BatteryAlerts
 from apad_bridge.ros.gateway.claims import ClaimBoard
 from apad_bridge.ros.gateway.fleet_guard import SecondFleet
 from apad_bridge.ros.gateway.fleet_services import FleetServices
-from apad_bridge.ros.gateway.gateway import Gateway, GatewayFailed, TruthSource, open_gateway
+from apad_bridge.ros.gateway.gateway import Gateway, GatewayFailed, TrueReports, open_gateway
 from apad_bridge.ros.gateway.heartbeat import Heartbeat, WatchdogStates
 from apad_bridge.ros.gateway.standard_topics import StandardTopics
 from apad_bridge.ros.generation_a.contacts_link import ContactsLink
@@ -315,7 +315,7 @@ def _graph_events(
     return take
 
 
-def _shown_truth(truths_at: TruthsAt) -> TruthSource:
+def _shown_truth(truths_at: TruthsAt) -> TrueReports:
     return lambda now_ms: {
         it.agent_id: AgentReport(it.north_m, it.east_m, it.depth_m, it.primary) for it in truths_at(now_ms)
     }

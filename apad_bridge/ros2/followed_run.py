@@ -13,7 +13,7 @@ from apad_bridge.events.vehicle import APadMoved
 from apad_bridge.records.journal import Entry, JournalContents, JournalTail
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.run_state import RunState
-from apad_bridge.records.samples import Water
+from apad_bridge.records.samples import TruthExtrapolator
 from apad_bridge.scenario.run_options import RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
 
@@ -61,7 +61,7 @@ class FollowedRun:
         """Mission time runs as the wall clock does; else stamps are mission time, and readers need /clock."""
         self._path = directory.journal
         self._journal = JournalTail(self._path)
-        self._water = Water(scenario)
+        self._water = TruthExtrapolator(scenario)
         self._scale = scenario.time_scale
         self._history = History(JournalContents([], 0), scenario)
         self._offset_ms: int | None = None

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from agents.coordinator import Coordinator
-from agents.mussel.stimuli import ContactClosed, ContactOpened, Placed, Stimulus, from_json
+from agents.mussel.stimuli import AgentStimulus, ContactClosed, ContactOpened, Placed, from_json
 from agents.time_scale import TICK_MS, AgentMs, MissionMs
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.capacity import battery_worth_min
@@ -111,7 +111,7 @@ class Undelivered:
 
     agent_id: int
     agent_ms: int
-    stimulus: Stimulus
+    stimulus: AgentStimulus
 
 
 @dataclass(frozen=True, slots=True)

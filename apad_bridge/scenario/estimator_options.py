@@ -7,7 +7,8 @@ from typing import Annotated
 
 from annotated_types import Ge, Gt, Le, Lt
 
-from apad_bridge.scenario.quantities import NotNegative, Positive, frozen
+from agents.water.bounds import NotNegative
+from apad_bridge.scenario.quantities import Positive, frozen
 
 
 class EstimatorKind(StrEnum):

@@ -11,11 +11,11 @@ from typing import Annotated, Literal, TypeVar
 from annotated_types import Ge, Gt, Le
 from pydantic import AfterValidator
 
+from agents.water.bounds import NotNegative
 from apad_bridge.scenario.quantities import (
     ChargeSegments,
     Fraction,
     Milliseconds,
-    NotNegative,
     NotNegativeSeconds,
     PositiveSeconds,
     frozen,
@@ -35,10 +35,10 @@ def _known_module(name: str) -> str:
 
 
 ModuleName = Annotated[str, AfterValidator(_known_module)]
-Schema = TypeVar("Schema")
+ModuleSchema = TypeVar("ModuleSchema")
 
 
-def _with_modules(schema: type[Schema]) -> type[Schema]:
+def _with_modules(schema: type[ModuleSchema]) -> type[ModuleSchema]:
     """Gives a schema a required key for each module, in the order of `Rail`."""
     for rail in Rail:
         schema.__annotations__[rail.name.lower()] = NotNegative

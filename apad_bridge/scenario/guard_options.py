@@ -4,14 +4,8 @@ from __future__ import annotations
 
 from enum import StrEnum
 
-from apad_bridge.scenario.quantities import (
-    Fraction,
-    NotNegative,
-    NotNegativeSeconds,
-    Positive,
-    PositiveSeconds,
-    frozen,
-)
+from agents.water.bounds import NotNegative
+from apad_bridge.scenario.quantities import Fraction, NotNegativeSeconds, Positive, PositiveSeconds, frozen
 
 LOOK_MS = 200
 """A real vehicle's position is looked at so often between two ticks: a tick is a third of the time that a stop may take."""

@@ -48,7 +48,6 @@ def _rising_to_one(segments: tuple[tuple[float, float], ...]) -> tuple[tuple[flo
 
 
 Positive = Annotated[float, Gt(0), Le(GREATEST), AfterValidator(_not_tiny)]
-NotNegative = Annotated[float, Ge(0), Le(GREATEST)]
 PositiveSeconds = Annotated[float, Ge(0.001), Le(1e9), AfterValidator(_whole_milliseconds)]
 NotNegativeSeconds = Annotated[float, Ge(0), Le(1e9), AfterValidator(_whole_milliseconds)]
 Quantity = Annotated[float, Ge(-GREATEST), Le(GREATEST)]

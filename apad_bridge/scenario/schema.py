@@ -16,7 +16,7 @@ from annotated_types import Ge, Le
 from pydantic import Tag
 
 from agents.time_scale import MissionMs, TimeScale
-from agents.water.bounds import Count
+from agents.water.bounds import Count, NotNegative
 from apad_bridge.scenario.another_apad import AnotherAPad, Sharing
 from apad_bridge.scenario.area.fence import check_corners, check_size
 from apad_bridge.scenario.board import Board
@@ -30,7 +30,6 @@ from apad_bridge.scenario.quantities import (
     EndTime,
     FileName,
     Fraction,
-    NotNegative,
     NotNegativeSeconds,
     Place,
     Positive,

@@ -19,7 +19,7 @@ from typing import Any
 
 from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import SoundSent, Truth, WifiSent
-from agents.mussel.stimuli import Stimulus, WasReset, from_json
+from agents.mussel.stimuli import AgentStimulus, WasReset, from_json
 from agents.time_scale import TICK_MS, AgentMs, MissionMs
 from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.capacity import battery_worth_min
@@ -331,7 +331,7 @@ def _relive(
         newest.update((truth.agent_id, truth) for truth in truths)
         listener.advance(now_ms)
         for event in felt.get(now_ms, ()):
-            stimulus: Stimulus
+            stimulus: AgentStimulus
             if isinstance(event, Stimulated):
                 stimulus = from_json(event.wire)
             elif event.gave_up is None:

@@ -36,7 +36,7 @@ _LATEX = {it: f"\\{it}" for it in "#$%&_{}"} | {
 
 
 @dataclass(frozen=True, slots=True)
-class Point:
+class SweepPoint:
     """One strategy at one value. `difference` is to the study's first value, on the same seeds; None at that value."""
 
     scenario: str
@@ -53,10 +53,10 @@ class Sweep:
     key: str
     column: str
     confidence: float
-    points: tuple[Point, ...]
+    points: tuple[SweepPoint, ...]
 
     @property
-    def lines(self) -> Iterator[tuple[str, list[Point]]]:
+    def lines(self) -> Iterator[tuple[str, list[SweepPoint]]]:
         """The points of each scenario and strategy with their name: of what varies in the study."""
         names = list(dict.fromkeys((it.scenario, it.strategy) for it in self.points))
         scenarios, strategies = ({name[n] for name in names} for n in (0, 1))
@@ -91,7 +91,7 @@ def sweep_of(plan: StudyPlan, rows: Sequence[Row]) -> Sweep | None:
     key = swept_key(plan)
     if key is None:
         return None
-    points: list[Point] = []
+    points: list[SweepPoint] = []
     for scenario in dict.fromkeys(it.scenario for it in plan.settings):
         settings = [n for n, it in enumerate(plan.settings) if it.scenario == scenario]
         for strategy in plan.strategies:
@@ -103,18 +103,20 @@ def sweep_of(plan: StudyPlan, rows: Sequence[Row]) -> Sweep | None:
                 plan, scenario, strategy, [dict(plan.settings[n].parameters)[key] for n in settings], own
             )
     column, adjusted = plan.study.primary, iter(holm_adjusted([it.difference for it in points]))
-    whole = tuple(Point(it.scenario, it.strategy, it.value, it.estimate, next(adjusted)) for it in points)
+    whole = tuple(
+        SweepPoint(it.scenario, it.strategy, it.value, it.estimate, next(adjusted)) for it in points
+    )
     return Sweep(key, column, plan.study.confidence, whole)
 
 
 def _line(
     plan: StudyPlan, scenario: str, strategy: str, values: Sequence[Any], rows: Sequence[dict[int, Row]]
-) -> Iterator[Point]:
+) -> Iterator[SweepPoint]:
     column, confidence = plan.study.primary, plan.study.confidence
     for value, own in zip(values, rows, strict=True):
         estimate = estimate_of([row[column] for row in own.values()], confidence)
         difference = None if own is rows[0] else difference_of(own, rows[0], column, confidence)
-        yield Point(scenario, strategy, value, estimate, difference)
+        yield SweepPoint(scenario, strategy, value, estimate, difference)
 
 
 def draw(sweep: Sweep, width_mm: float) -> Figure:

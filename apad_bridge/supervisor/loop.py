@@ -12,7 +12,7 @@ from dataclasses import astuple
 
 from agents.coordinator import AgentDied
 from agents.mussel.outputs import SoundSent, StateDoubted, StimulusDropped, WifiSent
-from agents.mussel.stimuli import SoundArrived, Stimulus, to_json
+from agents.mussel.stimuli import AgentStimulus, SoundArrived, to_json
 from agents.packet_medium import Medium
 from agents.time_scale import TICK_MS, MissionMs
 from agents.water.medium import PacketEnded
@@ -340,10 +340,12 @@ class Flight:
             else:
                 self.supervisor.receive(fact)
 
-    def _stimulate(self, agent_id: int, stimulus: Stimulus, now_ms: MissionMs) -> None:
+    def _stimulate(self, agent_id: int, stimulus: AgentStimulus, now_ms: MissionMs) -> None:
         agent_ms = self._fleet.receive(agent_id, stimulus, now_ms)
         if agent_ms is not None:
             self._note_stimulus(now_ms, agent_id, agent_ms, stimulus)
 
-    def _note_stimulus(self, now_ms: MissionMs, agent_id: int, agent_ms: int, stimulus: Stimulus) -> None:
+    def _note_stimulus(
+        self, now_ms: MissionMs, agent_id: int, agent_ms: int, stimulus: AgentStimulus
+    ) -> None:
         self._recorder.event(now_ms, Stimulated(agent_id, agent_ms, to_json(stimulus)))

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from enum import Enum, auto
 from functools import cache
 
-from agents.mussel.stimuli import ContactClosed, ContactOpened, DockMoved, Stimulus, from_wire, to_wire
+from agents.mussel.stimuli import AgentStimulus, ContactClosed, ContactOpened, DockMoved, from_wire, to_wire
 from agents.packet_medium import Medium
 from agents.time_scale import MissionMs
 from apad_bridge.beliefs.belief import Belief
@@ -181,7 +181,7 @@ class RemoteContact:
     """A stimulus that an aMussel gets from the dock of an aPad whose supervisor is in another process."""
 
     agent_id: int
-    stimulus: Stimulus
+    stimulus: AgentStimulus
 
 
 @dataclass(frozen=True, slots=True)
@@ -297,7 +297,7 @@ class PacketRelay:
         return []
 
 
-def _contact(data: bytes) -> Stimulus | None:
+def _contact(data: bytes) -> AgentStimulus | None:
     """The contact of another aPad's dock; None for anything else, such as a stimulus that no dock causes."""
     try:
         stimulus = from_wire(json.loads(data))

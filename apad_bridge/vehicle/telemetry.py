@@ -21,7 +21,7 @@ AHEAD_MS = 10_000
 """An aPad on our clock stamps its messages with ticks that it has reached: a stamp so far ahead is somebody else's."""
 FAR_M = 5.0
 """More than a mission's victory radius plus the drift meanwhile; a docking from here is a mistake."""
-OutOfReach = Callable[[int, PoseReported | None, int], str | None]
+ReachCheck = Callable[[int, PoseReported | None, int], str | None]
 """The reason to refuse a docking from afar, by aMussel, pose and mission time; None for one that is near or unknown."""
 
 

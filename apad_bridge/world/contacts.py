@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 
 from agents.mussel.outputs import Truth
-from agents.mussel.stimuli import ContactClosed, ContactOpened, DockMoved, Stimulus
+from agents.mussel.stimuli import AgentStimulus, ContactClosed, ContactOpened, DockMoved
 from apad_bridge.vehicle.commands import PoseReported
 from apad_bridge.vehicle.link import Carried, LetGo
 from apad_bridge.vehicle.telemetry import FAR_M
@@ -44,7 +44,7 @@ class Contacts:
             return math.inf
         return math.hypot(body.north_um / 1e6 - north_m, body.east_um / 1e6 - east_m)
 
-    def take(self, fact: Carried | LetGo) -> Stimulus | None:
+    def take(self, fact: Carried | LetGo) -> AgentStimulus | None:
         """The stimulus for the aMussel's body; None when nothing changed for it."""
         if isinstance(fact, LetGo):
             if fact.agent_id not in self._places:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from agents.hosting.faulty_host import FaultyHost, LinkDefect
 from agents.mussel.defects import BoardPart
 from agents.mussel.stimuli import (
+    AgentStimulus,
     BuoyancyJammed,
     ChargeLost,
     ClockShifted,
@@ -22,7 +23,6 @@ from agents.mussel.stimuli import (
     CrystalSkewed,
     PartFailed,
     PinDisturbed,
-    Stimulus,
     WasReset,
 )
 from agents.time_scale import TimeScale
@@ -48,7 +48,7 @@ _DEFECTS = {
     TimedFault.BIT_FLIP: LinkDefect.FLIPS,
     TimedFault.MODEM_DEAF: LinkDefect.DEAF,
 }
-_STIMULI: dict[TimedFault, tuple[Callable[[float], Stimulus], Stimulus | None]] = {
+_STIMULI: dict[TimedFault, tuple[Callable[[float], AgentStimulus], AgentStimulus | None]] = {
     # The stimulus that begins the fault, by its value, and the one that heals it.
     TimedFault.BROWN_OUT: (lambda _: WasReset(ResetCause.BROWN_OUT), None),
     TimedFault.WATCHDOG: (lambda _: WasReset(ResetCause.WATCHDOG), None),
@@ -60,7 +60,7 @@ _STIMULI: dict[TimedFault, tuple[Callable[[float], Stimulus], Stimulus | None]] 
     TimedFault.EDGE_CHATTER: (lambda times: ContactBounced(round(times)), None),
 }
 
-Action = tuple[int, Stimulus] | Event
+Action = tuple[int, AgentStimulus] | Event
 _Key = tuple[TimedFault, int | None, float | None]
 
 
@@ -236,7 +236,7 @@ def _key(injection: Injection) -> _Key:
     return injection.fault, injection.agent_id, dock_index
 
 
-def _stimulus(injection: Injection, *, begins: bool) -> Stimulus | None:
+def _stimulus(injection: Injection, *, begins: bool) -> AgentStimulus | None:
     """The stimulus of the body; None for a fault that is none of a body, or heals by itself."""
     row, value = injection.row, injection.value
     if (begin_and_end := _STIMULI.get(injection.fault)) is not None:
@@ -250,7 +250,7 @@ def _stimulus(injection: Injection, *, begins: bool) -> Stimulus | None:
     return PartFailed(row.part, round(value) if begins else 0)
 
 
-def _to(injection: Injection, stimulus: Stimulus) -> list[Action]:
+def _to(injection: Injection, stimulus: AgentStimulus) -> list[Action]:
     assert injection.agent_id is not None
     return [(injection.agent_id, stimulus)]
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from agents.coordinator import Coordinator
 from agents.hosting.host import Host
 from agents.mussel.outputs import Truth
-from agents.mussel.stimuli import SoundArrived, Stimulus, WifiArrived
+from agents.mussel.stimuli import AgentStimulus, SoundArrived, WifiArrived
 from agents.packet_medium import Medium
 from agents.time_scale import AgentMs, MissionMs, TimeScale
 from agents.water.medium import PacketEnded, Reception
@@ -155,14 +155,14 @@ class FlightFleet:
         """Counts of losses that are not the outcome of a packet."""
         return self.water.all_dropped + self._dropped
 
-    def send(self, send: Send, now_ms: MissionMs) -> Stimulus | None:
+    def send(self, send: Send, now_ms: MissionMs) -> AgentStimulus | None:
         """Sends the aPad's packet. Returns the aMussel's stimulus if the packet arrives at once, or else None."""
         if send.medium is Medium.SOUND:
             agent_id = None if send.agent_id == EVERYONE else send.agent_id
             return self.water.send_sound(agent_id, send.data, send.not_before_ms)
         return WifiArrived(send.data) if self.water.wifi_reaches(send.agent_id, now_ms) else None
 
-    def receive(self, agent_id: int, stimulus: Stimulus, now_ms: MissionMs) -> int | None:
+    def receive(self, agent_id: int, stimulus: AgentStimulus, now_ms: MissionMs) -> int | None:
         """Passes a stimulus to an agent; returns its agent time, or None, counted, for an agent of another fleet."""
         agent_ms = self.coordinator.receive(agent_id, stimulus, now_ms)
         if agent_ms is None:
@@ -229,7 +229,7 @@ class NoFleet(NoModems):
     def send(self, send: Send, now_ms: MissionMs) -> None:
         return None
 
-    def receive(self, agent_id: int, stimulus: Stimulus, now_ms: MissionMs) -> None:
+    def receive(self, agent_id: int, stimulus: AgentStimulus, now_ms: MissionMs) -> None:
         return None
 
     def mission_ms(self, agent_ms: int) -> MissionMs:

@@ -14,7 +14,7 @@ from agents.fleet import resting_on_bottom
 from agents.hosting.host import Death, Grant, Reply
 from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Output, Truth, WifiSent
-from agents.mussel.stimuli import ContactClosed, ContactOpened, SoundArrived, Stimulus
+from agents.mussel.stimuli import AgentStimulus, ContactClosed, ContactOpened, SoundArrived
 from agents.time_scale import TimeScale
 from firmware_model.packets import CommandPacket, Kind
 from firmware_model.packets.codec import MusselbedCodec
@@ -25,7 +25,7 @@ FLEET = PAPER
 
 
 def fly(
-    facts: list[tuple[int, int, Stimulus]], cuts: list[int]
+    facts: list[tuple[int, int, AgentStimulus]], cuts: list[int]
 ) -> tuple[list[Output | AgentDied], dict[int, list[Truth]]]:
     """The outputs up to 40 s of mission time, and each aMussel's truths."""
     initial_states = {agent_id: resting_on_bottom(0.0, agent_id, 3.0, 0.3, 1.0) for agent_id in IDS}
@@ -57,7 +57,9 @@ FACTS = st.tuples(
 
 @settings(max_examples=40, deadline=None)
 @given(facts=st.lists(FACTS, max_size=10), cuts=st.lists(st.integers(0, 40_000), max_size=15))
-def test_any_windows_give_the_same_trace(facts: list[tuple[int, int, Stimulus]], cuts: list[int]) -> None:
+def test_any_windows_give_the_same_trace(
+    facts: list[tuple[int, int, AgentStimulus]], cuts: list[int]
+) -> None:
     assert fly(facts, cuts) == fly(facts, [])
 
 

@@ -32,7 +32,14 @@ from agents.hosting.in_process import InProcessHost
 from agents.hosting.process_host import ProcessHost
 from agents.mussel.defects import BoardPart
 from agents.mussel.outputs import Output, Truth
-from agents.mussel.stimuli import ContactClosed, ContactOpened, DockMoved, PartFailed, SoundArrived, Stimulus
+from agents.mussel.stimuli import (
+    AgentStimulus,
+    ContactClosed,
+    ContactOpened,
+    DockMoved,
+    PartFailed,
+    SoundArrived,
+)
 from agents.nursery.fleet_file import RestartPolicy
 from agents.time_scale import TimeScale
 from apad_bridge.analysis.invariants import check_run
@@ -96,7 +103,7 @@ EVENTS = st.one_of(
         [command(kind, agent_id) for kind in (Kind.PERMISSION, Kind.RELEASE) for agent_id in IDS]
     ),
 )
-Story = list[tuple[int, int, Stimulus | str]]
+Story = list[tuple[int, int, AgentStimulus | str]]
 
 
 def fly(

@@ -23,7 +23,7 @@ from agents.hosting.in_process import InProcessHost
 from agents.hosting.link_protocol import LIMIT_BYTES, WindowGrant, readable
 from agents.hosting.process_host import Fenced, ProcessHost
 from agents.mussel.outputs import Output, Truth, WifiSent
-from agents.mussel.stimuli import ContactClosed, ContactOpened, DockMoved, SoundArrived, Stimulus
+from agents.mussel.stimuli import AgentStimulus, ContactClosed, ContactOpened, DockMoved, SoundArrived
 from agents.nursery import protocol
 from agents.nursery.fleet_file import PHYSICAL_NAME, RestartPolicy
 from agents.nursery.launch import NurseryFailed, StartedNursery, launch_nursery, prepare
@@ -70,7 +70,7 @@ EVENTS = st.one_of(
     ),
 )
 STORIES = st.lists(st.tuples(st.integers(0, 20), st.sampled_from(IDS), EVENTS), max_size=12)
-Story = list[tuple[int, int, Stimulus | str]]
+Story = list[tuple[int, int, AgentStimulus | str]]
 
 
 def fly(

@@ -14,7 +14,7 @@ from agents.fleet import resting_on_bottom
 from agents.hosting.in_process import InProcessHost
 from agents.hosting.process_host import ProcessHost
 from agents.mussel.outputs import Output, Truth
-from agents.mussel.stimuli import CoilSlipped, ContactClosed, ContactOpened, SoundArrived, Stimulus
+from agents.mussel.stimuli import AgentStimulus, CoilSlipped, ContactClosed, ContactOpened, SoundArrived
 from agents.nursery.fleet_file import RestartPolicy
 from agents.time_scale import TimeScale
 from firmware_model.config import FullFirmware, LastResort, Timekeeping
@@ -62,7 +62,7 @@ def word(command: Command) -> SoundArrived:
     return SoundArrived(MusselbedCodec().encode(command))
 
 
-def story(agent_id: int) -> list[tuple[int, Stimulus | None]]:
+def story(agent_id: int) -> list[tuple[int, AgentStimulus | None]]:
     """(seconds of mission time, what happens); None is a kill -9 of its process."""
     return [
         (10, word(SlotAssignment(agent_id, 60_000, 5000, 700, agent_id, -20))),

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from agents.serial_port import BytesRead, Lost, Opened, SerialPort
 from apad_bridge.acoustics.serial.nanomodem import (
+    ModemNotice,
     ModemQueue,
     NanomodemAction,
     PacketDirection,
@@ -15,12 +16,11 @@ from apad_bridge.acoustics.serial.nanomodem import (
     PacketReceived,
     PacketSent,
     Priority,
-    Reported,
     RoutedPacket,
     WriteLine,
 )
 
-NanomodemResult = PacketSent | PacketReceived | PacketDropped | Reported
+NanomodemResult = PacketSent | PacketReceived | PacketDropped | ModemNotice
 
 
 class AttachedModem:
@@ -47,7 +47,7 @@ class AttachedModem:
         if not self.port.is_open and not self._has_reported_closed:
             self._has_reported_closed = True
             message = f"{self.port.path} cannot be opened, and is tried again: {self.port.why_closed}"
-            actions.append(Reported(now_ms, message))
+            actions.append(ModemNotice(now_ms, message))
         return self._write_out(actions)
 
     def report(self, agent_id: int, data: bytes, now_ms: int) -> list[NanomodemResult]:

@@ -18,11 +18,11 @@ from agents.time_scale import MissionMs
 from agents.water.sea_events import Printed, SeaResult
 from apad_bridge.acoustics.serial.attached import AttachedModem, NanomodemResult
 from apad_bridge.acoustics.serial.nanomodem import (
+    ModemNotice,
     PacketDirection,
     PacketDropped,
     PacketReceived,
     PacketSent,
-    Reported,
 )
 from apad_bridge.acoustics.serial.pty import FOLDER, Burst, OpenedModems
 from apad_bridge.events.sound import ModemTold
@@ -92,7 +92,7 @@ class SerialLines:
     def _store(self, results: list[NanomodemResult]) -> None:
         self._results += results
         for result in results:
-            if isinstance(result, Reported):
+            if isinstance(result, ModemNotice):
                 self.tell(result.what)
 
 
@@ -104,7 +104,7 @@ def _action_of(result: NanomodemResult) -> SoundHeard | Send | ModemTold:
             return Send(Medium.SOUND, packet.agent_id, packet.data)
         case PacketDropped(_, reason, of):
             return ModemTold(reason, None if of is None else of.agent_id)
-        case Reported(_, what):
+        case ModemNotice(_, what):
             return ModemTold(what=what)
 
 

@@ -118,14 +118,14 @@ class PacketDropped:
 
 
 @dataclass(frozen=True, slots=True)
-class Reported:
+class ModemNotice:
     """A line for a person: the modem was found with its address, or was lost."""
 
     at_ms: int
     what: str
 
 
-NanomodemAction = WriteLine | PacketSent | PacketReceived | PacketDropped | Reported
+NanomodemAction = WriteLine | PacketSent | PacketReceived | PacketDropped | ModemNotice
 
 
 @dataclass(slots=True)
@@ -215,7 +215,7 @@ class ModemQueue:
         if self.stage is ModemStage.CLOSED:
             return actions
         self._enter(ModemStage.CLOSED)
-        actions.append(Reported(now_ms, f"the modem is gone, and its port is tried again: {why}"))
+        actions.append(ModemNotice(now_ms, f"the modem is gone, and its port is tried again: {why}"))
         return actions + self._retry()
 
     def read(self, data: bytes, now_ms: int) -> list[NanomodemAction]:
@@ -239,7 +239,7 @@ class ModemQueue:
                 return []
             self._enter(ModemStage.READY)
             return [
-                Reported(self._now_ms, f"the modem is there, with address {self.address}"),
+                ModemNotice(self._now_ms, f"the modem is there, with address {self.address}"),
                 *self._send_next(),
             ]
         if (

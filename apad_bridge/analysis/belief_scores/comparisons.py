@@ -20,7 +20,7 @@ from apad_bridge.events.fleet import BeliefChanged
 from apad_bridge.records.bag_samples import BagUnreadable, Instant, instants, why_no_deviations
 from apad_bridge.records.journal import read_journal
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
-from apad_bridge.records.samples import BeliefSample, TruthSample, Water
+from apad_bridge.records.samples import BeliefSample, TruthExtrapolator, TruthSample
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Scenario
@@ -108,7 +108,7 @@ def comparisons_in(run_dir: Path, period_ms: int, record: Record) -> Iterator[Be
     except ScenarioError as error:
         raise RunDirectoryError(error.lines[0]) from error
     history = History(read_journal(directory.journal), scenario)
-    water = Water(scenario)
+    water = TruthExtrapolator(scenario)
     for now_ms in map(MissionMs, range(0, history.end_ms + 1, period_ms)):
         try:
             history.advance(now_ms)
@@ -209,7 +209,7 @@ def _place_square(belief: BeliefSample, truth: TruthSample) -> float | None:
 
 
 def _in_journal_at(
-    history: History, water: Water, scenario: Scenario, now_ms: MissionMs
+    history: History, water: TruthExtrapolator, scenario: Scenario, now_ms: MissionMs
 ) -> Iterator[BeliefComparison]:
     for agent_id, belief in sorted(history.now.beliefs.items()):
         truth = history.now.truths.get(agent_id)

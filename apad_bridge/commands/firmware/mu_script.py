@@ -13,9 +13,10 @@ from annotated_types import Ge, Le
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 
+from agents.water.bounds import NotNegative
 from apad_bridge.scenario.errors import UserError
 from apad_bridge.scenario.explained import abbreviated, explain
-from apad_bridge.scenario.quantities import Fraction, NotNegative, Positive
+from apad_bridge.scenario.quantities import Fraction, Positive
 from apad_bridge.scenario.text_file import read_text
 from apad_bridge.scenario.yaml_text import parse_yaml
 from firmware_model.actions import Dropped, LogSample

@@ -65,7 +65,7 @@ _FLEET_QUEUE = 10
 _EVENT_QUEUE = 1000
 """Events are not repeated: a slow reader should still receive those of a whole mission."""
 
-TruthSource = Callable[[MissionMs], Mapping[int, AgentReport]]
+TrueReports = Callable[[MissionMs], Mapping[int, AgentReport]]
 """The truth of each aMussel at a mission time, which `records.truth_on_agent_topics` publishes instead of the beliefs."""
 
 
@@ -79,7 +79,7 @@ def open_gateway(
     *,
     node_name: str,
     xmlrpc_port: int = 0,
-    truth: TruthSource | None = None,
+    truth: TrueReports | None = None,
     simulated: Callable[[], frozenset[int]] | None = None,
     remappings: Sequence[str] = (),
     is_resumed: bool = False,
@@ -114,7 +114,7 @@ class Gateway:
         self,
         agent_ids: Iterable[int],
         scale: TimeScale,
-        truth: TruthSource | None = None,
+        truth: TrueReports | None = None,
         simulated: Callable[[], frozenset[int]] | None = None,
         frame: LocalFrame | None = None,
     ) -> None:

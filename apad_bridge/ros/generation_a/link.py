@@ -47,7 +47,7 @@ from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.link import Cleared, LinkFact
 from apad_bridge.vehicle.sending_road import Rank
 from apad_bridge.vehicle.stack_messages import UNSTAMPED
-from apad_bridge.vehicle.telemetry import OutOfReach
+from apad_bridge.vehicle.telemetry import ReachCheck
 from apad_bridge.world.contacts import FloatingPlaces, why_out_of_reach
 
 use_generated_messages()
@@ -142,7 +142,7 @@ class GenerationALink(LegacyLink[GenerationACore]):
         now_ms: int = 0,
         *,
         our_clock: bool,
-        out_of_reach: OutOfReach,
+        out_of_reach: ReachCheck,
     ) -> None:
         name, pilots = scenario.apad.name, () if scenario.guards is None else scenario.guards.pilots
         core = GenerationACore(

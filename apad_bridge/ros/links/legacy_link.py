@@ -57,10 +57,10 @@ class LegacyCore(Protocol):
     def receive(self, heard: Any, now_ms: int) -> None: ...
 
 
-Core = TypeVar("Core", bound=LegacyCore)
+CoreT = TypeVar("CoreT", bound=LegacyCore)
 
 
-class LegacyLink(ABC, Generic[Core]):
+class LegacyLink(ABC, Generic[CoreT]):
     """The ROS side of a VehicleLink to the scenario's aPad. The node is initialised before (`open_gateway`).
 
     A fact without a stamp became true at the tick that receives it.
@@ -70,7 +70,7 @@ class LegacyLink(ABC, Generic[Core]):
     MEND: ClassVar[str]
     """The mend for a person whose aPad uses other definitions."""
 
-    def __init__(self, apad: APad, core: Core, gate: Gate, now_ms: int) -> None:
+    def __init__(self, apad: APad, core: CoreT, gate: Gate, now_ms: int) -> None:
         self.name = apad.name
         self.capabilities = self.STACK.capabilities(apad.docks)
         self._core = core

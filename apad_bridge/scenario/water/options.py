@@ -8,12 +8,11 @@ from typing import Annotated, TypeVar
 from annotated_types import Ge, Le
 
 from agents.modem.frames import ModemGeneration
-from agents.water.bounds import Count
+from agents.water.bounds import Count, NotNegative
 from agents.water.sound import Sound
 from agents.water.wifi import Wifi
 from apad_bridge.scenario.quantities import (
     Fraction,
-    NotNegative,
     NotNegativeSeconds,
     Place,
     Positive,
@@ -75,15 +74,15 @@ class Wind:
 
 MEASURED = tuple(sensor for sensor in SENSORS if sensor.calm is not None)
 """The sensors of quantities that a scenario gives. The others follow from the depth."""
-Schema = TypeVar("Schema")
+QuantitySchema = TypeVar("QuantitySchema")
 
 
 def _with_quantities(
     key_of: Callable[[Sensor], tuple[object, object]],
-) -> Callable[[type[Schema]], type[Schema]]:
+) -> Callable[[type[QuantitySchema]], type[QuantitySchema]]:
     """Gives a schema a key for each measured quantity; `key_of` returns the type and the default."""
 
-    def extend(schema: type[Schema]) -> type[Schema]:
+    def extend(schema: type[QuantitySchema]) -> type[QuantitySchema]:
         for sensor in MEASURED:
             schema.__annotations__[sensor.key], default = key_of(sensor)
             setattr(schema, sensor.key, default)

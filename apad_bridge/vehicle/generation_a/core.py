@@ -67,7 +67,7 @@ from apad_bridge.vehicle.stack_messages import BatteryReceived, PoseReceived, St
 from apad_bridge.vehicle.telemetry import (
     FAR_M,
     DeferredMessages,
-    OutOfReach,
+    ReachCheck,
     Readings,
     SilenceWatch,
 )
@@ -118,7 +118,7 @@ class GenerationACore:
         battery_v: tuple[float, float],
         nonce: str,
         now_ms: int = 0,
-        out_of_reach: OutOfReach = lambda agent_id, pose, now_ms: None,
+        out_of_reach: ReachCheck = lambda agent_id, pose, now_ms: None,
         *,
         takes_back: bool = True,
         gate: Gate | None = None,

@@ -14,7 +14,7 @@ from agents.hosting.faulty_host import FaultyHost, LinkDefect
 from agents.hosting.host import Death, Grant, Reply
 from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Output, StimulusDropped, Truth, WifiSent
-from agents.mussel.stimuli import PingArrived, SoundArrived, Stimulus, WifiArrived
+from agents.mussel.stimuli import AgentStimulus, PingArrived, SoundArrived, WifiArrived
 from agents.time_scale import TimeScale
 from firmware_model.stimuli import ResetCause
 
@@ -65,7 +65,7 @@ def _echoes(grant: Grant) -> list[Output]:
 
 def heard(
     defects: Mapping[LinkDefect, float],
-    sent: list[tuple[int, Stimulus]],
+    sent: list[tuple[int, AgentStimulus]],
     cuts: list[int],
     killed: bool = False,
 ) -> list[tuple[int, Output]]:
@@ -75,7 +75,7 @@ def heard(
     for defect, value in defects.items():
         host.set_defect(1, defect, value)
     coordinator, came = Coordinator(host, {1: 0}, TimeScale(1)), list[tuple[int, Output]]()
-    moments: list[tuple[int, Stimulus | None]] = [*sent, *((cut, None) for cut in (*cuts, END_MS))]
+    moments: list[tuple[int, AgentStimulus | None]] = [*sent, *((cut, None) for cut in (*cuts, END_MS))]
     for at_ms, stimulus in sorted(moments, key=lambda it: it[0]):
         if killed and stimulus is None:
             echo.kill(1)
@@ -96,7 +96,7 @@ PACKETS = st.lists(
 @settings(deadline=None)
 @given(sent=PACKETS, cuts=st.lists(TIMES, max_size=10), killed=st.booleans())
 def test_late_packets_all_come_once_in_order_and_as_late(
-    sent: list[tuple[int, Stimulus]], cuts: list[int], killed: bool
+    sent: list[tuple[int, AgentStimulus]], cuts: list[int], killed: bool
 ) -> None:
     came = heard({LinkDefect.DELAY: DELAY_MS}, sent, cuts, killed)
     # Late on the way there, and on the way back.
@@ -109,7 +109,7 @@ def test_late_packets_all_come_once_in_order_and_as_late(
 @settings(deadline=None)
 @given(sent=PACKETS, cuts=st.lists(TIMES, max_size=10))
 def test_flipped_bits_do_not_depend_on_how_time_is_cut(
-    sent: list[tuple[int, Stimulus]], cuts: list[int]
+    sent: list[tuple[int, AgentStimulus]], cuts: list[int]
 ) -> None:
     flips = {LinkDefect.FLIPS: 0.2}
     assert heard(flips, sent, cuts) == heard(flips, sent, [])
@@ -122,7 +122,11 @@ def test_every_bit_flips_at_probability_one() -> None:
 
 
 def test_a_cut_link_loses_all_and_counts_it() -> None:
-    sent: list[tuple[int, Stimulus]] = [(1, WifiArrived(b"a")), (2, SoundArrived(b"b")), (3, PingArrived(5))]
+    sent: list[tuple[int, AgentStimulus]] = [
+        (1, WifiArrived(b"a")),
+        (2, SoundArrived(b"b")),
+        (3, PingArrived(5)),
+    ]
     assert heard({LinkDefect.CUT: 0}, sent, []) == [
         (at_ms, StimulusDropped(at_ms, 1, "a packet on a link that was cut")) for at_ms in (1, 2, 3)
     ]

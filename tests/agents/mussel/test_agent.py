@@ -13,6 +13,7 @@ from agents.fleet import FleetConfig, resting_on_bottom
 from agents.mussel.agent import Agent
 from agents.mussel.outputs import Output, StimulusDropped, Truth, WifiSent
 from agents.mussel.stimuli import (
+    AgentStimulus,
     BuoyancyJammed,
     ChargeLost,
     ContactBounced,
@@ -22,7 +23,6 @@ from agents.mussel.stimuli import (
     PinDisturbed,
     Placed,
     SoundArrived,
-    Stimulus,
     WasReset,
     WifiArrived,
 )
@@ -35,7 +35,7 @@ from firmware_model.stimuli import ResetCause
 CODEC = MusselbedCodec()
 PERMISSION = CODEC.encode(CommandPacket(Kind.PERMISSION, 7))
 RELEASE = CODEC.encode(CommandPacket(Kind.RELEASE, 7))
-STIMULI: tuple[Stimulus, ...] = (
+STIMULI: tuple[AgentStimulus, ...] = (
     SoundArrived(PERMISSION),
     SoundArrived(b"noise"),
     WifiArrived(RELEASE),
@@ -68,13 +68,13 @@ def agent(charge: float = 0.5, fleet: FleetConfig = FLEET) -> Agent:
 
 
 def live(
-    story: list[tuple[int, Stimulus | Reset]], cuts: list[int], charge: float, fleet: FleetConfig
+    story: list[tuple[int, AgentStimulus | Reset]], cuts: list[int], charge: float, fleet: FleetConfig
 ) -> tuple[list[Output], list[Truth]]:
     """Outputs and truths up to END_MS; a cut does nothing but advance."""
     mussel = agent(charge, fleet)
     outputs: list[Output] = []
     truths: list[Truth] = []
-    moments: list[tuple[int, Stimulus | Reset | None]] = [*story, *((at_ms, None) for at_ms in cuts)]
+    moments: list[tuple[int, AgentStimulus | Reset | None]] = [*story, *((at_ms, None) for at_ms in cuts)]
     for at_ms, event in sorted(moments, key=lambda it: (it[0], it[1] is not None)):
         if isinstance(event, Reset):
             outputs += mussel.advance(at_ms)
@@ -112,7 +112,7 @@ EVENTS = st.sampled_from([*STIMULI, Reset()])
     fleet=STILL,
 )
 def test_any_cuts_give_the_same_life(
-    story: list[tuple[int, Stimulus | Reset]], cuts: list[int], charge: float, fleet: FleetConfig
+    story: list[tuple[int, AgentStimulus | Reset]], cuts: list[int], charge: float, fleet: FleetConfig
 ) -> None:
     assert live(story, cuts, charge, fleet) == live(story, [], charge, fleet)
 
@@ -171,7 +171,7 @@ def test_a_reset_while_charging_boots_and_charges_on() -> None:
         (SoundArrived(b"noise"), "not a command"),
     ],
 )
-def test_what_cannot_be_is_dropped_with_a_reason(stimulus: Stimulus, reason: str) -> None:
+def test_what_cannot_be_is_dropped_with_a_reason(stimulus: AgentStimulus, reason: str) -> None:
     mussel = agent()
     mussel.advance(5_000)
     before = mussel.physical

@@ -14,6 +14,7 @@ from agents.mussel.defects import BoardPart
 from agents.mussel.failing_flash import FailingFlash
 from agents.mussel.outputs import StimulusDropped
 from agents.mussel.stimuli import (
+    AgentStimulus,
     BuoyancyJammed,
     ChargeLost,
     ClockShifted,
@@ -23,7 +24,6 @@ from agents.mussel.stimuli import (
     PartFailed,
     PinDisturbed,
     SoundArrived,
-    Stimulus,
     WasReset,
 )
 from firmware_model.packets import CommandPacket, Kind
@@ -243,7 +243,7 @@ def test_a_packet_that_overruns_the_uart_is_dropped() -> None:
 HOUR_MS = 3_600_000
 
 
-def sampled(*failing: tuple[int, Stimulus], hours: int = 5) -> Agent:
+def sampled(*failing: tuple[int, AgentStimulus], hours: int = 5) -> Agent:
     """A whole board after so many hourly samples; each failure comes at an hour, half an hour after a sample."""
     mussel = agent(WHOLE)
     for hour, stimulus in failing:

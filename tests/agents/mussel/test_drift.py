@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from agents.mussel.body import Body, BodyConfig, WaterConfig, drift_step_um
-from agents.water.fields import Fields
+from agents.water.fields import WaterFields
 from agents.water.patches import CALM
 from agents.water.stream import STILL
 from firmware_model.actions import Buoyancy
@@ -69,7 +69,7 @@ def blown(seconds: int, cuts: list[int]) -> list[tuple[int, int]]:
     30 s; time is also cut at `cuts` (ms)."""
     config = BodyConfig(Sinking(3_000_000, 10_000, 10_000), False, 0, leeway_um_s=(150_000, -60_000))
     water = WaterConfig(
-        1, 1000, config, STILL, Fields.by_key({key: waters.field() for key, waters in CALM.items()})
+        1, 1000, config, STILL, WaterFields.by_key({key: waters.field() for key, waters in CALM.items()})
     )
     body = Body(7, water, 0, 0, 0, 3_000_000, Buoyancy.SINK, False, 0)
     assert body.drift_due_ms is None  # at rest on the bottom

@@ -5,7 +5,7 @@ from __future__ import annotations
 from hashlib import sha256
 
 from agents.mussel.logbook import Logbook
-from agents.water.fields import Constant, Fields, unit_noises
+from agents.water.fields import Constant, WaterFields, unit_noises
 from firmware_model.sampling.flash import MemoryFlash
 
 HOUR_MS = 3_600_000
@@ -21,7 +21,7 @@ def test_the_noise_of_a_sample_is_what_it_was() -> None:
 
 
 def test_flash_and_upload_are_byte_for_byte_what_they_were() -> None:
-    fields = Fields.by_key(
+    fields = WaterFields.by_key(
         {"oxygen_mg_l": Constant(6.0), "temperature_c": Constant(21.5), "turbidity_ntu": Constant(2000.0)}
     )
     flash = MemoryFlash()

@@ -13,6 +13,7 @@ from agents.mussel.agent import Agent, AgentConfig
 from agents.mussel.outputs import Output, SoundSent, Truth, WifiSent
 from agents.mussel.physical import Physical
 from agents.mussel.stimuli import (
+    AgentStimulus,
     CoilSlipped,
     ContactClosed,
     ContactOpened,
@@ -20,7 +21,6 @@ from agents.mussel.stimuli import (
     PingArrived,
     Placed,
     SoundArrived,
-    Stimulus,
     WasReset,
     WifiArrived,
 )
@@ -71,7 +71,7 @@ WORDS: tuple[Command, ...] = (
     SetThreshold(7, Threshold.SAFE_LEVEL, 0.1),
     HoverAt(7, 1.25),
 )
-STIMULI: tuple[Stimulus, ...] = (
+STIMULI: tuple[AgentStimulus, ...] = (
     *(SoundArrived(data) for data in COMMANDS.values()),
     *(SoundArrived(CODEC.encode(word)) for word in WORDS),
     WifiArrived(COMMANDS[Kind.RELEASE]),
@@ -98,7 +98,7 @@ def agent(
 
 def live(
     config: AgentConfig,
-    story: list[tuple[int, Stimulus | None]],
+    story: list[tuple[int, AgentStimulus | None]],
     cuts: list[int],
     charges: tuple[float, float],
     packed: bool,
@@ -137,7 +137,7 @@ TIMES = st.integers(0, END_MS)
 )
 def test_any_cuts_and_the_wire_give_the_same_life(
     config: AgentConfig,
-    story: list[tuple[int, Stimulus | None]],
+    story: list[tuple[int, AgentStimulus | None]],
     cuts: list[int],
     charges: tuple[float, float],
 ) -> None:

@@ -18,8 +18,9 @@ from agents.mussel.defects import BoardPart
 from agents.mussel.failing_flash import FailingFlash
 from agents.mussel.firmware_failure import PowerLost
 from agents.mussel.outputs import Output, StimulusDropped, Truth, WifiSent
-from agents.mussel.peripherals import Address, Peripherals, World
+from agents.mussel.peripherals import Address, MeasuredWorld, Peripherals
 from agents.mussel.stimuli import (
+    AgentStimulus,
     CoilSlipped,
     ContactClosed,
     ContactOpened,
@@ -28,7 +29,6 @@ from agents.mussel.stimuli import (
     PingArrived,
     Placed,
     SoundArrived,
-    Stimulus,
     WasReset,
     WifiArrived,
 )
@@ -101,7 +101,7 @@ COMMANDS: tuple[Command, ...] = (
     LogAck(7, 2),
     LogAck(7, 9999),
 )
-STIMULI: tuple[Stimulus, ...] = (
+STIMULI: tuple[AgentStimulus, ...] = (
     *(SoundArrived(CODEC.encode(command)) for command in COMMANDS),
     *(WifiArrived(CODEC.encode(command)) for command in COMMANDS),
     SoundArrived(b"wrong"),
@@ -129,7 +129,7 @@ STIMULI: tuple[Stimulus, ...] = (
 )
 END_MS = 2_000_000
 TIMES = st.integers(0, END_MS)
-Story = list[tuple[int, Stimulus]]
+Story = list[tuple[int, AgentStimulus]]
 
 
 @pytest.fixture(scope="module")
@@ -278,7 +278,7 @@ def devices(now_ms: int = 0, flash: Flash | None = None) -> tuple[Peripherals, W
     battery = Battery(0, FULL // 2, Flow.DISCHARGING)
     hardware = WholeBoardHardware(OURS.board, battery, battery, 0, None)
     hardware.power_on(False, False, now_ms)
-    world = World(
+    world = MeasuredWorld(
         flash or MemoryFlash(), lambda at: (100, -200, 300), lambda at, n: ((1, 2, 3, 4 + n), 0b1000)
     )
     return Peripherals(hardware, world), hardware

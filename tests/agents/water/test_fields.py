@@ -4,9 +4,9 @@ from statistics import fmean, pstdev
 
 import pytest
 
-from agents.water.fields import Constant, Fields, unit_noises
+from agents.water.fields import Constant, WaterFields, unit_noises
 
-WATER = Fields.by_key(
+WATER = WaterFields.by_key(
     {"oxygen_mg_l": Constant(8.0), "temperature_c": Constant(21.5), "turbidity_ntu": Constant(4.0)}
 )
 

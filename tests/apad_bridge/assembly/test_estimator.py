@@ -14,7 +14,7 @@ from apad_bridge.assembly.parts import fleet_beliefs
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.beliefs.twin_parameters import TwinParameters
-from apad_bridge.records.samples import Water
+from apad_bridge.records.samples import TruthExtrapolator
 from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.scenario.estimator_options import Beliefs, EstimatorKind, TwinModel
 from apad_bridge.scenario.firmware_config import board_config
@@ -125,7 +125,7 @@ def test_twins_of_whole_boards_cover_what_is_so(scenario: str) -> None:
     believed = Beliefs(estimator=EstimatorKind.TWIN, twin=model)
     flight, recorder = open_flight(replace(flown, beliefs=believed, duration_s=2400.0))
     rows: list[tuple[float, bool, bool]] = []
-    water, newest, take = Water(flown), {}, recorder.truths
+    water, newest, take = TruthExtrapolator(flown), {}, recorder.truths
 
     def truths(batch: list[Truth]) -> None:
         take(batch)

@@ -13,7 +13,7 @@ from scenario_files import POOL_FILE, SOUND_FILE
 from apad_bridge.assembly import fleet_parts
 from apad_bridge.assembly import flight_config as resolving
 from apad_bridge.assembly.flight_config import flight_config
-from apad_bridge.records.samples import Water
+from apad_bridge.records.samples import TruthExtrapolator
 from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
@@ -33,7 +33,7 @@ def test_the_way_up_is_equally_long_for_bodies_water_twins_and_records() -> None
     fleet = fleet_parts.fleet_config(config)
     assert config.sea is not None and config.twin is not None
     assert fleet.maker().config(3).water.body.sinking.surfacing_ms == 61_007
-    assert config.sea.sinking == fleet.body.sinking == Water(scenario)._sinking
+    assert config.sea.sinking == fleet.body.sinking == TruthExtrapolator(scenario)._sinking
     assert config.twin.parameters.sinking == fleet.body.sinking
     assert config.twin.parameters.board == fleet.board and fleet.board.float_timeout_ms == 33_250
 

@@ -26,7 +26,7 @@ from apad_bridge.imc import messages
 from apad_bridge.imc.gateway import GatewaySettings, ImcGateway
 from apad_bridge.imc.protocol import packed, unpacked
 from apad_bridge.imc.systems import Systems
-from apad_bridge.imc.wire import ImcConsole, Received
+from apad_bridge.imc.wire import ImcConsole, ReceivedMessage
 from apad_bridge.records.sample_file import KeptSample
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.loader import load
@@ -392,7 +392,7 @@ def test_a_log_never_goes_back_in_time(
             store = codec.make("PlanDB", op=6)
             message = unpacked(codec.pack(store, 0x4001, gateway.apad.imc_id))
             message.timestamp = sent_s
-            gateway._take(Received(message, console.getsockname(), by_multicast=False))
+            gateway._take(ReceivedMessage(message, console.getsockname(), by_multicast=False))
             gateway._send(gateway.apad, [messages.entity_list()])
         gateway.run(lambda: True)
     said = codec.read_log((gateway.log_folder / "Data.lsf").read_bytes())

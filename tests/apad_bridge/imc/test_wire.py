@@ -11,7 +11,7 @@ import imcpy
 import pytest
 from imc_codec import Codec
 
-from apad_bridge.imc.wire import ANNOUNCE_PORTS, GROUP, ImcConsole, Received, Wire
+from apad_bridge.imc.wire import ANNOUNCE_PORTS, GROUP, ImcConsole, ReceivedMessage, Wire
 
 NEPTUS, APAD = 0x4001, 0x2A01
 PATIENCE_S = 60.0
@@ -32,7 +32,7 @@ def wire(console: socket.socket) -> Iterator[Wire]:
     opened.close()
 
 
-def received(wire: Wire) -> list[Received]:
+def received(wire: Wire) -> list[ReceivedMessage]:
     while not (found := list(wire.receive(PATIENCE_S))):
         pass
     return found
@@ -61,7 +61,7 @@ def test_a_listed_id_at_another_address_gives_no_orders(
     wire: Wire, console: socket.socket, codec: Codec
 ) -> None:
     message = imcpy.Packet.deserialize(codec.pack(codec.make("Abort"), NEPTUS, APAD))
-    got = Received(message, ("192.0.2.1", console.getsockname()[1]), by_multicast=False)
+    got = ReceivedMessage(message, ("192.0.2.1", console.getsockname()[1]), by_multicast=False)
     assert "not listed" in str(wire.why_not_obeyed(got, APAD))
 
 
@@ -73,7 +73,7 @@ def test_another_user_of_the_machine_gives_no_orders_by_a_listed_id(wire: Wire, 
         announced = codec.make("Announce", sys_name="n", sys_type=0, services=f"imc+udp://{mine}/")
         local.sendto(codec.pack(announced, NEPTUS, 0xFFFF), wire.address)
         local.sendto(codec.pack(codec.make("Abort"), NEPTUS, APAD), wire.address)
-        heard: list[Received] = []
+        heard: list[ReceivedMessage] = []
         while len(heard) < 2:
             heard += received(wire)
     wire.discover(heard[0])
@@ -85,17 +85,19 @@ def test_a_listed_console_gives_orders_from_its_other_interfaces_once_it_has_ann
 ) -> None:
     host, port = console.getsockname()
     order = imcpy.Packet.deserialize(codec.pack(codec.make("Abort"), NEPTUS, APAD))
-    elsewhere = Received(order, ("10.0.200.9", port), by_multicast=False)
+    elsewhere = ReceivedMessage(order, ("10.0.200.9", port), by_multicast=False)
     services = f"imc+udp://172.17.0.1:{port}/;imc+udp://10.0.200.9:{port}/;imc+udp://10.0.200.10:7001/"
     announced = codec.make("Announce", sys_name="n", sys_type=0, services=services)
     for src, sender in ((0x4002, (host, port)), (NEPTUS, ("192.0.2.1", port))):
-        wire.discover(Received(imcpy.Packet.deserialize(codec.pack(announced, src, 0xFFFF)), sender, True))
+        wire.discover(
+            ReceivedMessage(imcpy.Packet.deserialize(codec.pack(announced, src, 0xFFFF)), sender, True)
+        )
         assert wire.why_not_obeyed(elsewhere, APAD) is not None
     wire.discover(
-        Received(imcpy.Packet.deserialize(codec.pack(announced, NEPTUS, 0xFFFF)), (host, 40_000), True)
+        ReceivedMessage(imcpy.Packet.deserialize(codec.pack(announced, NEPTUS, 0xFFFF)), (host, 40_000), True)
     )
     assert wire.why_not_obeyed(elsewhere, APAD) is None
-    assert wire.why_not_obeyed(Received(order, ("10.0.200.10", 7001), False), APAD) is not None
+    assert wire.why_not_obeyed(ReceivedMessage(order, ("10.0.200.10", 7001), False), APAD) is not None
 
 
 def test_a_console_without_an_id_is_shown_the_run_and_gives_no_orders(
@@ -121,7 +123,7 @@ def test_what_is_no_imc_is_dropped_and_counted(wire: Wire, console: socket.socke
     for packet in sent:
         console.sendto(packet, wire.address)
     console.sendto(codec.pack(codec.make("Abort"), NEPTUS, APAD), wire.address)
-    got: list[Received] = []
+    got: list[ReceivedMessage] = []
     while not got:
         got += received(wire)
     assert [type(it.message) for it in got] == [imcpy.Abort]
@@ -160,8 +162,8 @@ def test_by_multicast_consoles_are_found_and_nobody_is_obeyed(
         for system, kind in ((0x4002, 0), (0x2A05, 3)):
             announced = codec.make("Announce", sys_name="n", sys_type=kind, services=service)
             message = imcpy.Packet.deserialize(codec.pack(announced, system, 0xFFFF))
-            group_wire.discover(Received(message, sender.getsockname(), by_multicast=True))
+            group_wire.discover(ReceivedMessage(message, sender.getsockname(), by_multicast=True))
         assert group_wire.destinations == [console.getsockname(), ("127.0.0.1", 7001)]
         # Found, and yet not obeyed: it is not listed.
         abort = imcpy.Packet.deserialize(codec.pack(codec.make("Abort"), 0x4002, APAD))
-        assert group_wire.why_not_obeyed(Received(abort, ("127.0.0.1", 7001), False), APAD) is not None
+        assert group_wire.why_not_obeyed(ReceivedMessage(abort, ("127.0.0.1", 7001), False), APAD) is not None

@@ -341,10 +341,10 @@ def test_after_a_day_samples_are_as_rare_as_the_scenario_says(tmp_path, scenario
 
 def test_depth_in_the_bag_is_the_bodys(tmp_path, scenario):
     from agents.mussel.body import Body
-    from apad_bridge.records.samples import Water
+    from apad_bridge.records.samples import TruthExtrapolator
 
     water_config = fleet_parts.fleet_config(flight_config(scenario)).maker().config(3).water
-    water = Water(scenario)
+    water = TruthExtrapolator(scenario)
     for buoyancy in Buoyancy:
         body = Body(3, water_config, 0, 0, 10_000, 1_234_567, buoyancy, False, 10_000)
         for now_ms in (10_000, 10_001, 33_333, 60_000, 90_000):

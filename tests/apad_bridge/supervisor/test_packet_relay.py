@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agents.mussel.stimuli import ContactClosed, ContactOpened, DockMoved, Stimulus, from_wire, to_wire
+from agents.mussel.stimuli import AgentStimulus, ContactClosed, ContactOpened, DockMoved, from_wire, to_wire
 from agents.packet_medium import Medium
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.hold_last import HoldLast
@@ -133,7 +133,7 @@ def reported(state: State, heard_ms: int) -> Callable[[int], Belief]:
     ],
 )
 def test_a_contact_that_a_cut_link_has_lost_is_told_again_after_a_report_of_the_aMussel(
-    contact: Stimulus, felt: State, unfelt: State
+    contact: AgentStimulus, felt: State, unfelt: State
 ) -> None:
     mission = Process(MISSION_ALONE)
     mission.relay.send_contact(RemoteContact(7, contact), 1_000)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from agents.mussel.logbook import Logbook
 from agents.time_scale import TimeScale
-from agents.water.fields import Fields
+from agents.water.fields import WaterFields
 from agents.water.patches import CALM
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.mission.facts import PlacedSample
@@ -24,7 +24,7 @@ from firmware_model.sampling.flash import MemoryFlash
 from firmware_model.sampling.sensors import NO_COUNTS
 from firmware_model.states import State
 
-WATER = Fields.by_key({key: waters.field() for key, waters in CALM.items()})
+WATER = WaterFields.by_key({key: waters.field() for key, waters in CALM.items()})
 AGENT = 7
 
 

@@ -13,7 +13,7 @@ from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Truth
 from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.flight_config import flight_config
-from apad_bridge.records.samples import Water
+from apad_bridge.records.samples import TruthExtrapolator
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.runs.in_memory import MemoryRecorder, open_flight
 from apad_bridge.scenario.loader import from_data, load, resolve
@@ -132,7 +132,7 @@ def test_in_the_dock_the_primary_charges_by_two_coils_less_what_the_load_takes_o
     (believed,) = (belief for belief in flight.supervisor.beliefs.all() if belief.agent_id == 4)
     assert believed.secondary == 1.0
     at_start = docked.physical.primary.charge / FULL
-    recorded = Water(scenario).sample(docked, 1679 * 30_000).primary
+    recorded = TruthExtrapolator(scenario).sample(docked, 1679 * 30_000).primary
     assert recorded == pytest.approx(at_start + minutes * net, abs=1e-6)
     # Its last packet is the last report, at most 10 s of mission time ago.
     assert recorded - 5 * net <= believed.primary + 1e-4 and believed.primary <= recorded + 1e-4

@@ -16,7 +16,7 @@ from agents.hosting.faulty_host import FaultyHost
 from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Output, Truth
 from agents.mussel.physical import Physical
-from agents.mussel.stimuli import ContactClosed, ContactOpened, Stimulus, to_json
+from agents.mussel.stimuli import AgentStimulus, ContactClosed, ContactOpened, to_json
 from agents.packet_medium import Medium
 from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.flight_config import flight_config
@@ -402,7 +402,7 @@ def test_stimuli_under_way_as_the_supervisor_died_arrive_once_and_at_their_own_t
 
 def test_a_contact_that_waits_for_a_body_is_not_closed_around_it_again(tmp_path: Path) -> None:
     directory = RunDirectory(tmp_path)
-    wires: list[tuple[int, Stimulus]] = [
+    wires: list[tuple[int, AgentStimulus]] = [
         (1, ContactClosed(5, 6)),
         (2, ContactClosed(5, 6)),
         (2, ContactOpened()),

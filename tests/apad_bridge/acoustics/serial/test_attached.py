@@ -12,12 +12,12 @@ from agents.modem.frames import FrameKind
 from agents.serial_port import SerialPort
 from apad_bridge.acoustics.serial.attached import AttachedModem, NanomodemResult
 from apad_bridge.acoustics.serial.nanomodem import (
+    ModemNotice,
     ModemStage,
     PacketDirection,
     PacketDropped,
     PacketReceived,
     PacketSent,
-    Reported,
     RoutedPacket,
 )
 
@@ -56,7 +56,7 @@ def ready(host: Host) -> None:
         if host.modems[modem].queue.stage is not ModemStage.READY:
             host.until(
                 lambda name, it, modem=modem: (
-                    name == modem and isinstance(it, Reported) and "address" in it.what
+                    name == modem and isinstance(it, ModemNotice) and "address" in it.what
                 )
             )
 
@@ -90,13 +90,13 @@ def test_a_modem_that_is_not_there_is_told_once_and_found_when_it_comes(
     attached = AttachedModem(SerialPort(str(path)))
     began_s = time.monotonic()
     host = Host(lambda: int((time.monotonic() - began_s) * 1000), fleet=attached)
-    reported = host.until(lambda name, it: isinstance(it, Reported))
-    assert isinstance(reported, Reported) and str(path) in reported.what
+    reported = host.until(lambda name, it: isinstance(it, ModemNotice))
+    assert isinstance(reported, ModemNotice) and str(path) in reported.what
     attached.report(7, b"a report", host.now_ms())
     physical(folder="late")
     sent = host.until(lambda name, it: isinstance(it, PacketSent))
     assert isinstance(sent, PacketSent) and sent.packet.agent_id == 7
-    assert sum("cannot be opened" in it.what for _, it in host.results if isinstance(it, Reported)) == 1
+    assert sum("cannot be opened" in it.what for _, it in host.results if isinstance(it, ModemNotice)) == 1
     attached.close()
 
 
@@ -106,8 +106,8 @@ def test_it_is_unplugged_and_plugged_in_again(physical: Make) -> None:
     host = Host(first.now_ms, fleet=attached)
     ready(host)
     first.close()
-    lost = host.until(lambda name, it: isinstance(it, Reported) and "gone" in it.what)
-    assert isinstance(lost, Reported)
+    lost = host.until(lambda name, it: isinstance(it, ModemNotice) and "gone" in it.what)
+    assert isinstance(lost, ModemNotice)
     attached.report(9, b"while it was away", host.now_ms())
     physical(count=1, folder="usb")
     sent = host.until(lambda name, it: isinstance(it, PacketSent))

@@ -11,6 +11,7 @@ from apad_bridge.acoustics.serial.nanomodem import (
     WAIT_MS,
     AnswerReader,
     Line,
+    ModemNotice,
     ModemQueue,
     ModemStage,
     NanomodemAction,
@@ -20,7 +21,6 @@ from apad_bridge.acoustics.serial.nanomodem import (
     PacketSent,
     Priority,
     ReceivedData,
-    Reported,
     RoutedPacket,
     WriteLine,
     decode,
@@ -58,7 +58,7 @@ def test_it_asks_who_is_there_and_never_sets_an_address() -> None:
     # A sleeping modem answers only the second command; a modem that is awake answers both.
     assert queue.read(b"$W\r\n", 20) == []
     (reported,) = queue.read(IDENTITY, 60)
-    assert isinstance(reported, Reported) and "address 1" in reported.what
+    assert isinstance(reported, ModemNotice) and "address 1" in reported.what
     assert (queue.stage, queue.address) == (ModemStage.READY, 1)
 
 
@@ -133,7 +133,7 @@ def test_a_lost_port_is_told_and_what_was_being_sent_is_sent_again() -> None:
     queue.send(report(7), Priority.REPORT, 100)
     queue.read(b"$B09\r\n", 120)
     (lost,) = queue.port_lost("unplugged", 200)
-    assert isinstance(lost, Reported) and "unplugged" in lost.what
+    assert isinstance(lost, ModemNotice) and "unplugged" in lost.what
     assert queue.advance(5000) == []
     assert written(queue.port_opened(5000)) == b"$W$?"
     assert b"status" in written(queue.read(IDENTITY, 5050))
