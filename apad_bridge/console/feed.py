@@ -23,7 +23,7 @@ from apad_bridge.records.journal import JournalTail
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load
-from apad_bridge.scenario.run_options import BenchPart, RunOptions
+from apad_bridge.scenario.run_options import BenchPart, RunOptions, TimeSource
 from apad_bridge.scenario.timed_faults import TABLE
 from apad_bridge.supervisor.control_client import listens
 
@@ -52,6 +52,9 @@ class Feed:
             options = RunOptions.load(run_dir)
             self._has_water = scenario.water is not None and options.part is not BenchPart.MISSION
             self._takes_faults = not options.has_real_vehicle
+            self._speed = (
+                None if options.has_real_vehicle or options.time is not TimeSource.WALL else options.speed
+            )
             self._journal = JournalTail(self._directory.journal)
             begun = self._journal.read_new()
             self._view = RunView(scenario, begun, scenario.duration_ms)
@@ -88,6 +91,8 @@ class Feed:
             "columns": COLUMNS,
             "most_samples": _MOST_SAMPLES,
             "most_packets": MAX_PACKETS,
+            "speed": self._speed,
+            "replay": f"musselbed replay {self._directory.path}",
             **state,
         }
         return {**self._view.data(state["summary"]), "live": live}

@@ -71,8 +71,16 @@ if (token) location.replace("/?token=" + encodeURIComponent(token) + location.ha
 )
 """A tab that is loaded again has its token still."""
 
-_NOT_BEGUN = PlainTextResponse(
-    "The flight has not begun yet, or its records are still being read. This page opens it as soon as it can.\n",
+_NOT_BEGUN = HTMLResponse(
+    """<!doctype html><html lang="en"><meta charset="utf-8"><meta name="viewport" content="width=device-width">
+<title>musselbed - before the flight</title>
+<style>
+:root { color-scheme: light dark; }
+body { margin: 18vh auto; max-width: 30rem; padding: 0 1rem; font: 16px/1.5 system-ui, "DejaVu Sans", sans-serif; }
+</style>
+<h1>The flight has not begun yet</h1>
+<p>The simulated aMussels and the aPad are starting, or the run's records are being read.
+This page opens the flight as soon as it can; that takes some seconds.</p>""",
     headers={"Refresh": "1"},
 )
 """`Refresh` has the browser ask again after a second."""

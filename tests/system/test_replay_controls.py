@@ -121,7 +121,7 @@ def test_the_figures_are_those_of_the_summary(browser: webdriver.Chrome, flown: 
     summary = json.loads((flown / "summary.json").read_text())
     figures = dict(browser.execute_script(CELLS, "#figures div"))
     assert figures == {
-        "uptime": f"{summary['uptime_paper']['mean']:.2f} %",
+        "uptime at the end": f"{summary['uptime_paper']['mean']:.2f} %",
         "active": f"{summary['active_mean']:.2f}",
         "way flown": f"{summary['cost_m']:.0f} m",
         "way planned": f"{summary['planned_m']:.0f} m",

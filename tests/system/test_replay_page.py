@@ -56,7 +56,7 @@ FLAGS = (
     "--window-size=1400,1000",
     "--host-resolver-rules=MAP * ~NOTFOUND",
 )
-GREEN, RED, PURPLE, GREY = [0x2B, 0x9A, 0x57], [0xD3, 0x3F, 0x3F], [0x7B, 0x48, 0xC8], [0x8B, 0x92, 0x9B]
+GREEN, AMBER, PURPLE, GREY = [0x2B, 0x9A, 0x57], [0xB0, 0x74, 0x00], [0x7B, 0x48, 0xC8], [0x8B, 0x92, 0x9B]
 WHITE = [255, 255, 255]
 PLACES = {1: (5.0, 5.0), 2: (5.0, 15.0), 3: (22.0, 5.0), 4: (22.0, 15.0)}
 DOCKED_S, LOST_S, END_S = 60, 90, 120
@@ -198,7 +198,7 @@ def test_the_page_shows_the_time_that_its_address_names(page: Path, browser: web
     assert shown(browse(browser, page, at="#t=5")) == {
         "mission-clock": "00:00:05",
         "agent-clock": "00:02:30",
-        "primitive": "none",
+        "primitive": "no order under way",
         "plan": "none yet",
         "docks": "free · free · free · free",
         "active-now": "3 of 4",
@@ -256,11 +256,11 @@ def test_playing_moves_the_time_at_the_chosen_speed_and_stops_at_the_end(
 def test_the_map_is_painted_in_the_colours_of_its_legend(page: Path, browser: webdriver.Chrome) -> None:
     early, late = (painted(browser, page, at) for at in ("#t=5", "#t=100"))
     assert early["1"] == late["1"] == GREEN
-    assert early["3"] == late["3"] == RED
+    assert early["3"] == late["3"] == AMBER
     # An empty one is hollow: not in the colour of one that only has less than it could have.
     assert (early["4"], late["4"]) == (WHITE, GREY)
     # The docked one has left its place and is painted at the aPad.
-    assert early["2"] == RED and late["2"] not in (RED, GREEN, PURPLE, GREY)
+    assert early["2"] == AMBER and late["2"] not in (AMBER, GREEN, PURPLE, GREY)
     assert early["purple"] == 0 and late["purple"] > 50
 
 
@@ -385,7 +385,13 @@ def test_the_legend_has_what_is_there_and_the_events_follow_the_time(
     browse(browser, page, at="#t=100")
     listed = "return [...document.querySelectorAll('#legend li')].filter((it) => !it.hidden).map((it) => it.textContent)"
     assert browser.execute_script(listed) == [
-        *("above the pool's threshold", "candidate", "charging", "primary battery empty", "lost", "home"),
+        *(
+            "above the pool's threshold",
+            "candidate: below the threshold",
+            "charging",
+            "primary battery empty",
+        ),
+        *("lost", "home", "aPad with its docks", "its way", "its plan"),
         *("packet received", "collided", "missed otherwise"),
     ]
     # A suspect has its mark, and its reason, from its time on.

@@ -76,11 +76,12 @@ function thin() {
 function showLink(supervisor) {
   const silent = performance.now() - heardMs > SILENT_MS;
   let words = "";
-  if (data.ended_by !== null) words = `The run has ended: ${data.ended_by}.`;
+  if (data.ended_by !== null) words = `The run has ended: ${data.ended_by}. Its replay: ${data.live.replay}`;
   else if (silent) words = "The console does not answer: what is shown is old.";
   else if (!supervisor) words = "No supervisor takes orders: it died, or the run flies in virtual time.";
   $("warning").textContent = words;
   $("warning").hidden = words === "";
+  $("follow").hidden = data.ended_by !== null;
   const takesOrders = supervisor && !silent && data.ended_by === null;
   for (const button of document.querySelectorAll(".order, #one-orders button")) button.disabled = !takesOrders;
   showStopLive(words);

@@ -124,7 +124,7 @@ function drawMaps(views) {
 
 function showWords({ stage, docks, agents, active, cost, apad }) {
   put($("phase"), stage.phase || "not begun");
-  put($("primitive"), stage.primitive || "none");
+  put($("primitive"), stage.primitive || (stage.stop ? "stopped" : "no order under way"));
   put($("docks"), docks.map((id) => (id === null ? "free" : id)).join(" · "));
   if (shownStage !== stage) { shownStage = stage; $("plan").replaceChildren(...planWords(stage.plan)); }
   const charges = agents.map((it) => it.charge).filter((it) => it !== null);
@@ -224,11 +224,11 @@ function drawThreshold(ctx, x, y, pixel) {
 // The name of the run, why it ended, and the figures of its summary.
 function showHeader() {
   $("name").textContent = data.name;
-  const ended = data.ended_by === null ? (data.live ? "flying" : "has not ended") : "ended by " + data.ended_by;
+  const ended = data.ended_by === null ? (data.live ? `flying${data.live.speed ? ` at ${data.live.speed} times real time` : ""}` : "has not ended") : "ended by " + data.ended_by;
   $("about").textContent = [data.description, `${data.agents.length} aMussels, ${data.collection} / ${data.redeployment}, theta ${data.theta}, seed ${data.seed}; ${ended}`].filter(Boolean).join(" · ");
   const known = data.summary || {};
   const figures = [
-    ["uptime", known.uptime_paper && known.uptime_paper.mean.toFixed(2) + " %"],
+    ["uptime at the end", known.uptime_paper && known.uptime_paper.mean.toFixed(2) + " %"],
     ["at equal charge", typeof known.uptime_equal_charge === "number" && known.uptime_equal_charge.toFixed(2) + " %"],
     ["charge gained", typeof known.charge_gain_mean === "number" && (100 * known.charge_gain_mean).toFixed(1) + " %"],
     ["active", known.active_mean !== undefined && known.active_mean !== null && known.active_mean.toFixed(2)],
@@ -302,7 +302,7 @@ function setUp() {
   $("shaded").hidden = !data.agents.some((it) => it.low);
   $("theta").textContent = data.theta === 1 ? "aMussels" : `aMussels, ${data.theta} times faster`;
   const [step, off] = [data.times_ms.length > 1 ? data.times_ms[1] - data.times_ms[0] : 0, data.thinned.track_m];
-  $("thinned").textContent = `Series have a value each ${clock(step)}${off ? `; the track leaves out points up to ${off} m beside it` : ""}.`;
+  $("thinned").textContent = `The charts have one value in ${step / 1000} s${off ? `; the track leaves out points up to ${off} m beside it` : ""}.`;
   showLegend();
   showPacketCards();
   $("agents").replaceChildren(...data.agents.map((agent) => {
@@ -332,7 +332,9 @@ function showLegend() {
   }
   for (const item of document.querySelectorAll("#legend li")) {
     const { status, fate: of } = item.dataset;
-    if (status === "suspect") item.hidden = data.suspects.length === 0;
+    const marks = { apad: true, track: data.trace.length > 1, plan: data.plans.length > 0, fence: Boolean(data.fence), stop: data.stages.some((it) => it.stop) };
+    if (item.dataset.mark) item.hidden = !marks[item.dataset.mark];
+    else if (status === "suspect") item.hidden = data.suspects.length === 0;
     else item.hidden = of ? !fates.has(of) : status !== "home" && !there.has(status);
   }
 }
