@@ -25,13 +25,11 @@ from apad_bridge.vehicle.guards.gate import Gate, Safety, plain_safety
 from apad_bridge.vehicle.guards.guards import (
     BatteryForHome,
     ClearOfBodies,
-    GoodPosition,
     Guard,
     InWaters,
     LegLimits,
-    PersonsWord,
     RoomToDock,
-    SoundNumbers,
+    unlimited_guards,
 )
 from apad_bridge.vehicle.guards.monitor import (
     DEFAULT_STOPPING,
@@ -121,9 +119,7 @@ def _guards(scenario: Scenario, options: GuardOptions, waters: Waters) -> list[G
     docking, area = scenario.mission.docking, scenario.area
     adrift_s = ADRIFT_MS / 1000 if options.adrift_s is None else options.adrift_s
     guards: list[Guard] = [
-        SoundNumbers(),
-        PersonsWord(),
-        GoodPosition(),
+        *unlimited_guards(),
         InWaters(waters, returns=options.outside is WhenOutside.RETURN),
         RoomToDock(
             waters,

@@ -203,6 +203,11 @@ class ClearOfBodies:
         return ""
 
 
+def unlimited_guards() -> list[Guard]:
+    """The guards of each aPad, also of a simulated one without limits of its own."""
+    return [SoundNumbers(), PersonsWord(), GoodPosition()]
+
+
 def _body_at(goal_m: Point, bodies: tuple[BodyInWater, ...]) -> BodyInWater | None:
     """The aMussel to which a way to this goal leads."""
     there = [it for it in bodies if it.agent_id is not None and math.dist(it.place_m, goal_m) <= AT_GOAL_M]

@@ -27,7 +27,7 @@ from apad_bridge.vehicle.generation_b.core import GenerationBCore
 from apad_bridge.vehicle.generation_b.messages import PositionOrder, StopOrder
 from apad_bridge.vehicle.guards.gate import Gate, Safety
 from apad_bridge.vehicle.guards.guarded_vehicle import GuardedVehicle
-from apad_bridge.vehicle.guards.guards import GoodPosition, Guard, PersonsWord, SoundNumbers
+from apad_bridge.vehicle.guards.guards import Guard, unlimited_guards
 from apad_bridge.vehicle.guards.monitor import Monitor
 from apad_bridge.vehicle.guards.position_watch import PositionLimits, PositionWatch
 from apad_bridge.vehicle.link import Cleared, LinkFact
@@ -100,7 +100,7 @@ class Crossing:
     """Both threads, and the wire."""
 
     def __init__(self, generation: Generation) -> None:
-        guards: list[Guard] = [SoundNumbers(), PersonsWord(), GoodPosition()]
+        guards: list[Guard] = unlimited_guards()
         safety = Safety(Gate(guards, PositionWatch(PositionLimits())), Monitor([]), needs_person=True)
         self._queue: deque[Outgoing] = deque()
         self.vehicle = GuardedVehicle(Link(generation, safety.gate, self._queue), safety)

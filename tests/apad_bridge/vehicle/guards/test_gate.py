@@ -48,10 +48,8 @@ from apad_bridge.vehicle.guards.gate import Gate, Safety
 from apad_bridge.vehicle.guards.guarded_vehicle import GuardedVehicle
 from apad_bridge.vehicle.guards.guards import (
     BatteryForHome,
-    GoodPosition,
     InWaters,
-    PersonsWord,
-    SoundNumbers,
+    unlimited_guards,
 )
 from apad_bridge.vehicle.guards.monitor import (
     CanStopInWaters,
@@ -109,7 +107,7 @@ class Guarded:
         obeys_speed: bool = True,
         most_m_s: float = 2.0,
     ) -> None:
-        guards = [SoundNumbers(), PersonsWord(), GoodPosition(), InWaters(WATERS, outside is Reaction.RETURN)]
+        guards = [*unlimited_guards(), InWaters(WATERS, outside is Reaction.RETURN)]
         checks = [
             PositionIsGood(),
             IsInWaters(WATERS, outside),
