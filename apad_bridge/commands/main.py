@@ -54,6 +54,7 @@ GROUPS = {
         "back-in": "send an aPad just outside the fence back inside, with a lookout",
         "abort": "end the mission of a run; the aPad holds its position",
         "remark": "write a remark into the records of a run",
+        "speed": "change the speed of a simulated flight, or let its time stand still",
     },
     "look": {
         "console": "show a run live in a browser, and give it orders from there",

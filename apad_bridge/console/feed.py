@@ -19,7 +19,8 @@ from apad_bridge.analysis.replay.series import (
     RunView,
     sample_times,
 )
-from apad_bridge.records.journal import JournalTail
+from apad_bridge.events.persons import SpeedChanged
+from apad_bridge.records.journal import JournalContents, JournalTail
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load
@@ -52,11 +53,10 @@ class Feed:
             options = RunOptions.load(run_dir)
             self._has_water = scenario.water is not None and options.part is not BenchPart.MISSION
             self._takes_faults = not options.has_real_vehicle
-            self._speed = (
-                None if options.has_real_vehicle or options.time is not TimeSource.WALL else options.speed
-            )
+            own_time = options.time is TimeSource.WALL and not options.has_real_vehicle
+            self._speed = options.speed if own_time else None
             self._journal = JournalTail(self._directory.journal)
-            begun = self._journal.read_new()
+            begun = self._read_new()
             self._view = RunView(scenario, begun, scenario.duration_ms)
         except ScenarioError as error:
             raise RunDirectoryError(error.lines[0]) from error
@@ -72,7 +72,7 @@ class Feed:
 
         Lines may follow in the tick of the last sample, as the run's end does. Then that sample is taken again.
         """
-        self._view.add(self._journal.read_new())
+        self._view.add(self._read_new())
         sample = self._new_sample()
         self._told = self._state()
         return {"sample": sample, **self._told}
@@ -91,7 +91,6 @@ class Feed:
             "columns": COLUMNS,
             "most_samples": _MOST_SAMPLES,
             "most_packets": MAX_PACKETS,
-            "speed": self._speed,
             "replay": f"musselbed replay {self._directory.path}",
             **state,
         }
@@ -99,6 +98,13 @@ class Feed:
 
     def close(self) -> None:
         self._journal.close()
+
+    def _read_new(self) -> JournalContents:
+        new = self._journal.read_new()
+        for _, event in new.entries:
+            if isinstance(event, SpeedChanged):
+                self._speed = event.times
+        return new
 
     def _new_sample(self) -> dict[str, Any] | None:
         now_ms = MissionMs(self._view.end_ms // TICK_MS * TICK_MS)
@@ -111,7 +117,10 @@ class Feed:
         return self._view.newest(before)
 
     def _state(self) -> dict[str, Any]:
-        """Tells whether a supervisor takes orders, why the mission ended, and its summary; null while it flies."""
+        """Tells whether a supervisor takes orders, why the mission ended, and its summary; null while it flies.
+
+        `speed` is the flight's, in mission seconds a wall second; null where a person cannot change it.
+        """
         summary: dict[str, Any] | None = None
         try:
             if self._view.ended_by is not None:
@@ -121,4 +130,5 @@ class Feed:
             if error.errno not in SHORT_OF_FILES:
                 raise
             supervisor = self._told["supervisor"]  # cannot tell, and a stop may reach it all the same
-        return {"supervisor": supervisor, "ended_by": self._view.ended_by, "summary": summary}
+        told = {"supervisor": supervisor, "ended_by": self._view.ended_by, "summary": summary}
+        return {**told, "speed": self._speed}

@@ -61,6 +61,24 @@ class PersonOrdered(Event):
 
 
 @dataclass(frozen=True)
+class SpeedChanged(Event):
+    kind = "speed"
+    when = "a person changed the speed of a simulated flight, or had a tick come while its time stood still"
+    counted = Uncounted("the wall clock's pace, which no decision follows")
+    category = Category.WORD
+
+    times: Annotated[
+        float, Meaning("mission seconds in a wall second from then on; 0: mission time stands still")
+    ]
+    by: Annotated[str, Meaning("the person's name on that machine")]
+
+    def text(self) -> str:
+        return f"{self.by} set the flight's speed: " + (
+            f"{self.times:g} times real time" if self.times else "it stands"
+        )
+
+
+@dataclass(frozen=True)
 class Remarked(Event):
     kind = "remark"
     when = "a person made a remark"

@@ -219,7 +219,9 @@ def _under_control(stack: ExitStack, context: FlightContext, run: _Run, calls: C
     has_water = run.config.scenario.water is not None and run.options.part is not BenchPart.MISSION
     amussels = AMusselOrders(run.config.ids, context.world.roster, has_water)
     gate = context.safety.gate
-    dropped = stack.enter_context(control_offered(run.path, calls, gate, amussels=amussels))
+    dropped = stack.enter_context(
+        control_offered(run.path, calls, gate, amussels=amussels, speed=context.pace.speed)
+    )
     return replace(context, dropped=lambda: context.dropped() + dropped)
 
 

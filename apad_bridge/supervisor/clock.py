@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable
 from typing import Protocol
 
-from agents.time_scale import MissionMs
+from agents.time_scale import TICK_MS, MissionMs
 
 POLL_PERIOD_S = 0.03
 """Wall seconds between two such calls: a device on a serial line does not wait for a tick."""
+_CHANGED_S = 0.2
+"""Wall seconds after which a waiting clock looks at its speed again."""
 
 
 class StopFlag(Protocol):
@@ -54,6 +57,39 @@ class ClockLost(TimeoutError):
     """Mission time comes no further: a participant does not confirm it, or nobody publishes it. The text names who."""
 
 
+class FlightSpeed:
+    """The speed of a flight whose time is its own, in mission seconds a wall second. 0: mission time stands still.
+
+    Any thread may change it.
+    """
+
+    def __init__(self, times: float) -> None:
+        self._lock = threading.Lock()
+        self._steps = 0
+        self.times = times
+
+    @property
+    def stands(self) -> bool:
+        return self.times == 0
+
+    def change(self, times: float) -> None:
+        with self._lock:
+            self.times, self._steps = times, 0
+
+    def step(self) -> None:
+        """Lets one more tick come while mission time stands still."""
+        with self._lock:
+            self._steps += 1
+
+    def lets_pass(self, now_ms: int) -> bool:
+        """True if a step lets this time come, a tick or a part of one; a tick uses the step up."""
+        with self._lock:
+            passes = self._steps > 0
+            if passes and now_ms % TICK_MS == 0:
+                self._steps -= 1
+            return passes
+
+
 OnTimeReached = Callable[[MissionMs], None]
 """Called with a mission time that has come, between two ticks."""
 
@@ -67,6 +103,11 @@ class Pace(Protocol):
 
         ClockLost, with the name, when a participant's confirmation does not come in the stated time.
         """
+        ...
+
+    @property
+    def speed(self) -> FlightSpeed | None:
+        """The speed, if a person may change it: not where the vehicle, or another clock, has a time of its own."""
         ...
 
     @property
@@ -88,6 +129,7 @@ class CommonClock(Pace, Protocol):
 
 
 class AsFastAsPossible:
+    speed: FlightSpeed | None = None
     behind_s = 0.0
 
     def reach(self, now_ms: int, stopped: StopFlag, between: OnTimeReached | None = None) -> None:
@@ -95,7 +137,7 @@ class AsFastAsPossible:
 
 
 class WallClock:
-    """Mission time runs `speed` times as fast as the wall clock, from its value at the first call.
+    """Mission time runs `speed` times as fast as the wall clock, from its value at the first call or the newest change.
 
     A flight that falls more than `bound_s` behind does not catch up: the schedule moves, and `slipped_s` is the sum of
     these moves.
@@ -104,7 +146,9 @@ class WallClock:
     def __init__(
         self, speed: float, bound_s: float = 5.0, clock: Callable[[], float] = time.monotonic
     ) -> None:
-        self._speed = speed
+        self.speed: FlightSpeed | None = FlightSpeed(speed)
+        self._times = speed
+        """The speed since `_origin`."""
         self._bound_s = bound_s
         self._clock = clock
         self._origin: tuple[int, float] | None = None
@@ -123,21 +167,37 @@ class WallClock:
         now_s = self._clock()
         if self._origin is None:
             self._origin = (now_ms, now_s)
-        start_ms, start_s = self._origin
-        due_s = start_s + (now_ms - start_ms) / 1000 / self._speed
-        if due_s > now_s:
-            while due_s > now_s and not stopped.wait(
-                min(due_s - now_s, POLL_PERIOD_S) if between else due_s - now_s
-            ):
+        due_s = self._due_s(now_ms, now_s)
+        is_late = due_s <= now_s
+        while due_s > now_s:
+            # A change of the speed wakes nobody.
+            if stopped.wait(min(due_s - now_s, POLL_PERIOD_S if between else _CHANGED_S)):
+                break
+            now_s = self._clock()
+            start_ms, start_s = self._origin
+            reached_ms = MissionMs(start_ms + int((now_s - start_s) * 1000 * self._times))
+            if between is not None and reached_ms < now_ms:
+                between(reached_ms)
                 now_s = self._clock()
-                reached_ms = MissionMs(start_ms + int((now_s - start_s) * 1000 * self._speed))
-                if between is not None and reached_ms < now_ms:
-                    between(reached_ms)
-                    now_s = self._clock()
-            # A busy machine wakes a process late.
-            self.behind_s = max(0.0, self._clock() - due_s)
-            return
-        self.behind_s = now_s - due_s
-        if self.behind_s > self._bound_s:
+            due_s = self._due_s(now_ms, now_s)
+        # A busy machine wakes a process late.
+        self.behind_s = max(0.0, self._clock() - due_s)
+        if is_late and self.behind_s > self._bound_s:
             self.slipped_s += self.behind_s
+            start_ms, start_s = self._origin
             self._origin = (start_ms, start_s + self.behind_s)
+
+    def _due_s(self, now_ms: int, now_s: float) -> float:
+        """The wall time of a mission time, by the present speed; never, while mission time stands still."""
+        assert self._origin is not None and self.speed is not None
+        start_ms, start_s = self._origin
+        if (times := self.speed.times) != self._times:
+            reached_ms = min(now_ms, start_ms + int((now_s - start_s) * 1000 * self._times))
+            self._origin, self._times = (reached_ms, now_s), times
+            start_ms, start_s = self._origin
+        if times > 0:
+            return start_s + (now_ms - start_ms) / 1000 / times
+        if not self.speed.lets_pass(now_ms):
+            return math.inf
+        self._origin = (now_ms, now_s)
+        return now_s

@@ -21,7 +21,7 @@ from pydantic import AfterValidator, TypeAdapter, ValidationError
 from agents.nursery.protocol import is_of_our_user
 from apad_bridge.events.guards import DOES_NOT_OBEY, StopState
 from apad_bridge.events.mission import MissionEnd
-from apad_bridge.events.persons import PersonOrdered, Remarked
+from apad_bridge.events.persons import PersonOrdered, Remarked, SpeedChanged
 from apad_bridge.events.run import EndReason
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.flight_mission import FLIES_ALREADY, FlightMission
@@ -34,15 +34,20 @@ from apad_bridge.vehicle.commands import GoTo, Hold
 from apad_bridge.vehicle.guards.stops import StopRecord, StopsEnded
 
 if TYPE_CHECKING:
+    from apad_bridge.supervisor.clock import FlightSpeed
     from apad_bridge.vehicle.guards.gate import Gate
 
 TICK_S = 3.0
 """A person who stops is told after so many wall seconds that no tick came, and that only the vehicle's switch helps."""
+_STANDS_S = 0.1
+"""Nobody waits for a tick while mission time stands still."""
 TOLD_S = 8.0
 """A stop is reported after so many wall seconds, whatever came of it. A vehicle that takes none shows after 3 s, and a hull
 that does not slow 3 to 5 s after it has taken the stop."""
 LOOK_S = 0.2
 """A stop's state is looked at so often, in wall seconds."""
+_NO_SPEED = "only a simulated aPad on the run's own master has a speed to change; to stop the aPad: musselbed stop RUN"
+_STANDS = "mission time stands still: `musselbed speed RUN 1` or `musselbed speed RUN step` first"
 NOTHING_STOPPED = "nothing was stopped: there is nothing to continue"
 
 
@@ -58,12 +63,22 @@ _ANSWER = TypeAdapter(Answer)
 
 
 def carry_out(
-    request: AnyRequest, calls: CallQueue, gate: Gate, amussels: AMusselOrders = NO_AMUSSELS
+    request: AnyRequest,
+    calls: CallQueue,
+    gate: Gate,
+    amussels: AMusselOrders = NO_AMUSSELS,
+    speed: FlightSpeed | None = None,
 ) -> Answer:
     """Has the supervisor carry the request out at its next tick. It answers within `ANSWER_S`.
 
-    The vehicle's `gate` judges a go-to or a hold before the mission loses the aPad to it.
+    The vehicle's `gate` judges a go-to or a hold before the mission loses the aPad to it. `speed` is that of a flight whose
+    time a person may change.
     """
+    if isinstance(request, Request) and request.act is Act.SPEED:
+        return _change_speed(request, calls, speed)
+    stands = speed is not None and speed.stands
+    if stands and not (isinstance(request, Request) and request.act in (Act.STOP, Act.HANDS)):
+        return Answer(False, _STANDS)
     if isinstance(request, AMusselRequest):
         try:
             return Answer(True, amussels.carry_out(request, calls))
@@ -71,7 +86,8 @@ def carry_out(
             return Answer(False, str(refused))
 
     if request.act in (Act.STOP, Act.HANDS):
-        return _stop(request, calls, gate)
+        # A simulated hull stands with the time: its stop goes out with the next tick, before it moves.
+        return _stop(request, calls, gate, _STANDS_S if stands else TICK_S)
 
     def told(mission: FlightMission) -> Answer:
         message = act(mission)
@@ -99,7 +115,40 @@ def carry_out(
         return Answer(False, str(refused))
 
 
-def _stop(request: Request, calls: CallQueue, gate: Gate) -> Answer:
+def _change_speed(request: Request, calls: CallQueue, speed: FlightSpeed | None) -> Answer:
+    """A change is journaled in the tick before it, or in the next one if time stands."""
+    if speed is None:
+        return Answer(False, _NO_SPEED)
+    steps, times = request.times is None, 0.0 if request.times is None else request.times
+    if steps and not speed.stands:
+        return Answer(False, "mission time runs: a step takes `musselbed speed RUN 0` first")
+    note = SpeedChanged(times, request.by)
+
+    def change() -> None:
+        if steps:
+            speed.step()
+        else:
+            speed.change(times)
+
+    def act(mission: FlightMission) -> None:
+        mission.tell(note)
+        change()
+
+    try:
+        if not speed.stands:
+            calls.call_mission(act)
+        else:
+            change()
+            if times or steps:
+                calls.call_mission(lambda mission: mission.tell(note))
+    except Refused as refused:
+        return Answer(False, str(refused))
+    return Answer(
+        True, f"the flight's speed is {times:g} times real time" if times else "mission time stands still"
+    )
+
+
+def _stop(request: Request, calls: CallQueue, gate: Gate, patience_s: float) -> Answer:
     """Stops the vehicle, and waits until the hull slows. The stop does not need the mission's leave, or a position."""
 
     def act(mission: FlightMission) -> tuple[int, str]:
@@ -111,7 +160,7 @@ def _stop(request: Request, calls: CallQueue, gate: Gate) -> Answer:
         return before, mission.steers
 
     try:
-        before, steers = calls.call_mission(act, TICK_S, stays=True)
+        before, steers = calls.call_mission(act, patience_s, stays=True)
     except Refused as refused:
         return Answer(False, str(refused))
     until_s = time.monotonic() + TOLD_S
@@ -205,7 +254,12 @@ def _move(request: Request, mission: FlightMission, gate: Gate) -> None:
 
 @contextmanager
 def control_offered(
-    run_dir: Path, calls: CallQueue, gate: Gate, *, amussels: AMusselOrders = NO_AMUSSELS
+    run_dir: Path,
+    calls: CallQueue,
+    gate: Gate,
+    *,
+    amussels: AMusselOrders = NO_AMUSSELS,
+    speed: FlightSpeed | None = None,
 ) -> Iterator[Counter[str]]:
     """Listens in the run's directory while it is entered; yields the counts of dropped requests, by reason.
 
@@ -225,7 +279,7 @@ def control_offered(
         except ValidationError as error:
             dropped["orders that cannot be read"] += 1
             return refused_line(_unreadable(error))
-        return _ANSWER.dump_json(carry_out(request, calls, gate, amussels))
+        return _ANSWER.dump_json(carry_out(request, calls, gate, amussels, speed))
 
     with short_path(run_dir) as path:
         with suppress(FileNotFoundError):

@@ -47,6 +47,7 @@ class Act(StrEnum):
     """Straight back inside the fence, from at most 5 m outside."""
     ABORT = "abort"
     REMARK = "remark"
+    SPEED = "speed"
     GO_TO = "go to"
     HOLD = "hold"
 
@@ -70,6 +71,8 @@ class Request:
     """The goal (north, east) of a go-to or a hold, which need one."""
     speed_m_s: float | None = None
     """The speed of a go-to; None: the scenario's."""
+    times: float | None = None
+    """The speed of a simulated flight, in mission seconds a wall second. 0: time stands still; None: one more tick."""
 
     @property
     def mistake(self) -> str:
@@ -77,6 +80,8 @@ class Request:
         numbers = (*(self.goal_m or ()), 0.0 if self.speed_m_s is None else self.speed_m_s)
         if not all(map(math.isfinite, numbers)):
             return "a goal and a speed are finite numbers"
+        if self.times is not None and not (self.times == 0 or 0.01 <= self.times <= 1e4):
+            return "a flight's speed is 0, or 0.01 to 10000 times real time"
         if len(self.text) > LONGEST_REMARK:
             return f"a remark has at most {LONGEST_REMARK} characters"
         if not 1 <= len(self.by) <= LONGEST_NAME or len(self.lookout) > LONGEST_NAME:

@@ -167,6 +167,15 @@ def test_a_person_follows_a_run_stops_it_and_lets_it_go_on(browser: webdriver.Ch
         wait_until(lambda: "<b>gulls</b>" in text(browser, "events"))
         assert [line["text"] for line in journalled(run_dir, "remark")] == ["<b>gulls</b>"]
 
+        # Another speed, and time that stands still, with a step.
+        choose = "const it = document.getElementById('flight-speed'); it.value = arguments[0]; it.onchange()"
+        browser.execute_script(choose, "0")
+        wait_until(lambda: "time stands still" in text(browser, "about"))
+        press(browser, "#step")
+        browser.execute_script(choose, "20")
+        wait_until(lambda: "flying at 20 times real time" in text(browser, "about"))
+        assert [line["times"] for line in journalled(run_dir, "speed")] == [0.0, 0.0, 20.0]
+
         # An act that moves something asks first, and "no" orders nothing.
         press(browser, "#continue")
         press(browser, "#sure button[value=no]")
@@ -208,7 +217,8 @@ def test_a_person_follows_a_run_stops_it_and_lets_it_go_on(browser: webdriver.Ch
 
         wait_until(lambda: is_aborted(browser))
         wait_until(lambda: text(browser, "warning").startswith("The run has ended"))
-        assert text(browser, "warning") == "The run has ended: a call: abort by console."
+        replay = f"Its replay: musselbed replay {run_dir}"
+        assert text(browser, "warning") == f"The run has ended: a call: abort by console. {replay}"
         # The journal's last line comes before the summary.
         wait_until((run_dir / "summary.json").exists)
         summary = json.loads((run_dir / "summary.json").read_text())

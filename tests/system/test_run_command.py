@@ -196,6 +196,23 @@ def test_over_ros_and_in_virtual_time_it_decides_alike(fly: Any, scenario: Path,
         )
 
 
+def test_changes_of_the_speed_steps_and_standing_still_change_nothing_of_a_flight(fly: Any) -> None:
+    """Twelve changes, three of which let mission time stand still, and four steps. Slow ones, so that the flight lasts."""
+    process, straight = fly(50)
+    assert process.wait(PATIENCE_S) == 0
+    process, changed = fly(2)
+    wait_for((changed / "control.sock").is_socket, "no supervisor takes orders")
+    told = ["3", "2", "0", "step", "step", "4", "2", "0", "step", "5", "3", "0", "step", "2", "6", "300"]
+    for times in told:
+        done = musselbed("speed", changed, times, "--by", "Anna")
+        assert done.returncode == 0, f"{times}: {done.stdout}{done.stderr}"
+    assert process.wait(PATIENCE_S) == 0
+    journaled = [it["times"] for it in lines_in(changed / "journal.jsonl") if it["kind"] == "speed"]
+    assert journaled == [0.0 if it == "step" else float(it) for it in told]
+    summaries = [json.loads((it / "summary.json").read_text()) for it in (straight, changed)]
+    assert summaries[0]["digest"] == summaries[1]["digest"]
+
+
 def test_ctrl_c_ends_everything_in_order_within_5_s_with_a_valid_bag(fly: Any, scenario: Path) -> None:
     last(scenario, LONG_S)
     process, run = fly(20, command=PATIENT_MUSSELBED)

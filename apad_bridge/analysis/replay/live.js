@@ -15,11 +15,15 @@ const LEGEND_MS = 3000;
 const SHARED_COLUMNS = ["times_ms", "active", "cost", "apad", "docks", "stage"];
 let counts, heardMs, stream, token, legendMs = 0;
 
-function take({ sample, supervisor, ended_by, summary }) {
+function take({ sample, supervisor, ended_by, summary, speed }) {
   heardMs = performance.now();
   const hasEnded = ended_by !== data.ended_by || (summary !== null && data.summary === null);
   Object.assign(data, { ended_by, summary });
-  if (hasEnded) showHeader();
+  if (hasEnded || speed !== data.live.speed) {
+    data.live.speed = speed;
+    showHeader();
+    showSpeed();
+  }
   if (sample) takeSample(sample);
   showLink(supervisor);
 }
@@ -122,6 +126,16 @@ function isSure(question) {
   });
 }
 
+// The flight's own speed, where a person may change it.
+function showSpeed() {
+  const { speed } = data.live, known = [0, 1, 2, 5, 10, 20, 60, 120];
+  $("flight-speed").hidden = speed === null;
+  $("step").hidden = speed !== 0;
+  if (speed === null) return;
+  const all = [...new Set([...known, speed])].sort((a, b) => a - b);
+  $("flight-speed").replaceChildren(...all.map((it) => new Option(it ? `Speed ${it} ×` : "Time stands still", it, false, it === speed)));
+}
+
 function connect() {
   stream = new EventSource(`/live?token=${encodeURIComponent(token)}&counts=${counts.join()}`);
   stream.onmessage = (event) => take(JSON.parse(event.data));
@@ -190,6 +204,9 @@ if (data.live) {
       order(act, stop && stop.number !== null ? { stop: stop.number } : {});
     });
   }
+  $("flight-speed").onchange = () => order("speed", { times: +$("flight-speed").value });
+  $("step").addEventListener("click", () => order("speed"));
+  showSpeed();
   $("heard").addEventListener("click", calm);
   for (const touch of ["pointerdown", "keydown"]) document.addEventListener(touch, prepareSound, { once: true });
   $("sound").addEventListener("click", () => {

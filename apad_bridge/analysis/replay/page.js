@@ -224,7 +224,7 @@ function drawThreshold(ctx, x, y, pixel) {
 // The name of the run, why it ended, and the figures of its summary.
 function showHeader() {
   $("name").textContent = data.name;
-  const ended = data.ended_by === null ? (data.live ? `flying${data.live.speed ? ` at ${data.live.speed} times real time` : ""}` : "has not ended") : "ended by " + data.ended_by;
+  const ended = data.ended_by === null ? (data.live ? `flying${data.live.speed ? ` at ${data.live.speed} times real time` : data.live.speed === 0 ? ", and time stands still" : ""}` : "has not ended") : "ended by " + data.ended_by;
   $("about").textContent = [data.description, `${data.agents.length} aMussels, ${data.collection} / ${data.redeployment}, theta ${data.theta}, seed ${data.seed}; ${ended}`].filter(Boolean).join(" · ");
   const known = data.summary || {};
   const figures = [

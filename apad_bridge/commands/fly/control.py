@@ -26,7 +26,7 @@ from apad_bridge.supervisor.control_client import (
 from apad_bridge.vehicle.errors import PeerFailed
 
 _NO_EMERGENCY_STOP = "This is no emergency stop: it needs a live supervisor and a link to the vehicle."
-_COMMANDS: dict[Act, tuple[str, tuple[str, str]]] = {
+_COMMANDS: dict[Act, tuple[str, tuple[str, ...]]] = {
     Act.STOP: (
         "The aPad holds its position where it may: a position that is believed, inside the fence. Else its controllers go "
         "off, and it drifts. A second stop, a second or more after the first, switches them off. The command says `done` "
@@ -61,6 +61,16 @@ _COMMANDS: dict[Act, tuple[str, tuple[str, str]]] = {
         f"The run ends in order, with its summary, and exit code 0. {_NO_EMERGENCY_STOP}",
         ("musselbed abort runs/pool-12-1", "musselbed abort runs/pool-12-1 --motors-off"),
     ),
+    Act.SPEED: (
+        "Changes the speed of a simulated flight: TIMES mission seconds in a wall second. With 0, mission time stands "
+        "still, and `step` lets one more tick come. The flight is the same as without a change, and so is its digest. On a "
+        "real aPad, and on somebody else's /clock, it changes nothing: there `musselbed stop RUN` stops.",
+        (
+            "musselbed speed runs/pool-12-1 5",
+            "musselbed speed runs/pool-12-1 0",
+            "musselbed speed runs/pool-12-1 step",
+        ),
+    ),
     Act.REMARK: (
         "The journal, the bag and the replay page show the remark at its mission time.",
         (
@@ -75,8 +85,8 @@ def add_parser(commands: Any) -> None:
     """Adds `order` with all orders, and the short form of each."""
     order = commands.add_parser(
         "order",
-        description="Gives a person's order to a flying run: stop, hands, continue, give-back, back-in, abort or "
-        "remark. Each has a short form, such as `musselbed stop RUN`.",
+        description="Gives a person's order to a flying run: stop, hands, continue, give-back, back-in, abort, "
+        "speed or remark. Each has a short form, such as `musselbed stop RUN`.",
         epilog=ending("musselbed order stop runs/pool-12-1", "musselbed order continue runs/pool-12-1"),
     )
     _add_orders(order.add_subparsers(metavar="ORDER", required=True), "musselbed order")
@@ -93,6 +103,13 @@ def _add_orders(commands: Any, program: str) -> None:
         parser.add_argument("directory", type=Path, metavar="RUN", help="the run's directory")
         if act is Act.REMARK:
             parser.add_argument("text", metavar="TEXT", help=f"at most {LONGEST_REMARK} characters")
+        if act is Act.SPEED:
+            parser.add_argument(
+                "times",
+                type=_times,
+                metavar="TIMES",
+                help="a number, 0 to stand still, or step for one more tick",
+            )
         if act is Act.STOP:
             parser.add_argument(
                 "--off", action="store_true", help="switch the controllers off, so that the aPad drifts"
@@ -122,6 +139,15 @@ def _add_orders(commands: Any, program: str) -> None:
         )
         parser.add_argument("--json", action="store_true", help="print the answers by aPad as JSON on stdout")
         parser.set_defaults(run=run, act=act)
+
+
+def _times(text: str) -> float | None:
+    if text == "step":
+        return None
+    try:
+        return float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"TIMES is a number or step, not '{text}'") from None
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -205,6 +231,7 @@ def _requests(arguments: argparse.Namespace) -> list[Request]:
         stop=getattr(arguments, "stop", None),
         pilot_left=getattr(arguments, "pilot_left", False),
         lookout=getattr(arguments, "lookout", ""),
+        times=getattr(arguments, "times", None),
     )
     if request.mistake:
         raise UserError(request.mistake)

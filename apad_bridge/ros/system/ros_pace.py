@@ -25,6 +25,7 @@ from apad_bridge.supervisor.clock import (
     AsFastAsPossible,
     ClockLost,
     CommonClock,
+    FlightSpeed,
     OnTimeReached,
     Pace,
     StopFlag,
@@ -95,17 +96,23 @@ class OwnMasterClock:
         self._published_ms = start_ms
         self._has_published = False
         self._pace: Pace = AsFastAsPossible() if speed is None else WallClock(speed)
-        self._step_ms = 1000
-        if speed is not None:
-            self._step_ms = next((it for it in _STEPS_MS if it / 1000 / speed >= _STEP_WALL_S), 1000)
         self._in_fine_steps = in_fine_steps
-        if in_fine_steps:
-            self._step_ms = _STEPS_MS[0]
         self._clock = rospy.Publisher(CLOCK, Clock, queue_size=100, latch=True)
+
+    @property
+    def speed(self) -> FlightSpeed | None:
+        return self._pace.speed
 
     @property
     def behind_s(self) -> float:
         return self._pace.behind_s
+
+    @property
+    def _step_ms(self) -> int:
+        if self._in_fine_steps:
+            return _STEPS_MS[0]
+        times = 0.0 if self.speed is None else self.speed.times
+        return next((it for it in _STEPS_MS if times and it / 1000 / times >= _STEP_WALL_S), 1000)
 
     def reach(self, now_ms: int, stopped: StopFlag, between: OnTimeReached | None = None) -> None:
         self._link.wait_until_taken(SETTLE_S)
@@ -146,6 +153,8 @@ class FollowedClock:
     /clock_reached the time of its tick, before which everything is handled: our own clock node waits for it. On a clock
     that waits, the answers of the vehicle `link` to the newest orders come first, as mission time costs patience with it.
     """
+
+    speed: FlightSpeed | None = None
 
     def __init__(
         self,
@@ -250,6 +259,8 @@ class FollowedClock:
 
 class StampedByMaster:
     """A pace on somebody else's master: at each tick the stamps of our messages are set to that master's time."""
+
+    speed: FlightSpeed | None = None
 
     def __init__(self, pace: CommonClock, start_ms: int = 0) -> None:
         self._pace = pace

@@ -26,7 +26,7 @@ def test_a_command_is_loaded_without_those_of_other_modules(name: str) -> None:
     assert name in alone
     assert set(alone) in (
         {name},
-        {"order", "stop", "hands", "continue", "give-back", "back-in", "abort", "remark"},
+        {"order", "stop", "hands", "continue", "give-back", "back-in", "abort", "remark", "speed"},
     )
     assert alone[name].get_default("run") is not None or alone[name]._subparsers is not None
 

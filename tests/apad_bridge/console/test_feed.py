@@ -60,7 +60,10 @@ def test_an_end_that_is_written_after_the_sample_of_its_tick_is_told(run_dir: Pa
         with (run_dir / "journal.jsonl").open("a") as journal:
             print('{"t":5000,"kind":"remark","by":"Anna","text":"gulls"}', file=journal, flush=True)
             assert feed.poll()["sample"]["t"] == 5000
-            assert feed.poll() == {"sample": None, "supervisor": False, "ended_by": None, "summary": None}
+            flying = {"supervisor": False, "ended_by": None, "summary": None}
+            assert feed.poll() == {"sample": None, **flying, "speed": 1.0}
+            print('{"t":5000,"kind":"speed","times":5.0,"by":"Anna"}', file=journal, flush=True)
+            assert feed.poll()["speed"] == 5.0
             print('{"t":5000,"kind":"end","reason":"a call","end_reason":"a call"}', file=journal, flush=True)
         told = feed.poll()
         assert told["ended_by"] == "a call"

@@ -1,4 +1,5 @@
 import threading
+from collections.abc import Callable
 from itertools import pairwise
 
 import pytest
@@ -12,6 +13,8 @@ class Hand:
     def __init__(self) -> None:
         self.now_s = 100.0
         self.waits: list[float] = []
+        self.after: dict[float, Callable[[], None]] = {}
+        """Acts, by the seconds after which each is carried out once."""
         self.stopped = threading.Event()
         self.stopped.wait = self._wait  # type: ignore[method-assign]
 
@@ -21,7 +24,9 @@ class Hand:
     def _wait(self, timeout: float | None = None) -> bool:
         assert timeout is not None
         self.waits.append(timeout)
-        self.now_s += timeout
+        self.now_s += max(timeout, 1e-6)
+        for due_s in sorted(it for it in self.after if 100.0 + it <= self.now_s):
+            self.after.pop(due_s)()
         return False
 
 
@@ -31,7 +36,43 @@ def test_a_tick_comes_at_its_wall_time(speed: float, each_s: float) -> None:
     pace = WallClock(speed, clock=hand)
     for now_ms in range(0, 4000, 1000):
         pace.reach(now_ms, hand.stopped)
-    assert hand.waits == pytest.approx([each_s] * 3)
+    assert hand.now_s == pytest.approx(100.0 + 3 * each_s)
+    assert pace.behind_s == 0.0
+
+
+def test_a_changed_speed_counts_from_the_time_that_has_come() -> None:
+    hand = Hand()
+    pace = WallClock(1.0, clock=hand)
+    pace.reach(0, hand.stopped)
+    hand.after[0.4] = lambda: pace.speed.change(3.0)
+    pace.reach(1000, hand.stopped)
+    assert hand.now_s == pytest.approx(100.4 + 0.6 / 3, abs=0.01)
+    pace.reach(4000, hand.stopped)
+    assert hand.now_s == pytest.approx(100.4 + 3.6 / 3, abs=0.01)
+
+
+def test_time_that_stands_comes_on_by_steps_of_a_tick_and_loses_nothing() -> None:
+    hand = Hand()
+    pace = WallClock(1.0, clock=hand)
+    pace.reach(0, hand.stopped)
+    pace.speed.change(0.0)
+    hand.after |= {50.0: pace.speed.step, 70.0: pace.speed.step, 90.0: lambda: pace.speed.change(2.0)}
+    came_s = []
+    # A pace that is asked for parts of a tick passes them all by one step.
+    for now_ms in (500, 1000, 1500, 2000, 3000):
+        pace.reach(now_ms, hand.stopped)
+        came_s.append(hand.now_s - 100.0)
+    assert came_s == pytest.approx([50.0, 50.0, 70.0, 70.0, 90.5], abs=0.3)
+    assert pace.slipped_s == 0.0
+
+
+def test_a_flight_that_ends_does_not_wait_for_time_that_stands() -> None:
+    hand = Hand()
+    pace = WallClock(1.0, clock=hand)
+    pace.reach(0, hand.stopped)
+    pace.speed.change(0.0)
+    hand.stopped.wait = lambda timeout=None: True  # type: ignore[method-assign]
+    pace.reach(1000, hand.stopped)
     assert pace.behind_s == 0.0
 
 

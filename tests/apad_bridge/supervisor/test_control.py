@@ -20,6 +20,7 @@ from apad_bridge.events.mission import Phase
 from apad_bridge.mission.values import Status
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor import control
+from apad_bridge.supervisor.clock import FlightSpeed
 from apad_bridge.supervisor.control import control_offered
 from apad_bridge.supervisor.control_client import (
     SOCKET_NAME,
@@ -295,3 +296,34 @@ def test_a_refused_go_to_leaves_the_mission_flying(
     assert flying.phase is Phase.GO_COLLECT
     assert flying.events("override") == [] and flying.events("operator") == []
     assert [it["guard"] for it in flying.events("refused")] == (["fence"] if why == "fence" else [])
+
+
+def test_a_flight_s_speed_changes_by_a_person_and_a_stop_waits_while_time_stands(pool: Scenario) -> None:
+    flying, speed = Flying(pool), FlightSpeed(20.0)
+    flying.seconds(3)
+
+    def asked(act: Act, times: float | None = None) -> Answer:
+        return control.carry_out(Request(act, "Anna", times=times), flying.calls, flying.gate, speed=speed)
+
+    answers = [flying.answered(lambda it=it: asked(Act.SPEED, it)) for it in (None, 5.0, 0.0)]  # type: ignore[misc]
+    assert [it.accepted for it in answers] == [False, True, True]
+    assert "mission time runs" in answers[0].message
+    assert speed.stands and not speed.lets_pass(1000)
+    # Without a tick: only a stop is kept for the next one.
+    refused, stopped = asked(Act.ABORT), asked(Act.STOP)
+    assert not refused.accepted and "mission time stands still" in refused.message
+    assert not stopped.accepted and "goes out with the next tick" in stopped.message
+    assert flying.answered(lambda: asked(Act.SPEED)).accepted
+    assert flying.phase is Phase.COMMANDED
+    assert [speed.lets_pass(it) for it in (500, 1000, 1500)] == [True, True, False]
+    assert flying.answered(lambda: asked(Act.SPEED, 2.0)).accepted
+    assert speed.times == 2.0
+    assert [it["times"] for it in flying.events("speed")] == [5.0, 0.0, 0.0, 2.0]
+
+
+def test_a_time_that_is_not_the_flight_s_own_has_no_speed(flying: Flying, run_dir: Path) -> None:
+    answer = control.carry_out(Request(Act.SPEED, "Anna", times=5.0), flying.calls, flying.gate)
+    assert not answer.accepted
+    assert "to stop the aPad: musselbed stop RUN" in answer.message
+    assert "0.01 to 10000" in Request(Act.SPEED, "Anna", times=-1.0).mistake
+    assert "0.01 to 10000" in Request(Act.SPEED, "Anna", times=math.inf).mistake
