@@ -83,7 +83,6 @@ DATACLASSES = list(dict.fromkeys(dataclasses_in(Scenario)))
 LONGEST_PAGE = 3000
 MOST_WORDS = {
     "README.md": 600,
-    "docs/firmware-port.md": 3500,
     "docs/studies.md": 2500,
     "docs/studies-results.md": 1500,
     "docs/paper/paper.md": 1000,

@@ -1,4 +1,4 @@
-"""The page of states shows the firmware's own transition table."""
+"""The pages of states show the firmware's own transition table, and explain each state."""
 
 import re
 from pathlib import Path
@@ -8,11 +8,11 @@ from firmware_model.power.rails import Rail
 from firmware_model.states import TABLE, State, Trigger
 
 PAGE = Path(__file__).parents[3] / "docs/firmware-states.md"
-PORT = PAGE.with_name("firmware-port.md")
+MADE = PAGE.parent / "reference/states.md"
 
 
 def test_the_page_is_current() -> None:
-    assert blocks() in PAGE.read_text(), "put what `musselbed mu states` prints into docs/firmware-states.md"
+    assert blocks() in MADE.read_text(), "run docs/reference/make"
 
 
 def test_the_diagram_says_the_whole_table_and_nothing_else() -> None:
@@ -23,9 +23,9 @@ def test_the_diagram_says_the_whole_table_and_nothing_else() -> None:
     assert drawn == TABLE
 
 
-def test_the_page_of_the_port_has_the_numbers_of_states_and_the_bits_of_rails() -> None:
+def test_the_page_has_the_numbers_of_states_and_the_bits_of_rails() -> None:
     for names in (State, Rail):
-        assert f"```text\n{numbers(names)}\n```" in PORT.read_text(), f"put this there:\n{numbers(names)}"
+        assert f"```text\n{numbers(names)}\n```" in MADE.read_text(), "run docs/reference/make"
 
 
 def test_the_page_explains_every_state() -> None:
