@@ -53,27 +53,34 @@ class Study:
     """The study as its file has it. The baseline is the strategy with which the others are compared."""
 
     name: FileName
+    """The study's, and that of its directory."""
     scenarios: Annotated[tuple[str, ...], MinLen(1)]
     """Files, relative to the study's."""
     strategies: Annotated[tuple[str | dict[str, Any], ...], MinLen(1)]
-    """Names of collection strategies, or mappings of the keys of `mission`, and `name` for the tables.
+    """Names of collection strategies, also of a package of yours (docs/extending.md), or mappings of keys of `mission`.
 
-    The file of `FILE.py:Class` is relative to the study's."""
+    A mapping has a `name` for the tables, as `{name: one by one, collection: cautious, batch: 1}`. The file of
+    `FILE.py:Class` is relative to the study's."""
     seeds: Annotated[int, Ge(1), Le(1_000_000)] | Annotated[tuple[Annotated[int, Ge(0)], ...], MinLen(1)]
     """Seeds, or the number of seeds from 1 on. A seed decides starts, drift and misses, for each strategy alike."""
     parameters: dict[str, Annotated[tuple[_Value, ...], MinLen(1)]] = field(default_factory=dict)
-    """Values by key of the scenario, as `mission.batch`; each combination is flown."""
+    """Lists of values by key of the scenario, as `mission.pool_threshold: [0.5, 0.8]`; each combination is flown."""
     cells: dict[str, dict[str, _Value]] = field(default_factory=dict)
-    """Values by key of the scenario that belong together, as an area and its fleet, by a name; each cell is flown."""
+    """Values by key of the scenario that belong together, by a name; each cell is flown.
+
+    As `{small: {area.polygon_m: [...], fleet.count: 8}}`."""
     draws: dict[str, Annotated[tuple[_Value, ...], MinLen(1)]] = field(default_factory=dict)
-    """Values by key of the scenario, of which each seed draws one, the same for each strategy."""
+    """Lists of values by key of the scenario, as `area.polygon_m` or `fleet.start.charge`.
+
+    Each seed draws one of each, the same for each strategy."""
     start: RandomStart | Literal["scenario"] = PAPER_START
-    """`scenario` keeps the scenario's own starts."""
+    """The interval of the starting charges, `{charge: [0.6, 1.0]}` if left out; `scenario` keeps the scenario's starts."""
     baseline: str | None = None
-    """None: the first strategy."""
+    """The strategy from which differences are taken. None: the first one."""
     primary: str = "samples_taken"
     """The column of the one comparison that was planned; the others' p-values are adjusted by Holm."""
     confidence: Annotated[float, Gt(0.5), Lt(1)] = 0.95
+    """Of the intervals."""
     model: Model = Model.EVENT_DRIVEN
 
 
