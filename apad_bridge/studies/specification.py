@@ -80,7 +80,7 @@ class Study:
     primary: str = "samples_taken"
     """The column of the one comparison that was planned; the others' p-values are adjusted by Holm."""
     confidence: Annotated[float, Gt(0.5), Lt(1)] = 0.95
-    """Of the intervals."""
+    """The level of the intervals."""
     model: Model = Model.EVENT_DRIVEN
 
 
