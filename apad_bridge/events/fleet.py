@@ -8,7 +8,7 @@ from typing import Annotated
 
 from annotated_types import Ge, Lt
 
-from apad_bridge.beliefs.modes import Mode
+from apad_bridge.beliefs.modes import Mode, mode_of
 from apad_bridge.events.event import (
     AgentTime,
     AMussel,
@@ -83,6 +83,11 @@ class BeliefChanged(Event):
         dict[str, float] | None,
         Meaning("by name, the newest of the quantities that it reports and nobody estimates"),
     ] = None
+
+    @property
+    def likely_mode(self) -> Mode:
+        """The most probable mode: that of the state where no twin gives one."""
+        return mode_of(self.state, self.charge, self.secondary) if self.mode is None else self.mode
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from apad_bridge.imc.protocol import Message
 from apad_bridge.imc.systems import NOBODY, System
 from apad_bridge.records.sample_file import KeptSample
 from apad_bridge.scenario.area.local_frame import LocalFrame
-from firmware_model.power.charge import EMPTY_MV, FULL_MV
+from firmware_model.power.charge import volts
 
 MOST_ANNOUNCED = 50
 """A fleet of more aMussels is not announced system by system: the aPad then reports where they are."""
@@ -117,7 +117,7 @@ def of_amussel(amussel: AMusselView, frame: LocalFrame) -> Iterator[Message]:
         state.depth = 0.0
     yield state
     yield fuel(amussel.fraction, 0.0 if amussel.spread is None else 1.0 - amussel.spread)
-    yield voltage((EMPTY_MV + (FULL_MV - EMPTY_MV) * amussel.fraction) / 1000)
+    yield voltage(volts(amussel.fraction))
     yield entity_state(amussel)
 
 

@@ -7,13 +7,13 @@ import time
 from dataclasses import dataclass
 
 from agents.time_scale import MissionMs
-from apad_bridge.analysis.replay.history import History
 from apad_bridge.events.fleet import BeliefChanged
 from apad_bridge.events.vehicle import APadMoved
-from apad_bridge.records.journal import Entry, JournalContents, JournalTail
+from apad_bridge.records.journal import Entry, JournalTail
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.run_state import RunState
 from apad_bridge.records.samples import TruthExtrapolator
+from apad_bridge.ros_names.shown import APadTrack, PlaceM, ShownAMussel
 from apad_bridge.scenario.run_options import RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
 
@@ -21,24 +21,6 @@ _NEWEST_MS = 5000
 """The aPad's velocity comes from two places that are at most so much mission time apart, and old."""
 _JUMP_MS = 2000
 """Wall time against mission time: a supervisor that was away for longer has shifted them."""
-_TRACK_STEP_M = 0.5
-"""The distance between points of the aPad's track ..."""
-_TRACK_POINTS = 2000
-"""... and their number: the latest kilometre."""
-PlaceM = tuple[float, float]
-"""(north, east) of the scenario's origin."""
-
-
-@dataclass(frozen=True, slots=True)
-class BelievedAMussel:
-    """A belief as the journal has it; a docked aMussel is where the aPad is."""
-
-    event: BeliefChanged
-    at_ms: int
-    """The mission time for which it is believed."""
-    place_m: PlaceM
-    depth_m: float
-    is_docked: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,14 +45,13 @@ class FollowedRun:
         self._journal = JournalTail(self._path)
         self._water = TruthExtrapolator(scenario)
         self._scale = scenario.time_scale
-        self._history = History(JournalContents([], 0), scenario)
+        self.state = RunState(scenario)
         self._offset_ms: int | None = None
         self._ended_s: float | None = None
         self._believed_ms: dict[int, int] = {}
         self._newest: tuple[tuple[int, APadMoved], ...] = ()
         """The newest two places of the aPad, with their mission times."""
-        self.track_m: list[PlaceM] = []
-        """The aPad's places so far, some way apart."""
+        self.track = APadTrack()
 
     def close(self) -> None:
         self._journal.close()
@@ -79,14 +60,13 @@ class FollowedRun:
         """Takes the new events and returns them: at the first call all since the begin. JournalDamaged."""
         written_ns = self._path.stat().st_mtime_ns
         new = self._journal.read_new()
-        self._history.add(new)
-        self._history.advance(self._history.end_ms)
         for at_ms, event in new.entries:
+            self.state.apply(at_ms, event)
             if isinstance(event, BeliefChanged):
                 self._believed_ms[event.id] = event.heard if event.mode is None else at_ms
             elif isinstance(event, APadMoved):
                 self._newest = (*self._newest[-1:], (at_ms, event))
-                self._extend_track((event.north_m, event.east_m))
+                self.track.extend((event.north_m, event.east_m))
         if self.state.ended_by is not None and self._ended_s is None:
             self._ended_s = time.monotonic()
         if new.entries and (self._offset_ms is None or written_ns == self._path.stat().st_mtime_ns):
@@ -94,14 +74,10 @@ class FollowedRun:
         return new.entries
 
     @property
-    def state(self) -> RunState:
-        return self._history.now
-
-    @property
     def now_ms(self) -> MissionMs:
         """The newest mission time. After the end it goes on by the wall clock, for readers who come then."""
         after_s = 0.0 if self._ended_s is None else time.monotonic() - self._ended_s
-        return MissionMs(self._history.end_ms + int(1000 * after_s))
+        return MissionMs(self.state.last_ms + int(1000 * after_s))
 
     def stamp_ms(self, at_ms: int) -> int:
         """The stamp of a message about a mission time: Unix time, or the mission time itself."""
@@ -124,7 +100,7 @@ class FollowedRun:
         return [it for it in places[len(places) - plan.left :] if it is not None]
 
     @property
-    def beliefs(self) -> list[BelievedAMussel]:
+    def beliefs(self) -> list[ShownAMussel]:
         """The aMussels that were heard, by id."""
         return [self._believed(event) for _, event in sorted(self.state.beliefs.items())]
 
@@ -139,20 +115,26 @@ class FollowedRun:
             found.append((agent_id, place_m, it.depth_m))
         return found
 
-    def _believed(self, event: BeliefChanged) -> BelievedAMussel:
+    def _believed(self, event: BeliefChanged) -> ShownAMussel:
+        """A docked aMussel is where the aPad is."""
         is_docked = event.id in self.state.docks
-        place_m = self._place_of_docked(is_docked) or (event.north_m, event.east_m)
-        depth_m = 0.0 if is_docked else (event.reported or {}).get("depth_m", 0.0)
-        return BelievedAMussel(event, self._believed_ms[event.id], place_m, depth_m, is_docked)
+        return ShownAMussel(
+            event.id,
+            event.state,
+            event.likely_mode,
+            event.charge,
+            event.secondary,
+            self._place_of_docked(is_docked) or (event.north_m, event.east_m),
+            0.0 if is_docked else (event.reported or {}).get("depth_m", 0.0),
+            event.place_cov,
+            event.heard,
+            self._believed_ms[event.id],
+            is_docked,
+        )
 
     def _place_of_docked(self, is_docked: bool) -> PlaceM | None:
         apad = self.state.apad
         return (apad.north_m, apad.east_m) if is_docked and apad is not None else None
-
-    def _extend_track(self, place_m: PlaceM) -> None:
-        if not self.track_m or math.dist(self.track_m[-1], place_m) >= _TRACK_STEP_M:
-            self.track_m.append(place_m)
-            del self.track_m[:-_TRACK_POINTS]
 
     def _velocity(self, now: APadMoved) -> tuple[float, float, float]:
         if len(self._newest) < 2:
@@ -169,6 +151,6 @@ class FollowedRun:
 
     def _set_clock(self, written_ms: int) -> None:
         """The journal's newest line was written at its tick. Once set, the offset stays, so that stamps do not sway."""
-        offset_ms = written_ms - self._history.end_ms if self.has_wall_time else 0
+        offset_ms = written_ms - self.state.last_ms if self.has_wall_time else 0
         if self._offset_ms is None or abs(offset_ms - self._offset_ms) > _JUMP_MS:
             self._offset_ms = offset_ms

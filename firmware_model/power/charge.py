@@ -195,6 +195,11 @@ def fraction(charge: int) -> float:
     return charge / FULL
 
 
+def volts(fraction: float) -> float:
+    """The paper's scaled voltage in [0, 1] as terminal voltage."""
+    return (EMPTY_MV + (FULL_MV - EMPTY_MV) * fraction) / 1000
+
+
 def millivolts(charge: int) -> int:
     """Grains as terminal voltage on the paper's permitted range, 3600 to 4200 mV."""
     return EMPTY_MV + (FULL_MV - EMPTY_MV) * charge // FULL

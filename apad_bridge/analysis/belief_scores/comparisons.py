@@ -16,7 +16,6 @@ from pathlib import Path
 from agents.time_scale import MissionMs, TimeScale
 from apad_bridge.analysis.replay.history import History
 from apad_bridge.beliefs.modes import Mode, mode_of
-from apad_bridge.events.fleet import BeliefChanged
 from apad_bridge.records.bag_samples import BagUnreadable, Instant, instants, why_no_deviations
 from apad_bridge.records.journal import read_journal
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
@@ -224,17 +223,13 @@ def _in_journal_at(
             scenario.time_scale.agent_span(now_ms - belief.heard) / 3_600_000,
             mode,
             sample.state == State.RELEASED,
-            _mode_in(belief) is mode,
+            belief.likely_mode is mode,
             _charge_compared(belief.charge, sample.primary, belief.sd, interval),
             None,
             None
             if sample.docked
             else math.hypot(belief.north_m - sample.north_m, belief.east_m - sample.east_m),
         )
-
-
-def _mode_in(belief: BeliefChanged) -> Mode:
-    return mode_of(belief.state, belief.charge, belief.secondary) if belief.mode is None else belief.mode
 
 
 def _or_nan(number: float | None) -> float:

@@ -8,10 +8,11 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from agents.time_scale import MissionMs
 from apad_bridge.beliefs.belief import Belief
+from apad_bridge.ros.gateway.standard_messages import shown
 from apad_bridge.ros.system.ros_time import stamp
+from apad_bridge.ros_names.shown import condition_of
 from apad_bridge.scenario.schema import Mission
 from apad_bridge.supervisor.core import Supervisor
-from firmware_model.state_groups import BEYOND_HELP, STRANDED
 
 
 def diagnose(
@@ -38,28 +39,16 @@ def diagnose(
 
 def _agent(agent_id: int, belief: Belief | None, rules: Mission, now_ms: MissionMs) -> DiagnosticStatus:
     status = DiagnosticStatus(name=f"musselbed: aMussel {agent_id}", hardware_id=f"amussel{agent_id}")
-    if belief is None:
-        status.level, status.message = DiagnosticStatus.STALE, "no report yet"
-        return status
-    status.values = _values(
-        state=belief.state.name,
-        primary=f"{belief.primary:.3f}",
-        secondary=f"{belief.secondary:.3f}",
-        last_heard=f"{belief.age_s(now_ms):.0f} s ago",
-    )
-    if belief.is_predicted:
-        status.values += _uncertainty(belief)
-    if belief.state in BEYOND_HELP:
-        status.level, status.message = DiagnosticStatus.ERROR, "lost: both batteries are empty"
-    elif belief.state in STRANDED or belief.primary <= 0.0:
-        status.level, status.message = DiagnosticStatus.ERROR, "its primary battery is empty"
-    elif belief.age_s(now_ms) > rules.silence_timeout_s:
-        status.level = DiagnosticStatus.STALE
-        status.message = f"silent for {belief.age_s(now_ms):.0f} s"
-    elif belief.primary <= rules.pool_threshold:
-        status.level, status.message = DiagnosticStatus.WARN, f"wants charging: {100 * belief.primary:.0f} %"
-    else:
-        status.level, status.message = DiagnosticStatus.OK, f"{100 * belief.primary:.0f} %"
+    status.level, status.message = condition_of(None if belief is None else shown(belief), now_ms, rules)
+    if belief is not None:
+        status.values = _values(
+            state=belief.state.name,
+            primary=f"{belief.primary:.3f}",
+            secondary=f"{belief.secondary:.3f}",
+            last_heard=f"{belief.age_s(now_ms):.0f} s ago",
+        )
+        if belief.is_predicted:
+            status.values += _uncertainty(belief)
     return status
 
 

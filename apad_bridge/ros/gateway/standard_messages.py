@@ -12,30 +12,35 @@ from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker
 
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.beliefs.modes import DOCKED as DOCKED_MODES
-from apad_bridge.beliefs.modes import Mode
 from apad_bridge.ros.system.ros_time import stamp
-from apad_bridge.ros_names.frames import UPRIGHT, Quaternion, Vector, ellipse_95, enu
+from apad_bridge.ros_names.frames import UPRIGHT, Quaternion, Vector, enu
+from apad_bridge.ros_names.shown import LIPO, MarkerShape, ShownAMussel, SupplyStatus, place_matrix
 from apad_bridge.scenario.area.local_frame import LocalFrame
-from apad_bridge.scenario.area.polygon import bounding_box
-from apad_bridge.scenario.schema import Area
 from apad_bridge.vehicle.commands import BatteryReported
-from firmware_model.power.charge import EMPTY_MV, FULL_MV
-from firmware_model.state_groups import BEYOND_HELP, DOCKED
+from firmware_model.state_groups import DOCKED
 
-_UNKNOWN = math.nan
+_UNKNOWN = dict.fromkeys(("temperature", "current", "charge", "capacity", "design_capacity"), math.nan)
 """BatteryState demands NaN for values that are not measured."""
-_SMALLEST_BALL_M = 0.5
-_BALLS_ACROSS = 100
-"""The area is as long as so many balls side by side: seen from above, each is some pixels wide on a common screen."""
-_LABEL = 1.2
-"""The height of a label, and its distance north of the ball, in diameters of the ball."""
-_DISC_M = 0.02
-_DISC_ALPHA = 0.3
 
 
 def header(now_ms: int, frame: str) -> Header:
     return Header(stamp=stamp(now_ms), frame_id=frame)
+
+
+def shown(belief: Belief) -> ShownAMussel:
+    return ShownAMussel(
+        belief.agent_id,
+        belief.state,
+        belief.mode,
+        belief.primary,
+        belief.secondary,
+        (belief.north_m, belief.east_m),
+        belief.reported.depth_m or 0.0,
+        belief.place_cov if belief.is_predicted else None,
+        belief.heard_ms,
+        belief.at_ms,
+        belief.state in DOCKED,
+    )
 
 
 def agent_battery(belief: Belief, body: str) -> BatteryState:
@@ -43,51 +48,30 @@ def agent_battery(belief: Belief, body: str) -> BatteryState:
 
     The values are believed for the stamp, which is the newest packet's, or the time that a belief was carried to.
     """
-    if belief.is_predicted:
-        docked, full = belief.mode in DOCKED_MODES, belief.mode is Mode.FULL
-    else:
-        docked = belief.state in DOCKED
-        full = docked and belief.primary >= 1.0
-    message = BatteryState(
-        header=header(belief.at_ms, body),
-        voltage=_volts(belief.primary),
-        temperature=_UNKNOWN,
-        current=_UNKNOWN,
-        charge=_UNKNOWN,
-        capacity=_UNKNOWN,
-        design_capacity=_UNKNOWN,
-        percentage=belief.primary,
-        cell_voltage=[_volts(belief.primary), _volts(belief.secondary)],
-        power_supply_technology=BatteryState.POWER_SUPPLY_TECHNOLOGY_LIPO,
+    it = shown(belief)
+    return BatteryState(
+        header=header(it.at_ms, body),
+        voltage=it.cells_v[0],
+        percentage=it.charge,
+        cell_voltage=it.cells_v,
+        power_supply_status=it.supply_status,
+        power_supply_health=it.health,
+        power_supply_technology=LIPO,
         present=True,
-        location=f"amussel{belief.agent_id}",
+        location=f"amussel{it.agent_id}",
+        **_UNKNOWN,
     )
-    if full:
-        message.power_supply_status = BatteryState.POWER_SUPPLY_STATUS_FULL
-    elif docked:
-        message.power_supply_status = BatteryState.POWER_SUPPLY_STATUS_CHARGING
-    else:
-        message.power_supply_status = BatteryState.POWER_SUPPLY_STATUS_DISCHARGING
-    if belief.state in BEYOND_HELP or belief.primary <= 0.0:
-        message.power_supply_health = BatteryState.POWER_SUPPLY_HEALTH_DEAD
-    else:
-        message.power_supply_health = BatteryState.POWER_SUPPLY_HEALTH_GOOD
-    return message
 
 
 def apad_battery(battery: BatteryReported, name: str, body: str) -> BatteryState:
     return BatteryState(
         header=header(battery.at_ms, body),
         voltage=battery.voltage_v,
-        temperature=_UNKNOWN,
-        current=_UNKNOWN,
-        charge=_UNKNOWN,
-        capacity=_UNKNOWN,
-        design_capacity=_UNKNOWN,
         percentage=battery.fraction,
-        power_supply_status=BatteryState.POWER_SUPPLY_STATUS_DISCHARGING,
+        power_supply_status=SupplyStatus.DISCHARGING,
         present=True,
         location=name,
+        **_UNKNOWN,
     )
 
 
@@ -99,15 +83,14 @@ def fix(
     The message's order is east, north, up. A place of ours has no height, for which the message wants NaN.
     """
     latitude_deg, longitude_deg = frame.to_geographic(north_m, east_m)
-    north, between, east = variance_m2
-    known = north > 0 or east > 0
+    known = variance_m2[0] > 0 or variance_m2[2] > 0
     return NavSatFix(
         header=header(at_ms, body),
         status=NavSatStatus(status=NavSatStatus.STATUS_FIX, service=NavSatStatus.SERVICE_GPS),
         latitude=latitude_deg,
         longitude=longitude_deg,
         altitude=math.nan,
-        position_covariance=[east, between, 0.0, between, north, 0.0, 0.0, 0.0, 0.0],
+        position_covariance=place_matrix(variance_m2, 3),
         position_covariance_type=NavSatFix.COVARIANCE_TYPE_KNOWN
         if known
         else NavSatFix.COVARIANCE_TYPE_UNKNOWN,
@@ -133,79 +116,15 @@ def transform(now_ms: int, parent: str, child: str, at: Vector, attitude: Quater
     )
 
 
-def ball_size_m(area: Area) -> float:
-    """The diameter of an aMussel's ball, much larger than the aMussel itself so that it is visible in the area."""
-    (south, west), (north, east) = bounding_box(area.polygon_m)
-    return max(_SMALLEST_BALL_M, max(north - south, east - west) / _BALLS_ACROSS)
-
-
-def agent_markers(belief: Belief, now_ms: int, world: str, ball_m: float, row: int = 0) -> list[Marker]:
-    """A ball from red (empty) to green (full), cyan when docked, grey when lost; its id and charge above it; and, where the
-    place's deviation is known, the ellipse that contains the place with 95 %.
-
-    Labels of aMussels at one place, in an aPad's docks, have a `row` each, from 0 on.
-    """
-    label_m = _LABEL * ball_m
-    at = enu(belief.north_m, belief.east_m)
-    ball = _marker("amussels", belief.agent_id, Marker.SPHERE, now_ms, world, at, _colour(belief), ball_m)
-    # North of the ball, so that it is legible from above too.
-    above = (at[0], at[1] + (1 + row) * label_m, at[2] + label_m)
-    label = _marker(
-        "labels",
-        belief.agent_id,
-        Marker.TEXT_VIEW_FACING,
-        now_ms,
-        world,
-        above,
-        ColorRGBA(1.0, 1.0, 1.0, 1.0),
-        label_m,
-    )
-    label.text = f"{belief.agent_id}: {100 * belief.primary:.0f} %"
-    if not belief.is_predicted:
-        return [ball, label]
-    return [ball, label, _place_marker(belief, now_ms, world, at)]
-
-
-def _place_marker(belief: Belief, now_ms: int, world: str, at: Vector) -> Marker:
-    ellipse = ellipse_95(belief.place_cov)
-    disc = _marker("place_95", belief.agent_id, Marker.CYLINDER, now_ms, world, at, _colour(belief), _DISC_M)
-    disc.color.a = _DISC_ALPHA
-    disc.pose.orientation = RosQuaternion(*ellipse.attitude)
-    # RViz does not draw a scale of 0.
-    disc.scale = Vector3(max(ellipse.length_m, _DISC_M), max(ellipse.width_m, _DISC_M), _DISC_M)
-    return disc
-
-
-def apad_marker(now_ms: int, world: str, at: Vector, attitude: Quaternion, ball_m: float) -> Marker:
-    """An arrow along its heading, three balls long."""
-    arrow = _marker("apad", 0, Marker.ARROW, now_ms, world, at, ColorRGBA(1.0, 0.8, 0.0, 1.0), ball_m)
-    arrow.pose.orientation = RosQuaternion(*attitude)
-    arrow.scale = Vector3(3 * ball_m, 0.6 * ball_m, 0.6 * ball_m)
-    return arrow
-
-
-def _marker(
-    group: str, number: int, kind: int, now_ms: int, world: str, at: Vector, colour: ColorRGBA, size_m: float
-) -> Marker:
+def marker(now_ms: int, world: str, it: MarkerShape) -> Marker:
     return Marker(
         header=header(now_ms, world),
-        ns=group,
-        id=number,
-        type=kind,
+        ns=it.group,
+        id=it.number,
+        type=it.kind,
         action=Marker.ADD,
-        pose=pose(at, UPRIGHT),
-        scale=Vector3(size_m, size_m, size_m),
-        color=colour,
+        pose=pose(it.at, it.attitude),
+        scale=Vector3(*it.size_m),
+        color=ColorRGBA(*it.colour),
+        text=it.text,
     )
-
-
-def _colour(belief: Belief) -> ColorRGBA:
-    if belief.state in BEYOND_HELP:
-        return ColorRGBA(0.4, 0.4, 0.4, 1.0)
-    if belief.state in DOCKED:
-        return ColorRGBA(0.0, 0.8, 0.9, 1.0)
-    return ColorRGBA(1.0 - belief.primary, belief.primary, 0.1, 1.0)
-
-
-def _volts(charge: float) -> float:
-    return (EMPTY_MV + (FULL_MV - EMPTY_MV) * charge) / 1000

@@ -13,7 +13,6 @@ Messages are made at ticks, and only for topics that have a subscriber. ROS reso
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from typing import Any
 
@@ -33,16 +32,13 @@ from apad_bridge.ros.gateway.never_blocking import Stalls, never_blocking_publis
 from apad_bridge.ros_names.frames import NED_IN_ENU, UPRIGHT, Frames, enu, yaw
 from apad_bridge.ros_names.names import DIAGNOSTICS, TF, TF_STATIC, of_amussel, ours
 from apad_bridge.ros_names.namespaces import is_one_of_several
+from apad_bridge.ros_names.shown import APadTrack, apad_shape, ball_size_m
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.context import Watcher
 from apad_bridge.supervisor.core import Supervisor
 
 _QUEUE = 10
-_TRACK_STEP_M = 0.5
-"""The distance between points of the aPad's track ..."""
-_TRACK_POINTS = 2000
-"""... and their number: the latest kilometre."""
 _NOTHING_KNOWN = (0.0, 0.0, 0.0)
 
 
@@ -58,7 +54,7 @@ class StandardTopics:
         self._namespace = namespace
         self._frame = LocalFrame.about(scenario.area.origin)
         self._rules = scenario.mission
-        self._track: list[tuple[float, float]] = []
+        self._track = APadTrack()
         self._agents = {
             agent_id: (
                 never_blocking_publisher(of_amussel(agent_id, "battery_state"), BatteryState, self.stalls),
@@ -71,7 +67,7 @@ class StandardTopics:
         self._path = rospy.Publisher(ours("apad/path"), Path, queue_size=_QUEUE)
         self._plan = rospy.Publisher(ours("plan"), Path, queue_size=_QUEUE)
         self._markers = rospy.Publisher(ours("markers"), MarkerArray, queue_size=_QUEUE)
-        self._fleet_markers = FleetMarkers(self._ids, frames.enu, make.ball_size_m(scenario.area))
+        self._fleet_markers = FleetMarkers(self._ids, frames.enu, ball_size_m(scenario.area))
         self._diagnostics = rospy.Publisher(DIAGNOSTICS, DiagnosticArray, queue_size=_QUEUE)
         self._tf = rospy.Publisher(TF, TFMessage, queue_size=_QUEUE)
         self._tf_static = rospy.Publisher(TF_STATIC, TFMessage, queue_size=1, latch=True)
@@ -111,11 +107,10 @@ class StandardTopics:
         if pose is None:
             return
         here_m = (pose.north_m, pose.east_m)
-        if not self._track or math.dist(self._track[-1], here_m) >= _TRACK_STEP_M:
-            self._track = [*self._track[1 - _TRACK_POINTS :], here_m]
+        self._track.extend(here_m)
         body = frames.apad(self._apad)
         _publish(self._fix, lambda: make.fix(self._frame, pose.at_ms, body, *here_m, _NOTHING_KNOWN))
-        _publish(self._path, lambda: make.path(now_ms, frames.enu, [*self._track, here_m]))
+        _publish(self._path, lambda: make.path(now_ms, frames.enu, [*self._track.points_m, here_m]))
         _publish(self._plan, lambda: make.path(now_ms, frames.enu, [here_m, *_goals(supervisor)]))
 
     def _show_scene(self, supervisor: Supervisor, beliefs: list[Belief], now_ms: int) -> None:
@@ -187,15 +182,15 @@ class FleetMarkers:
         ids = self._ids | allocation.served_for_others
         rows = {it: dock_index for dock_index, it in enumerate(supervisor.mission.docks) if it is not None}
         shown = [
-            marker
+            shape
             for it in allocation.all()
             if it.agent_id in ids
-            for marker in make.agent_markers(it, now_ms, self._world, self._ball_m, rows.get(it.agent_id, 0))
+            for shape in make.shown(it).shapes(self._ball_m, rows.get(it.agent_id, 0))
         ]
         if pose is not None:
             at, attitude = enu(pose.north_m, pose.east_m), yaw(pose.heading_rad)
-            shown.append(make.apad_marker(now_ms, self._world, at, attitude, self._ball_m))
-        return shown
+            shown.append(apad_shape(at, attitude, self._ball_m))
+        return [make.marker(now_ms, self._world, it) for it in shown]
 
     def _clearing(self, now_ms: int) -> Marker:
         marker = Marker(header=make.header(now_ms, self._world), action=Marker.DELETEALL)

@@ -11,19 +11,15 @@ import numpy as np
 import pytest
 from scenario_files import POOL_FILE
 from sensor_msgs.msg import BatteryState, NavSatFix
+from visualization_msgs.msg import Marker
 
 from apad_bridge.beliefs.belief import Belief, ClockBelief, Source
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.events.mission import MissionState
 from apad_bridge.ros.gateway.fleet_diagnostics import diagnose
-from apad_bridge.ros.gateway.standard_messages import (
-    agent_battery,
-    agent_markers,
-    apad_marker,
-    ball_size_m,
-    fix,
-)
-from apad_bridge.ros_names.frames import ellipse_95
+from apad_bridge.ros.gateway.standard_messages import agent_battery, fix, marker, shown
+from apad_bridge.ros_names.frames import UPRIGHT, ellipse_95
+from apad_bridge.ros_names.shown import apad_shape, ball_size_m
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.loader import load
 from firmware_model.states import State
@@ -51,6 +47,10 @@ def carried(mode: Mode, charge: float) -> Belief:
         Source.PACKET | Source.SILENCE,
         29,
     )
+
+
+def markers(belief: Belief, world: str, ball_m: float, row: int = 0) -> list[Marker]:
+    return [marker(300_000, world, it) for it in shown(belief).shapes(ball_m, row)]
 
 
 @pytest.mark.parametrize(
@@ -105,14 +105,12 @@ def test_95_of_100_places_lie_in_the_ellipse() -> None:
 
 
 def test_a_place_is_marked_where_its_deviation_is_known() -> None:
-    disc = {
-        marker.ns: marker for marker in agent_markers(carried(Mode.ASLEEP, 0.6), 300_000, "bay/enu", 0.5)
-    }["place_95"]
+    disc = {it.ns: it for it in markers(carried(Mode.ASLEEP, 0.6), "bay/enu", 0.5)}["place_95"]
     assert (disc.type, disc.action, disc.id, disc.header.frame_id) == (3, 0, 7, "bay/enu")
     assert (disc.pose.position.x, disc.pose.position.y) == (20.0, 10.0)
     assert disc.scale.x > disc.scale.y > 2 * 2 * 2.4 and 0 < disc.color.a < 1
     newest = Belief(7, 1000, State.ACTIVE, 0.5, 1.0, 10.0, 20.0)
-    assert {marker.ns for marker in agent_markers(newest, 1000, "bay/enu", 0.5)} == {"amussels", "labels"}
+    assert {it.ns for it in markers(newest, "bay/enu", 0.5)} == {"amussels", "labels"}
 
 
 def test_diagnostics_name_the_silent_and_how_sure_one_is() -> None:
@@ -152,14 +150,14 @@ SCENARIOS = Path(__file__).parents[4] / "launch_scripts" / "scenarios"
 @pytest.mark.parametrize(("name", "ball_m"), [("pool-12", 0.5), ("bay-24", 0.6), ("bay-120", 2.0)])
 def test_markers_are_seen_in_their_area(name: str, ball_m: float) -> None:
     assert ball_size_m(load(SCENARIOS / f"{name}.yaml").area) == ball_m
-    ball, label, _ = agent_markers(carried(Mode.ASLEEP, 0.6), 300_000, "musselbed/enu", ball_m)
+    ball, label, _ = markers(carried(Mode.ASLEEP, 0.6), "musselbed/enu", ball_m)
     assert ball.scale.x == ball.scale.y == ball.scale.z == ball_m
     # The label stands north of the ball and does not reach into it.
     assert label.pose.position.y - label.scale.z / 2 >= ball.pose.position.y + ball_m / 2
     assert label.pose.position.x == ball.pose.position.x
-    _, beside, _ = agent_markers(carried(Mode.CHARGING_PRIMARY, 0.6), 300_000, "musselbed/enu", ball_m, row=1)
+    _, beside, _ = markers(carried(Mode.CHARGING_PRIMARY, 0.6), "musselbed/enu", ball_m, row=1)
     assert beside.pose.position.y - label.pose.position.y == pytest.approx(label.scale.z), (
         "not over each other"
     )
-    arrow = apad_marker(300_000, "musselbed/enu", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), ball_m)
+    arrow = marker(300_000, "musselbed/enu", apad_shape((0.0, 0.0, 0.0), UPRIGHT, ball_m))
     assert arrow.scale.x == 3 * ball_m
