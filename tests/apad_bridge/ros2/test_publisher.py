@@ -1,0 +1,147 @@
+"""The program of the other environment, without rclpy: its input's records, and the publishers that it makes of them."""
+
+from __future__ import annotations
+
+import importlib.util
+import io
+import json
+import os
+import struct
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import pytest
+
+from apad_bridge.ros2 import ros2_process
+
+
+class Publisher:
+    def __init__(self, kind: Any, topic: str, profile: Any) -> None:
+        self.kind, self.topic, self.profile = kind, topic, profile
+        self.published: list[bytes] = []
+
+    def publish(self, data: bytes) -> None:
+        self.published.append(data)
+
+
+class Node:
+    def __init__(self, name: str, **options: Any) -> None:
+        self.name, self.options = name, options
+        self.made: list[Publisher] = []
+
+    def create_publisher(self, kind: Any, topic: str, profile: Any) -> Publisher:
+        self.made.append(Publisher(kind, topic, profile))
+        return self.made[-1]
+
+
+@pytest.fixture
+def nodes() -> list[Node]:
+    return []
+
+
+@pytest.fixture
+def program(monkeypatch: pytest.MonkeyPatch, nodes: list[Node]) -> Iterator[Any]:
+    """The module, for which stand-ins of rclpy's names are there."""
+
+    def create_node(name: str, **options: Any) -> Node:
+        nodes.append(Node(name, **options))
+        return nodes[-1]
+
+    policies = SimpleNamespace(TRANSIENT_LOCAL="kept", VOLATILE="volatile", RELIABLE="reliable")
+    stands_in = {
+        "rclpy": {"create_node": create_node},
+        "rclpy.parameter": {"Parameter": lambda name, value: (name, value)},
+        "rclpy.qos": {
+            "QoSDurabilityPolicy": policies,
+            "QoSReliabilityPolicy": policies,
+            "QoSProfile": lambda **values: values,
+        },
+        "rcl_interfaces": {},
+        "rcl_interfaces.msg": {"ParameterEvent": object},
+        "std_msgs": {},
+        "std_msgs.msg": {"String": str},
+    }
+    for name, values in stands_in.items():
+        module = ModuleType(name)
+        vars(module).update(values)
+        monkeypatch.setitem(sys.modules, name, module)
+    path = Path(ros2_process.__file__).with_name("publisher.py")
+    spec = importlib.util.spec_from_file_location("publisher_of_ros2", path)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    yield module
+
+
+def record(number: int, data: bytes) -> bytes:
+    return struct.pack("<II", number, len(data)) + data
+
+
+def announced(number: int, topic: str, kept: int, kind: str = "std_msgs/String") -> bytes:
+    told = {"number": number, "topic": topic, "kind": kind, "hexadecimal": "00" * 32, "kept": kept}
+    return record(0xFFFFFFFF, json.dumps(told).encode())
+
+
+def test_both_ends_of_its_input_have_one_form(program: Any) -> None:
+    assert program.RECORD.format == ros2_process.RECORD.format
+    assert program.NEW_TOPIC == ros2_process.NEW_TOPIC
+
+
+def test_each_record_goes_to_its_topic_until_the_input_ends(
+    program: Any, nodes: list[Node], capsys: pytest.CaptureFixture[str]
+) -> None:
+    torn = record(0, b"torn")
+    for tail in (b"", torn[:3], torn[:-1]):
+        given = [
+            announced(0, "/a", 100),
+            record(0, b"1"),
+            announced(1, "/b", 0),
+            record(1, b"2"),
+            record(0, b""),
+        ]
+        program._run(io.BytesIO(b"".join(given) + tail), "musselbed_apad1")
+        assert capsys.readouterr().out == "ready\n"
+        first, second = nodes[-1].made
+        assert (first.topic, first.kind, first.published) == ("/a", str, [b"1", b""])
+        assert (second.topic, second.published) == ("/b", [b"2"])
+        assert first.profile == {"depth": 100, "reliability": "reliable", "durability": "kept"}
+        assert second.profile == {"depth": 1, "reliability": "reliable", "durability": "volatile"}
+
+
+def test_its_node_offers_no_service_and_no_log(program: Any, nodes: list[Node]) -> None:
+    program._run(io.BytesIO(), "musselbed_apad1")
+    assert nodes[0].name == "musselbed_apad1"
+    assert nodes[0].options == {
+        "parameter_overrides": [("start_type_description_service", False)],
+        "start_parameter_services": False,
+        "enable_rosout": False,
+    }
+
+
+def test_a_type_that_the_wheels_lack_is_made_once_by_its_name(
+    program: Any, nodes: list[Node], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: list[tuple[str, str]] = []
+
+    class Named:
+        def __init__(self, kind: str, hexadecimal: str) -> None:
+            made.append((kind, hexadecimal))
+
+        def message_class(self) -> type:
+            return bytes
+
+    monkeypatch.setattr(program, "_NamedType", Named)
+    kind = "lacking_msgs/Frames"
+    program._run(io.BytesIO(announced(0, "/tf", 0, kind) + announced(1, "/tf_static", 1, kind)), "node")
+    assert [it.kind for it in nodes[0].made] == [bytes, bytes]
+    assert made == [(kind, "00" * 32)]
+
+
+def test_complaints_are_kept_back_for_a_while(program: Any, capfd: pytest.CaptureFixture[str]) -> None:
+    with program._quiet():
+        os.write(2, b"about fields\n")
+    os.write(2, b"about all else\n")
+    assert capfd.readouterr().err == "about all else\n"
