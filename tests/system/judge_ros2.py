@@ -1,6 +1,9 @@
 """A reader on ROS 2 that shares no code with musselbed: it runs in .venv-ros2, by rclpy and the wheels' message classes.
 
-Use: judge_ros2.py SECONDS TOPIC=KIND...     prints, as JSON, each topic's messages, arrivals and QoS
+Use: judge_ros2.py SECONDS TOPIC=KIND...
+
+It prints a line once each topic is offered. After SECONDS, or for `-` at its input's end, it prints as JSON the
+messages of each topic, their arrivals and its QoS.
 """
 
 from __future__ import annotations
@@ -8,6 +11,7 @@ from __future__ import annotations
 import ctypes
 import json
 import math
+import select
 import struct
 import sys
 import time
@@ -82,7 +86,8 @@ def transforms_of(data: bytes) -> list[dict[str, Any]]:
 
 
 def main() -> None:
-    seconds, asked = float(sys.argv[1]), dict(it.split("=") for it in sys.argv[2:])
+    asked = dict(it.split("=") for it in sys.argv[2:])
+    seconds = math.inf if sys.argv[1] == "-" else float(sys.argv[1])
     rclpy.init()
     node = rclpy.create_node("judge")
     came: dict[str, list[Any]] = {topic: [] for topic in asked}
@@ -113,8 +118,11 @@ def main() -> None:
                 qos[topic] = f"{it.qos_profile.reliability.name} {durability.name} {it.topic_type_hash}"
                 is_kept = durability == QoSDurabilityPolicy.TRANSIENT_LOCAL
                 follow(topic, asked[topic], durability if is_kept else QoSDurabilityPolicy.VOLATILE)
+    print("reading", flush=True)
     until_s = time.monotonic() + seconds
-    while time.monotonic() < until_s:
+    while time.monotonic() < until_s and not (
+        seconds == math.inf and select.select([sys.stdin], [], [], 0)[0]
+    ):
         rclpy.spin_once(node, timeout_sec=0.05)
     print(json.dumps({"came": came, "qos": qos}))
 
