@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import importlib.util
 import io
 import json
@@ -138,6 +139,47 @@ def test_a_type_that_the_wheels_lack_is_made_once_by_its_name(
     program._run(io.BytesIO(announced(0, "/tf", 0, kind) + announced(1, "/tf_static", 1, kind)), "node")
     assert [it.kind for it in nodes[0].made] == [bytes, bytes]
     assert made == [(kind, "00" * 32)]
+
+
+FAST_DDS = b"rosidl_typesupport_fastrtps_c"
+FIND = ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_void_p, ctypes.c_char_p)
+SIX, SEVEN = ctypes.c_void_p * 6, ctypes.c_void_p * 7
+
+
+def test_a_named_type_has_its_name_and_hash_and_all_else_of_another_one(
+    program: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Read as rosidl's C structs: six pointers, of which the second leads to two names and five functions."""
+    texts = [ctypes.create_string_buffer(it) for it in (FAST_DDS, b"rcl_interfaces::msg", b"ParameterEvent")]
+    identifier, package, name = map(ctypes.addressof, texts)
+    callbacks = SEVEN(package, name, *range(101, 106))
+    support = SIX(identifier, ctypes.addressof(callbacks), None, None, 111, 112)
+    find = FIND(lambda _, wanted: ctypes.addressof(support) if wanted == FAST_DDS else None)
+    support[2] = ctypes.cast(find, ctypes.c_void_p)  # type: ignore[call-overload]
+    new, pointer_of = ctypes.pythonapi.PyCapsule_New, ctypes.pythonapi.PyCapsule_GetPointer
+    new.restype, new.argtypes = ctypes.py_object, (ctypes.c_void_p, ctypes.c_char_p, ctypes.c_void_p)
+    methods = {
+        "__import_type_support__": lambda: None,
+        "_TYPE_SUPPORT": new(ctypes.addressof(support), None, None),
+    }
+    monkeypatch.setattr(program, "ParameterEvent", type("Known", (type,), methods)("ParameterEvent", (), {}))
+
+    hexadecimal = bytes(range(32)).hex()
+    named = program._NamedType("tf2_msgs/TFMessage", hexadecimal)
+    known = type(named.message_class())
+    assert all(getattr(known, it) for it in ("_CREATE_ROS_MESSAGE", "_CONVERT_FROM_PY", "_CONVERT_TO_PY"))
+    assert known._DESTROY_ROS_MESSAGE
+    pointer_of.restype, pointer_of.argtypes = ctypes.c_void_p, (ctypes.py_object, ctypes.c_char_p)
+    at = pointer_of(known._TYPE_SUPPORT, None)
+    own = SIX.from_address(at)
+    assert ctypes.string_at(own[0]) == FAST_DDS and own[4:] == [111, 112]
+    parts = SEVEN.from_address(own[1])
+    assert (ctypes.string_at(parts[0]), ctypes.string_at(parts[1])) == (b"tf2_msgs::msg", b"TFMessage")
+    assert parts[2:] == list(range(101, 106))
+    assert FIND(own[2])(at, FAST_DDS) == at
+    assert FIND(own[2])(at, b"rosidl_typesupport_introspection_c") is None
+    hash_at = ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_void_p)(own[3])(at)
+    assert ctypes.string_at(hash_at, 33) == b"\x01" + bytes(range(32))
 
 
 def test_complaints_are_kept_back_for_a_while(program: Any, capfd: pytest.CaptureFixture[str]) -> None:
