@@ -93,7 +93,7 @@ class ShownAMussel:
 
     agent_id: int
     state: State
-    """As its newest packet has it."""
+    """The state of its newest packet."""
     mode: Mode
     charge: float
     secondary: float
