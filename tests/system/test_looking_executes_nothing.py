@@ -34,6 +34,7 @@ LOOKS: dict[str, tuple[list[str], ...]] = {
     "back-in": (["."],),
     "abort": (["."],),
     "remark": (["."],),
+    "speed": ([".", "5"],),
     "console": (["."],),
     "foxglove": (["."],),
     "imc": (["."],),
