@@ -96,9 +96,11 @@ def fly(run_dir: Path, trust: Trust | None, *, resume: bool, keeps: bool) -> int
                 context = stack.enter_context(_flight_context(run, fleet))
                 calls = stack.enter_context(primitives_offered(run.config.scenario, run.options))
                 if calls is not None:
-                    context = _under_control(stack, context, run, calls)
                     stack.enter_context(run_offered(run.path, run.config.scenario.apad.name))
                 run = _begin_with_others(run, context)
+            if calls is not None:
+                # Last: whoever finds a supervisor that takes orders may end it in order from then on.
+                context = _under_control(stack, context, run, calls)
             stack.callback(forget_silent_master, run.options.master_uri)
             summary = _fly_mission(run, context, calls)
     except (PeerFailed, TimeoutError) as error:
