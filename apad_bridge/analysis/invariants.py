@@ -65,9 +65,10 @@ class Invariants:
         board = board_config(scenario.board, scenario.seed)
         self._motor_run = board.motor_run if board.whole is None else 0
         """Grains that a run of the motors takes at once; a whole board's motors are a load."""
-        draws = 0 if board.whole is None else board.whole.power.loads.total(-1)
-        # Twice, because a board may draw more than the scenario's, and a charger gives as much as all of its rails draw.
-        self._most_unseen = 2 * (draws * scenario.time_scale.agent_span(TICK_MS) + self._motor_run)
+        charge = board.charge
+        draws = charge.discharge if board.whole is None else board.whole.power.loads.total(-1)
+        gives = max(rate for _, rate in (*charge.segments, *charge.segments_by_two))
+        self._most_unseen = (draws + gives) * scenario.time_scale.agent_span(TICK_MS) + 2 * self._motor_run
         """Grains that may come or go in a tick without a truth."""
         self._resumed: set[int] = set()
         """aMussels without a truth since the supervisor resumed: a kill loses the truths of the tick under way."""

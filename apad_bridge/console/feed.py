@@ -20,6 +20,7 @@ from apad_bridge.analysis.replay.series import (
     sample_times,
 )
 from apad_bridge.events.persons import SpeedChanged
+from apad_bridge.events.run import RunResumed
 from apad_bridge.records.journal import JournalContents, JournalTail
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.scenario.errors import ScenarioError
@@ -54,7 +55,7 @@ class Feed:
             self._has_water = scenario.water is not None and options.part is not BenchPart.MISSION
             self._takes_faults = not options.has_real_vehicle
             own_time = options.time is TimeSource.WALL and not options.has_real_vehicle
-            self._speed = options.speed if own_time else None
+            self._begun_speed = self._speed = options.speed if own_time else None
             self._journal = JournalTail(self._directory.journal)
             begun = self._read_new()
             self._view = RunView(scenario, begun, scenario.duration_ms)
@@ -102,8 +103,11 @@ class Feed:
     def _read_new(self) -> JournalContents:
         new = self._journal.read_new()
         for _, event in new.entries:
-            if isinstance(event, SpeedChanged):
-                self._speed = event.times
+            match event:
+                case SpeedChanged(times=times):
+                    self._speed = times
+                case RunResumed():
+                    self._speed = self._begun_speed
         return new
 
     def _new_sample(self) -> dict[str, Any] | None:

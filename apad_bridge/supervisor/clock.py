@@ -146,7 +146,7 @@ class WallClock:
     def __init__(
         self, speed: float, bound_s: float = 5.0, clock: Callable[[], float] = time.monotonic
     ) -> None:
-        self.speed: FlightSpeed | None = FlightSpeed(speed)
+        self.speed = FlightSpeed(speed)
         self._times = speed
         """The speed since `_origin`."""
         self._bound_s = bound_s
@@ -189,7 +189,7 @@ class WallClock:
 
     def _due_s(self, now_ms: int, now_s: float) -> float:
         """The wall time of a mission time, by the present speed; never, while mission time stands still."""
-        assert self._origin is not None and self.speed is not None
+        assert self._origin is not None
         start_ms, start_s = self._origin
         if (times := self.speed.times) != self._times:
             reached_ms = min(now_ms, start_ms + int((now_s - start_s) * 1000 * self._times))

@@ -221,10 +221,16 @@ function drawThreshold(ctx, x, y, pixel) {
   stroke(ctx, INK, one.believed.flatMap((value, i) => (value === null ? [] : [[x(data.times_ms[i]), y(value)]])));
 }
 
+// A flight whose time is not its own has no speed.
+function flyingWords(speed) {
+  if (speed === null) return "flying";
+  return speed ? `flying at ${speed} times real time` : "flying, and time stands still";
+}
+
 // The name of the run, why it ended, and the figures of its summary.
 function showHeader() {
   $("name").textContent = data.name;
-  const ended = data.ended_by === null ? (data.live ? `flying${data.live.speed ? ` at ${data.live.speed} times real time` : data.live.speed === 0 ? ", and time stands still" : ""}` : "has not ended") : "ended by " + data.ended_by;
+  const ended = data.ended_by === null ? (data.live ? flyingWords(data.live.speed) : "has not ended") : "ended by " + data.ended_by;
   $("about").textContent = [data.description, `${data.agents.length} aMussels, ${data.collection} / ${data.redeployment}, theta ${data.theta}, seed ${data.seed}; ${ended}`].filter(Boolean).join(" · ");
   const known = data.summary || {};
   const figures = [
@@ -330,9 +336,9 @@ function showLegend() {
     if (packet[5] === null) for (const [, outcome] of packet[6]) fates.add(FATES[outcome] || "missed");
     else fates.add("missed");
   }
+  const marks = { apad: true, track: data.trace.length > 1, plan: data.plans.length > 0, fence: Boolean(data.fence), stop: data.stages.some((it) => it.stop) };
   for (const item of document.querySelectorAll("#legend li")) {
     const { status, fate: of } = item.dataset;
-    const marks = { apad: true, track: data.trace.length > 1, plan: data.plans.length > 0, fence: Boolean(data.fence), stop: data.stages.some((it) => it.stop) };
     if (item.dataset.mark) item.hidden = !marks[item.dataset.mark];
     else if (status === "suspect") item.hidden = data.suspects.length === 0;
     else item.hidden = of ? !fates.has(of) : status !== "home" && !there.has(status);

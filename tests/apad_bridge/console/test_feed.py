@@ -1,5 +1,6 @@
 """What a console reads and asks for its pages."""
 
+import json
 import os
 import socket
 from datetime import UTC, datetime
@@ -64,6 +65,10 @@ def test_an_end_that_is_written_after_the_sample_of_its_tick_is_told(run_dir: Pa
             assert feed.poll() == {"sample": None, **flying, "speed": 1.0}
             print('{"t":5000,"kind":"speed","times":5.0,"by":"Anna"}', file=journal, flush=True)
             assert feed.poll()["speed"] == 5.0
+            # The next supervisor flies at the speed with which the run began.
+            resumed = {"journal_dropped": 0, "journal_torn_bytes": 0, "bag_repaired": None, "bag_lost_ms": 0}
+            print(json.dumps({"t": 5000, "kind": "resumed", **resumed}), file=journal, flush=True)
+            assert feed.poll()["speed"] == 1.0
             print('{"t":5000,"kind":"end","reason":"a call","end_reason":"a call"}', file=journal, flush=True)
         told = feed.poll()
         assert told["ended_by"] == "a call"
