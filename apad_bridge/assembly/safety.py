@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from apad_bridge.assembly.stacks import ADRIFT_MS, STACKS
+from apad_bridge.assembly.stacks import adrift_ms, stacks
 from apad_bridge.events.guards import Reaction
 from apad_bridge.scenario.area.fence import fence_of
 from apad_bridge.scenario.guard_options import GuardOptions, WhenOutside, WhenUnwatched
@@ -54,8 +54,6 @@ from apad_bridge.world.apad.thrusters import allocate, electrical_w
 _S_PER_HOUR = 3600
 CLOCK_STEP_MS = 1_000
 """Stamps of a real vehicle that jump ahead by more belong to a clock that was set."""
-_PULLED_BACK_M = max(it.pulls_back_m for it in STACKS)
-"""Room for a docking is asked for before it is known which stack flies it."""
 
 
 def safety_of(scenario: Scenario, *, needs_person: bool = False) -> Safety:
@@ -117,15 +115,15 @@ def _waters(scenario: Scenario, options: GuardOptions) -> Waters:
 
 def _guards(scenario: Scenario, options: GuardOptions, waters: Waters) -> list[Guard]:
     docking, area = scenario.mission.docking, scenario.area
-    adrift_s = ADRIFT_MS / 1000 if options.adrift_s is None else options.adrift_s
+    adrift_s = adrift_ms() / 1000 if options.adrift_s is None else options.adrift_s
+    # Room for a docking is asked for before it is known which stack flies it.
+    pulled_back_m = max(it.pulls_back_m for it in stacks())
     guards: list[Guard] = [
         *unlimited_guards(),
         InWaters(waters, returns=options.outside is WhenOutside.RETURN),
         RoomToDock(
             waters,
-            max(options.drift_m_s, fastest_drift_m_s(scenario)) * adrift_s
-            + options.search_m
-            + _PULLED_BACK_M,
+            max(options.drift_m_s, fastest_drift_m_s(scenario)) * adrift_s + options.search_m + pulled_back_m,
             lambda agent_id: docking.profile_of(agent_id) is not DockingProfile.VIRTUAL,
         ),
         LegLimits(options.leg_m or math.inf, options.speed_limit_m_s or math.inf, options.leg_s or math.inf),

@@ -1,22 +1,31 @@
-"""The stacks of aPad software: for each NAME of `Generation`, the folders called `generation_NAME`.
+"""The stacks of aPad software: for each NAME of `Generation`, the folders called `generation_NAME`, or a package's module.
 
 `vehicle/` has the folder that makes a stack, which the doctor recognises. The one in `ros/` makes it fly, by its `link` and
 its simulated node's `server`, and the one in `world/` has the vehicle that this node simulates. A stack's faults, and the
 docks that its messages can name, stand in `scenario/schema.py`. A part is imported when it is loaded.
+
+An installed package names one module under the entry points `musselbed.stacks`. The module has `STACK` and `open_link`
+(docs/extending.md).
 """
 
 from __future__ import annotations
 
 import importlib
-from typing import Any
+from functools import cache
+from typing import Any, cast
 
-from apad_bridge.scenario.choices import Generation
+from apad_bridge.scenario.choices import OWN_GENERATIONS, STACKS_GROUP, Generation
 from apad_bridge.vehicle.errors import VehicleNotReady
 from apad_bridge.vehicle.stack import Stack
 
 
 def part_of(generation: Generation, module: str, name: str) -> Any:
-    """Imports an object of a generation's folder, as `ros.link`. VehicleNotReady if the stack has no such part."""
+    """Imports an object of a generation's folder, as `ros.link`, or of its package's module.
+
+    VehicleNotReady, in one line, if the stack has no such part, or if its package cannot be loaded.
+    """
+    if generation not in OWN_GENERATIONS:
+        return _of_package(generation, name)
     room, _, leaf = module.partition(".")
     dotted = f"apad_bridge.{room}.generation_{generation.value}.{leaf}"
     try:
@@ -27,14 +36,49 @@ def part_of(generation: Generation, module: str, name: str) -> Any:
     raise VehicleNotReady("this aPad software is recognised, and cannot be flown: its stack has no such part")
 
 
-STACKS: tuple[Stack, ...] = tuple(
-    part_of(it, "vehicle.stack", "STACK") for it in Generation if it is not Generation.AUTO
-)
-_BY_GENERATION = {stack.generation: stack for stack in STACKS}
-ADRIFT_MS = max(it.adrift_in_docking_ms for it in STACKS)
-"""The longest span in which a stack lets its vehicle drift before it docks or undocks."""
+def _of_package(generation: Generation, name: str) -> Any:
+    from importlib.metadata import entry_points  # it takes long, and few bring a stack
+
+    from firmware_model.packets.codec import brought_by
+
+    entries = [it for it in entry_points(group=STACKS_GROUP) if it.name == generation.value]
+    packages = " and ".join(sorted({brought_by(it) for it in entries}))
+    if len(entries) > 1:
+        raise VehicleNotReady(f"stack {generation.value!r} is in {packages}: uninstall one of them")
+    try:
+        return getattr(entries[0].load(), name)
+    except (Exception, SystemExit) as error:
+        raise VehicleNotReady(
+            f"stack {generation.value!r} (from {packages}) has no {name} that can be loaded: "
+            f"{type(error).__name__}: {error}"
+        ) from error
 
 
+@cache
 def stack_of(generation: Generation) -> Stack:
-    """The stack of a generation. AUTO gives A, the simulated aPad's default."""
-    return _BY_GENERATION[Generation.A if generation is Generation.AUTO else generation]
+    """The stack of a generation. AUTO gives A, the simulated aPad's default. VehicleNotReady for a broken package's."""
+    known = Generation.A if generation is Generation.AUTO else generation
+    return cast(Stack, part_of(known, "vehicle.stack", "STACK"))
+
+
+@cache
+def stacks() -> tuple[Stack, ...]:
+    """All stacks, but for those of packages that cannot be loaded (`unloadable`)."""
+    return tuple(stack_of(it) for it in Generation if it is not Generation.AUTO and it not in unloadable())
+
+
+@cache
+def unloadable() -> dict[Generation, str]:
+    """The stacks of packages that cannot be loaded, with a line for a person."""
+    lines = {}
+    for generation in (it for it in Generation if it not in OWN_GENERATIONS):
+        try:
+            stack_of(generation)
+        except VehicleNotReady as error:
+            lines[generation] = str(error)
+    return lines
+
+
+def adrift_ms() -> int:
+    """The longest span in which a stack lets its vehicle drift before it docks or undocks."""
+    return max(it.adrift_in_docking_ms for it in stacks())

@@ -155,7 +155,7 @@ def _list_of_all() -> str:
 
 def all_groups() -> dict[str, dict[str, str]]:
     """The commands with their lines: those of this folder in their groups, then those of packages by the package's name."""
-    from apad_bridge.commands.entry_points import entry_points
+    from firmware_model.entry_points import entry_points
 
     groups = {title: dict(commands) for title, commands in GROUPS.items()}
     for entry in entry_points(_ENTRY_POINTS):
@@ -176,7 +176,7 @@ def _module_of(name: str) -> str:
             # One module has all orders; each other module has the command of its own name.
             module = "control" if group == "order" else name
             return f"apad_bridge.commands.{_FOLDERS.get(group, group)}.{module}"
-    from apad_bridge.commands.entry_points import entry_points
+    from firmware_model.entry_points import entry_points
 
     brought = entry_points(_ENTRY_POINTS)
     found = [it for it in brought if it.name == name]

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any
 
-from apad_bridge.assembly.stacks import STACKS
+from apad_bridge.assembly.stacks import stacks, unloadable
 from apad_bridge.doctor.definitions import Md5s
 from apad_bridge.doctor.door import MOST_CHARGE, Door, LiveAPad, NotAnnounced
 from apad_bridge.doctor.finding import Check, Finding, cannot_tell, fail, ok, run_check, run_checks, warn
@@ -51,7 +51,9 @@ def check_apads(
     door: Door, graph: Graph, scenario: Scenario | None = None, flown: Container[str] = ()
 ) -> Iterator[Finding]:
     """Makes `CHECKS` of each aPad on the graph, of any generation; a mission is about to begin with those `flown`."""
-    found = [(name, stack) for stack in STACKS for name in named_like(graph, stack)]
+    for generation, line in unloadable().items():
+        yield warn(line, "mend the package, or uninstall it", check=f"stack {generation}")
+    found = [(name, stack) for stack in stacks() for name in named_like(graph, stack)]
     dead = sorted(
         _with_parts_of_a(graph) - {name for name, stack in found if _SERVER in stack.recognised_actions}
     )
@@ -61,7 +63,7 @@ def check_apads(
     if not found and not dead:
         mend = (
             "start it, or fly the simulated one: musselbed run --apad sim; a real one has "
-            f"{' or '.join(f'{stack.known_by} below its NAME' for stack in STACKS)}"
+            f"{' or '.join(f'{stack.known_by} below its NAME' for stack in stacks())}"
         )
         yield warn("none on this master", mend, check="aPad")
         return
@@ -261,6 +263,8 @@ def _check_md5s(apad: FoundAPad) -> Finding:
     stack, door, ours = apad.stack, apad.door, apad.ours
     differing, silent, same = [], [], []
     for part, type_name in {**stack.topic_types, **stack.service_types}.items():
+        if type_name not in ours:  # a package's stack may have types of its own, which its link judges
+            continue
         probe = door.service_md5 if part in stack.service_types else door.topic_md5
         try:
             md5 = probe(apad.graph, apad.topic(part))

@@ -15,7 +15,7 @@ from functools import cached_property
 from importlib.metadata import version
 
 from apad_bridge.assembly.safety import LegEnergy
-from apad_bridge.assembly.stacks import STACKS
+from apad_bridge.assembly.stacks import stacks
 from apad_bridge.doctor.apad import check_held, named_like
 from apad_bridge.doctor.door import MOST_CHARGE, LiveAPad, NotAnnounced, TopicSeen
 from apad_bridge.doctor.finding import Check, Finding, cannot_tell, fail, ok, warn
@@ -260,7 +260,7 @@ class WatchedAPad(LiveAPad):
     @cached_property
     def stacks(self) -> list[Stack]:
         """Each stack whose software the graph has under this name."""
-        return [it for it in STACKS if self.name in named_like(self.graph, it)]
+        return [it for it in stacks() if self.name in named_like(self.graph, it)]
 
     @cached_property
     def samples(self) -> list[PositionSample]:

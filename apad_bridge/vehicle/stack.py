@@ -26,7 +26,7 @@ class Stack:
     recognised_services: tuple[str, ...] = ()
     """... and where all these services are offered."""
     topic_types: Mapping[str, str] = field(default_factory=dict)
-    """The types of the topics that we subscribe to; their md5s are checked."""
+    """The types of the topics that we subscribe to. The md5s of those that we have definitions of are checked."""
     service_types: Mapping[str, str] = field(default_factory=dict)
     off_services: tuple[str, ...] = ()
     """The services that together cut its thrust, whatever its position."""

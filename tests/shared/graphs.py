@@ -7,7 +7,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
@@ -34,19 +34,24 @@ def served_pool(path: Path, side_m: float, duration_s: float) -> Path:
 
 
 @contextmanager
-def somebodys_graph(scenario: Path, folder: Path, speed: float) -> Iterator[dict[str, str]]:
-    """A master with an aPad on it, and a /clock `speed` times as fast as the wall's; gives the shell's environment."""
+def somebodys_graph(
+    scenario: Path, folder: Path, speed: float, boat: Sequence[str] = ()
+) -> Iterator[dict[str, str]]:
+    """A master with an aPad on it, and a /clock `speed` times as fast as the wall's; gives the shell's environment.
+
+    `boat` is the command of another vehicle in place of the simulated aPad.
+    """
     with ExitStack() as stack:
         master = start_master(folder / "ros", 120)
         stack.callback(master.stop)
         environment = {**os.environ, **loopback_environment(folder / "ros", master.uri)}
-        stack.callback(stop_apad_node, start_apad_node(scenario, master.uri, folder / "apad.log"))
-        clock = subprocess.Popen(
-            [sys.executable, "-m", "apad_bridge.ros.system.clock_node", "--speed", str(speed)],
-            env=environment,
-        )
-        stack.callback(clock.wait, 180)
-        stack.callback(clock.terminate)
+        clock = [sys.executable, "-m", "apad_bridge.ros.system.clock_node", "--speed", str(speed)]
+        if not boat:
+            stack.callback(stop_apad_node, start_apad_node(scenario, master.uri, folder / "apad.log"))
+        for command in filter(None, (clock, boat)):
+            process = subprocess.Popen(command, env=environment)
+            stack.callback(process.wait, 180)
+            stack.callback(process.terminate)
         yield environment
 
 

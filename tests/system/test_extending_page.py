@@ -12,6 +12,8 @@ from shutil import copytree, which
 
 import pytest
 from doc_blocks import TEMPLATES, blocks, file_of
+from graphs import lines_of, served_pool, somebodys_graph, wait_until
+from patient import PATIENCE_S
 
 pytestmark = pytest.mark.system
 ROOT = Path(__file__).parents[2]
@@ -38,6 +40,7 @@ def environment(tmp_path: Path) -> dict[str, str]:
     beside = sysconfig.get_path("purelib")
     line = f"import site; site.addsitedir({beside!r})\n"
     (place / "lib" / version / "site-packages" / "beside.pth").write_text(line)
+    (place / "share").symlink_to(Path(sys.prefix) / "share")  # the ROS messages that the installer made
     program = place / "bin" / "musselbed"
     program.write_text(
         f"#!{place}/bin/python\nfrom apad_bridge.commands.main import main\nraise SystemExit(main())\n"
@@ -125,3 +128,40 @@ def test_the_templates_install_and_fly(tmp_path: Path, environment: dict[str, st
         "musselbed doctor --all || true", tmp_path, environment
     )
     assert in_a_shell("musselbed services run", tmp_path, environment).strip().isdigit()
+
+
+def test_the_templates_stack_flies_a_boat_of_its_own(tmp_path: Path, environment: dict[str, str]) -> None:
+    """A boat that has none of our names is recognised, served, stopped, and named in the records."""
+    install("stack", tmp_path / "stack", environment, options=BOAT_OPTION)
+    scenario, orders, run = (
+        served_pool(tmp_path / "boat.yaml", 4, 36_000),
+        tmp_path / "orders",
+        tmp_path / "run",
+    )
+    boat = [sys.executable, str(Path(__file__).with_name("lab_boat.py")), "apad1", "2", "2", str(orders)]
+    simulated = subprocess.run(
+        ["musselbed", "run", scenario, "--generation", "lab"], env=environment, capture_output=True, text=True
+    )
+    assert simulated.returncode == 2 and "brings no simulated aPad" in simulated.stderr
+    with somebodys_graph(scenario, tmp_path, 4, boat) as graph:
+        graph |= {"PATH": environment["PATH"]}
+        assert "an aPad with the service helm/off" in in_a_shell(
+            "musselbed doctor --all || true", tmp_path, graph
+        )
+        fly = ["musselbed", "run", scenario, "--time", "ros", "--apad", "ros", "--out", run, "--json"]
+        with subprocess.Popen(
+            fly, env=graph, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        ) as flight:
+            wait_until(lambda: run.exists() and any(it["kind"] == "released" for it in lines_of(run)), flight)
+            in_a_shell(f"musselbed stop {run} --off", tmp_path, graph)
+            wait_until(lambda: orders.read_text().endswith("off\n"), flight)
+            stopped = orders.read_text()
+            since_ms = lines_of(run)[-1]["t"]
+            wait_until(lambda: lines_of(run)[-1]["t"] > since_ms + 20_000, flight)
+            assert orders.read_text() == stopped
+            in_a_shell(f"musselbed abort {run}", tmp_path, graph)
+            _, said = flight.communicate(timeout=PATIENCE_S)
+        assert flight.returncode == 0, said
+    assert any(it["kind"] == "dock" for it in lines_of(run))
+    others = json.loads((run / "versions.json").read_text())["packages_of_others"]
+    assert others == {"lab_stack 1.2": "stacks lab"}

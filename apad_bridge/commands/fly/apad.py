@@ -12,7 +12,7 @@ from apad_bridge.commands.fly.run import namespace_of_shell
 from apad_bridge.commands.help_text import ending
 from apad_bridge.ros.system.route import environment_for, somebodys_master
 from apad_bridge.runs.exits import peers_may_fail
-from apad_bridge.scenario.choices import Generation
+from apad_bridge.scenario.choices import OWN_GENERATIONS
 
 
 def add_parser(commands: Any) -> None:
@@ -30,7 +30,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--apad", metavar="NAME", help="one of the scenario's aPads (default: the first)")
     parser.add_argument(
         "--generation",
-        choices=[it.value for it in Generation],
+        choices=sorted(OWN_GENERATIONS),
         help="generation of the aPad's software, instead of the scenario's",
     )
     parser.add_argument(

@@ -8,7 +8,6 @@ import re
 from pathlib import Path
 from typing import Any
 
-from apad_bridge.commands.entry_points import entry_points
 from apad_bridge.commands.help_text import STRATEGY, ending
 from apad_bridge.commands.look import console
 from apad_bridge.commands.trust import trust_of_typed
@@ -16,6 +15,7 @@ from apad_bridge.runs.exits import refuse
 from apad_bridge.scenario.choices import Generation, Hosting
 from apad_bridge.scenario.errors import UserError
 from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource
+from firmware_model.entry_points import entry_points
 
 SLOWEST, FASTEST = 0.01, 10_000.0
 _TIMES = """asap: virtual time, as fast as the machine goes, the simulated aPad in the same process, no ROS;

@@ -13,6 +13,7 @@ from apad_bridge.doctor.finding import CheckStatus
 from apad_bridge.ros.system.route import somebodys_master
 from apad_bridge.ros_names.names import in_full
 from apad_bridge.runs.exits import refuse
+from apad_bridge.scenario.choices import OWN_GENERATIONS
 from apad_bridge.scenario.cross_checks import problems_with_real_vehicle, warnings
 from apad_bridge.scenario.errors import UserError, in_ranges
 from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource
@@ -38,6 +39,12 @@ def check_run(options: RunOptions, scenario: Scenario, starts: Sequence[Start]) 
         _refuse_for_several(options)
     check_real_vehicle(options, scenario)
     if options.apad is APadKind.SIM:
+        generation = scenario.apad.generation
+        if options.time is not TimeSource.ASAP and generation not in OWN_GENERATIONS:
+            raise UserError(
+                f"the stack {generation.value!r} brings no simulated aPad: fly its vehicle by --apad ros, or ours by "
+                "--generation a"
+            )
         for happens, mend in warnings(scenario):
             print(f"musselbed: warning: {happens}: {mend}", file=sys.stderr)
         return None

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
-from apad_bridge.assembly.stacks import ADRIFT_MS
+from apad_bridge.assembly.stacks import adrift_ms
 from apad_bridge.field.calibration.intervals import Floats
 from apad_bridge.field.calibration.stopping import LOOKED_S, StopTrack
 from apad_bridge.field.field_log.facts import Work
@@ -151,7 +151,7 @@ def drifts_m_s(log: VehicleLog, adrift_s: tuple[tuple[float, float], ...]) -> li
 
     `adrift_s` are spans that a person names. Generation B also drifts for 27 s before its own dockings and undockings.
     """
-    servo_s = ADRIFT_MS / 1000
+    servo_s = adrift_ms() / 1000
     spans = [
         *adrift_s,
         *((it.began_s, it.began_s + servo_s) for it in log.servos if it.ended_s - it.began_s >= servo_s),

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from agents.water.medium import PacketOutcome
-from apad_bridge.assembly.stacks import ADRIFT_MS
+from apad_bridge.assembly.stacks import adrift_ms
 from apad_bridge.events.mission import PrimitiveChanged
 from apad_bridge.field.field_log.facts import (
     AmusselCharged,
@@ -206,7 +206,7 @@ class FactReader:
         and for an undocking only after the camera's servo."""
         began = self._servo
         is_open = any(it > _OPEN for it in told.data)
-        if began is not None and is_open and at_s - began.at_s < ADRIFT_MS / 2000:
+        if began is not None and is_open and at_s - began.at_s < adrift_ms() / 2000:
             self._servo = None
             yield replace(began, work=Work.DOCK)
 

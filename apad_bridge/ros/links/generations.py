@@ -7,10 +7,9 @@ import time
 import rosgraph
 import rospy
 
-from apad_bridge.assembly.stacks import STACKS, stack_of
+from apad_bridge.assembly.stacks import stack_of, stacks
 from apad_bridge.doctor.graph import Graph
 from apad_bridge.doctor.network import Unreachable
-from apad_bridge.ros_names.names import of_apad
 from apad_bridge.scenario.choices import Generation
 from apad_bridge.vehicle.errors import VehicleNotReady
 from apad_bridge.vehicle.stack import Stack
@@ -20,18 +19,19 @@ def offered_generations(graph: Graph, name: str) -> set[Generation]:
     """The generations offered below the aPad's namespace `name`, which is itself below that of this process."""
     return {
         stack.generation
-        for stack in STACKS
+        for stack in stacks()
         if all(graph.subscribers.get(goal) for goal in _goals(stack, name))
         and all(graph.services.get(service) for service in _services(stack, name))
     }
 
 
 def _goals(stack: Stack, name: str) -> list[str]:
-    return [f"{rospy.resolve_name(of_apad(name, action))}/goal" for action in stack.recognised_actions]
+    # A package's stack has names that are not in our table.
+    return [rospy.resolve_name(f"{name}/{action}/goal") for action in stack.recognised_actions]
 
 
 def _services(stack: Stack, name: str) -> list[str]:
-    return [str(rospy.resolve_name(of_apad(name, service))) for service in stack.recognised_services]
+    return [rospy.resolve_name(f"{name}/{service}") for service in stack.recognised_services]
 
 
 def _absence(stack: Stack, name: str) -> str:
@@ -58,7 +58,7 @@ def live_generation(name: str, timeout_s: float) -> Generation:
                 f"choose one by --generation, or by apad.generation in the scenario"
             )
         if time.monotonic() > until_s:
-            absences = " and ".join(_absence(stack, name) for stack in STACKS)
+            absences = " and ".join(_absence(stack, name) for stack in stacks())
             raise VehicleNotReady(
                 f"{whole} is not there after {timeout_s:g} s: {absences}; is apad.name right?"
             )

@@ -27,11 +27,12 @@ from apad_bridge.ros.system.node import start_node
 from apad_bridge.ros.types.messages import MessagesUnusable, use_generated_messages
 from apad_bridge.ros_names.names import plain
 from apad_bridge.ros_names.namespaces import beside_others, is_one_of_several
-from apad_bridge.scenario.choices import Generation
+from apad_bridge.scenario.choices import OWN_GENERATIONS
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load, with_overrides
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.clock import StopSign
+from apad_bridge.vehicle.errors import VehicleNotReady
 
 if TYPE_CHECKING:
     from apad_bridge.ros.simulated_node.legacy_server import LegacyServer
@@ -46,9 +47,7 @@ def main() -> int:
     )
     parser.add_argument("--scenario", type=Path, required=True)
     parser.add_argument("--apad", metavar="NAME", help="which of the scenario's aPads (default: the first)")
-    parser.add_argument(
-        "--generation", choices=[it.value for it in Generation], help="instead of the scenario's"
-    )
+    parser.add_argument("--generation", choices=sorted(OWN_GENERATIONS), help="instead of the scenario's")
     parser.add_argument("--held", type=held_by, default={}, help="the aMussels that its docks hold")
     parser.add_argument("--time", choices=["clock", "wall"], default="clock")
     parser.add_argument("--xmlrpc-port", type=int, default=0)
@@ -71,6 +70,9 @@ def main() -> int:
             node = _on_graph(whole, scenario, arguments.xmlrpc_port, arguments.held)
             if follows_clock:
                 node.follow_clock()
+    except VehicleNotReady as wrong:
+        print(f"musselbed: {wrong}", file=sys.stderr)
+        return 2
     except KeyboardInterrupt:
         rospy.signal_shutdown("asked to end while it started")
         return interrupts.INTERRUPTED

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from apad_bridge.assembly.stacks import STACKS
+from apad_bridge.assembly.stacks import stacks
 from apad_bridge.scenario.schema import LIMITS
 from apad_bridge.vehicle.capabilities import Capabilities, of_simulated_apad
 from apad_bridge.vehicle.generation_b.messages import CAMERA_SERVO
@@ -20,7 +20,7 @@ ANY_HEADING = st.floats(-math.pi, math.pi)
 
 @st.composite
 def vehicles(draw: st.DrawFn) -> Capabilities:
-    stack: Stack = draw(st.sampled_from(STACKS))
+    stack: Stack = draw(st.sampled_from(stacks()))
     return stack.capabilities(draw(st.integers(1, LIMITS[stack.generation].docks)))
 
 
@@ -54,5 +54,5 @@ def test_the_papers_four_docks_are_those_of_the_public_simulator() -> None:
 
 def test_generation_b_has_as_many_docks_as_its_docking_primitive_has_slots() -> None:
     assert [len(CAMERA_SERVO)] == [
-        LIMITS[it.generation].docks for it in STACKS if it.capabilities(1).sees_amussels
+        LIMITS[it.generation].docks for it in stacks() if it.capabilities(1).sees_amussels
     ]

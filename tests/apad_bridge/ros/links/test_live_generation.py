@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from apad_bridge.assembly.stacks import STACKS
+from apad_bridge.assembly.stacks import stacks
 from apad_bridge.doctor.graph import Graph
 from apad_bridge.doctor.network import Unreachable
 from apad_bridge.ros.links import generations
@@ -16,8 +16,8 @@ EMPTY = Graph("http://here:1", {}, {}, {}, {})
 OF_A = Graph(
     "http://here:1",
     {},
-    {f"/apad1/{action}/goal": ["/apad1_simulated"] for action in STACKS[0].recognised_actions},
-    {f"/apad1/{service}": ["/apad1_simulated"] for service in STACKS[0].recognised_services},
+    {f"/apad1/{action}/goal": ["/apad1_simulated"] for action in stacks()[0].recognised_actions},
+    {f"/apad1/{service}": ["/apad1_simulated"] for service in stacks()[0].recognised_services},
     {},
 )
 
@@ -39,7 +39,7 @@ def answers(monkeypatch: pytest.MonkeyPatch) -> list[Graph | Unreachable]:
 
 def test_a_master_that_answers_late_is_asked_again(answers: list[Graph | Unreachable]) -> None:
     answers += [SILENT, EMPTY, SILENT, OF_A]
-    assert live_generation("apad1", 60.0) is STACKS[0].generation
+    assert live_generation("apad1", 60.0) is stacks()[0].generation
     assert answers == [OF_A]
 
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from doc_blocks import TEMPLATES
 
-from apad_bridge.commands.entry_points import EntryPoint, entry_points
 from apad_bridge.commands.main import main
+from firmware_model.entry_points import EntryPoint, entry_points
 
 SERVICES = (TEMPLATES / "command/lab_services.py").read_text() + "\nprint('loaded')\n"
 
@@ -102,5 +102,5 @@ def test_an_order_reads_no_metadata(words: list[str], monkeypatch: pytest.Monkey
     def refuse(group: str) -> list[EntryPoint]:
         raise AssertionError(group)
 
-    monkeypatch.setattr("apad_bridge.commands.entry_points.entry_points", refuse)
+    monkeypatch.setattr("firmware_model.entry_points.entry_points", refuse)
     assert main(words) == 2
