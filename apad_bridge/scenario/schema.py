@@ -434,8 +434,7 @@ class APadBattery:
     hotel_w: NotNegative
     """Computers and sensors, always."""
     charging_w_per_dock: NotNegative
-    """For each aMussel that it charges; of the profile's 10 W about 1.2 reach the batteries, by the charging rates of Table
-    I."""
+    """For each aMussel that it charges. docs/energy.md#the-apad derives how much of it the batteries take in."""
 
     def __post_init__(self) -> None:
         if self.full_v <= self.empty_v:
