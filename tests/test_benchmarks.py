@@ -5,13 +5,16 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import redirect_stderr, redirect_stdout
 from copy import deepcopy
 from dataclasses import replace
-from math import dist
+from io import StringIO
+from math import dist, inf, nan
 from pathlib import Path
 from random import Random
 from statistics import fmean
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
@@ -39,7 +42,8 @@ from benchmarks.plan_study.request_flight import RequestFlight
 
 pytestmark = pytest.mark.slow
 
-RUN = Path(__file__).parents[1] / "benchmarks" / "run"
+ROOT = Path(__file__).parents[1]
+RUN = ROOT / "benchmarks" / "run"
 GOOD = '''"""Counts its runs <and> says so."""
 from pathlib import Path
 
@@ -225,33 +229,256 @@ def test_a_plan_is_scored_as_by_hand() -> None:
     assert (found["metres"], found["services"]) == (10.0, 1)
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "",
-        "[]",
-        '{"steps": 3}',
-        '{"steps": ["wait"]}',
-        '{"steps": [["wait", true]]}',
-        '{"steps": [["wait", 1e400]]}',
-        '{"steps": [["wait", 1' + 400 * "0" + "]]}",
-        '{"steps": [[["collect"], 0]]}',
-        "[" * 100_000,
-        "\xff",
-    ],
+def judged(*arguments: str | Path) -> tuple[int, str, str]:
+    """(exit code, standard output, standard error) of the checker, as main() gives them to a shell."""
+    out, err = StringIO(), StringIO()
+    with redirect_stdout(out), redirect_stderr(err):
+        code = check.main([str(it) for it in arguments])
+    return code, out.getvalue(), err.getvalue()
+
+
+def is_refused(path: Path, done: tuple[int, str, str]) -> bool:
+    """True if nothing but one line names the file that is wrong."""
+    code, out, err = done
+    return (code, out, err.count("\n")) == (1, "", 1) and err.startswith(f"{path}: ")
+
+
+NO_JSON = (
+    b"",
+    b"\0\1\2\xff\xfe",
+    b"\xff",
+    b"steps",
+    b"[" * 100_000,
+    b'{"steps": [["wait", 1' + 5000 * b"0" + b"]]}",
 )
-def test_a_file_that_is_no_plan_is_one_line(text: str, tmp_path: Path) -> None:
+NO_STEP = (
+    *(
+        "wait",
+        None,
+        3,
+        [],
+        {},
+        ["wait"],
+        ["wait", 1, 2],
+        ["fetch", 1],
+        [["collect"], 0],
+        [None, 0],
+        {"collect": 0},
+    ),
+    *(["wait", it] for it in ("60", True, False, None, [1], {}, -1, inf, -inf, nan, 10**400)),
+    *(
+        [kind, it]
+        for kind in ("collect", "deploy")
+        for it in ("0", True, False, None, [0], 0.0, nan, -1, 10**400)
+    ),
+)
+NO_PLAN = (
+    [],
+    {},
+    None,
+    3,
+    "steps",
+    [["wait", 1]],
+    {"steps": 3},
+    {"steps": None},
+    {"steps": {}},
+    {"Steps": []},
+)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        *NO_JSON,
+        *(json.dumps(it).encode() for it in NO_PLAN),
+        *(json.dumps({"steps": [it]}).encode() for it in NO_STEP),
+        *(b'{"steps": [' + depth * b"[" + depth * b"]" + b"]}" for depth in (900, 960, 980, 990)),
+        b'{"instance": "002", "steps": []}',
+    ],
+    ids=lambda it: repr(it[:40]),
+)
+def test_a_file_that_is_no_plan_is_one_line(content: bytes, tmp_path: Path) -> None:
     plan = tmp_path / "plan.json"
-    plan.write_bytes(text.encode("latin-1"))
-    checker = plans.FOLDER / "check.py"
-    done = subprocess.run(
-        [sys.executable, str(checker), str(INSTANCES[0]), str(plan)],
+    plan.write_bytes(content)
+    assert is_refused(plan, judged(INSTANCES[0], plan))
+
+
+BAD_VALUES: dict[str, tuple[object, ...]] = {
+    **dict.fromkeys(("horizon_s", "speed_m_s", "drain_per_s"), ("1", True, 0, -1, nan, inf, None, 10**400)),
+    **dict.fromkeys(("dock_s", "undock_s", "battery_worth_s"), ("1", True, -1, nan, None)),
+    **dict.fromkeys(("bound_percent", "uptime_bound_percent"), ("1", True, nan, None)),
+    "motor_run": ("0", False, -0.1, 1.1, nan),
+    "docks": (0, 1.0, True, "2", -1),
+    "start_m": (3, [1], [1, "2"], [1, nan], [1, 2, 3], {}),
+    "places_m": (3, {}, [], [[1, 2]], [[0, True]] * 12, ["12"] * 12),
+    "charges": (3, [], [0.5], [2.0] * 12, ["1"] * 12, [True] * 12),
+    "curve": ([], [[1]], [[1, 0]], [[0.5, 1]], [[1, 1], [0.5, 1]], [[0, 1], [1, 1]], [[1, "1"]], 3),
+}
+
+
+@pytest.mark.parametrize("key", BAD_VALUES)
+def test_a_file_that_is_no_instance_is_one_line(key: str, tmp_path: Path) -> None:
+    """Each key in turn is missing, or has a bad value."""
+    good, best = json.loads(INSTANCES[0].read_text()), INSTANCES[0].with_stem("001-best")
+    path = tmp_path / "001.json"
+    for bad in ({k: v for k, v in good.items() if k != key}, *(good | {key: it} for it in BAD_VALUES[key])):
+        path.write_text(json.dumps(bad))
+        done = judged(path, best)
+        assert is_refused(path, done) and key in done[2], (bad.get(key), done)
+
+
+def test_every_key_that_the_checker_reads_has_bad_values() -> None:
+    assert json.loads(INSTANCES[0].read_text()).keys() - BAD_VALUES.keys() == {"name", "area"}
+
+
+def test_a_file_that_is_not_there_is_one_line(tmp_path: Path) -> None:
+    assert is_refused(tmp_path / "no.json", judged(tmp_path / "no.json", INSTANCES[0]))
+    assert is_refused(tmp_path, judged(INSTANCES[0], tmp_path))
+    assert judged(INSTANCES[0])[0] == 2
+
+
+NUMBERS = st.one_of(st.integers(), st.floats(), st.integers(10**300, 10**320))
+JSON_VALUES = st.recursive(
+    st.one_of(st.none(), st.booleans(), NUMBERS, st.text()),
+    lambda inner: st.one_of(st.lists(inner, max_size=4), st.dictionaries(st.text(), inner, max_size=4)),
+)
+STEPS = st.one_of(JSON_VALUES, st.tuples(st.sampled_from(["collect", "deploy", "wait"]), JSON_VALUES))
+PLANS = st.one_of(JSON_VALUES, st.fixed_dictionaries({"steps": st.lists(STEPS, max_size=6)}))
+ODD_INSTANCES = st.one_of(
+    JSON_VALUES,
+    st.tuples(st.sampled_from(sorted(BAD_VALUES)), JSON_VALUES).map(
+        lambda it: json.loads(INSTANCES[0].read_text()) | {it[0]: it[1]}
+    ),
+)
+
+
+@given(instance=ODD_INSTANCES, plan=PLANS)
+def test_no_json_value_makes_the_checker_raise(instance: object, plan: object) -> None:
+    with TemporaryDirectory() as folder:
+        odd, path = Path(folder, "odd.json"), Path(folder, "plan.json")
+        odd.write_text(json.dumps(instance))
+        path.write_text(json.dumps(plan))
+        for done in (judged(INSTANCES[0], path), judged(odd, path)):
+            assert done[0] == 0 or is_refused(path, done) or is_refused(odd, done)
+
+
+def best_of(path: Path) -> str:
+    return path.with_stem(f"{path.stem}-best").read_text()
+
+
+@pytest.fixture
+def unpacked(tmp_path: Path) -> Path:
+    """The archive, in a folder where nothing else is."""
+    archive = tmp_path / "instances.tar.gz"
+    subprocess.run([plans.FOLDER / "archive", archive], check=True, timeout=60, env={"PATH": "/usr/bin:/bin"})
+    (tmp_path / "elsewhere").mkdir()
+    subprocess.run(["tar", "-xzf", archive, "-C", tmp_path / "elsewhere"], check=True, timeout=60)
+    return tmp_path / "elsewhere/musselbed-instances"
+
+
+def mine_is_the_best(unpacked: Path) -> None:
+    (unpacked / "mine").mkdir()
+    for path in INSTANCES:
+        (unpacked / "mine" / path.name).write_text(best_of(path))
+
+
+def bare(folder: Path, *arguments: str) -> "subprocess.CompletedProcess[str]":
+    """The checker in that folder, by a Python that sees no package and no variable."""
+    return subprocess.run(
+        [Path(sys.base_prefix, "bin/python3"), "-I", "-S", "check.py", *arguments],
+        cwd=folder,
+        env={},
         capture_output=True,
         text=True,
         timeout=60,
     )
-    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (1, "", 1), done.stderr
-    assert done.stderr.startswith(str(plan))
+
+
+def test_a_stranger_checks_a_plan_and_adds_a_row(unpacked: Path, tmp_path: Path) -> None:
+    """From the archive alone: the best known plan is scored, a broken one is refused, and plans for all give a row."""
+    assert {it.name for it in unpacked.iterdir()} == {
+        *("LICENSE", "README.md", "check.py", "results.csv"),
+        *(f"{number:03}{end}.json" for number in range(1, 61) for end in ("", "-best")),
+    }
+    good = bare(unpacked, "007.json", "007-best.json")
+    assert good.returncode == 0 and json.loads(good.stdout)["score"] > 0
+    broken = json.loads((unpacked / "007-best.json").read_text())
+    broken["steps"].insert(0, ["deploy", 0])
+    (unpacked / "mine.json").write_text(json.dumps(broken))
+    refused = bare(unpacked, "007.json", "mine.json")
+    line = "mine.json: step 1: ['deploy', 0]: it is not docked\n"
+    assert (refused.returncode, refused.stdout, refused.stderr) == (1, "", line)
+
+    mine_is_the_best(unpacked)
+    before = (unpacked / "results.csv").read_text()
+    added = bare(unpacked, "--row", "a stranger's", "mine")
+    assert added.returncode == 0 and "better" not in added.stdout, added.stderr
+    after = (unpacked / "results.csv").read_text()
+    assert after.startswith(before) and after.count("\n") == before.count("\n") + 1
+    (unpacked / "mine/060.json").write_text('{"steps": [["collect", 99]]}')
+    for name, why in (
+        ("A stranger's", "a row of this name"),
+        ("another", "no such aMussel"),
+        (" ", "printable"),
+    ):
+        again = bare(unpacked, "--row", name, "mine")
+        assert (again.returncode, again.stderr.count("\n")) == (1, 1) and why in again.stderr
+        assert (unpacked / "results.csv").read_text() == after
+
+
+def test_a_plan_above_the_best_known_one_is_told(unpacked: Path) -> None:
+    mine_is_the_best(unpacked)
+    (unpacked / "003-best.json").write_text('{"steps": []}')
+    assert bare(unpacked, "--row", "mine", "mine").stdout.endswith("best known plans of 003\n")
+
+
+def test_the_archive_has_the_same_bytes_each_time(tmp_path: Path) -> None:
+    """Also from files with other times, in a clone elsewhere."""
+    clone = tmp_path / "clone"
+    for name in ("LICENSE", "docs/reference/instances.md", "benchmarks/instances"):
+        (clone / name).parent.mkdir(parents=True, exist_ok=True)
+        copy = shutil.copytree if (ROOT / name).is_dir() else shutil.copyfile
+        copy(ROOT / name, clone / name)
+    os.utime(clone / "benchmarks/instances/001.json", (1, 1))
+    packed = []
+    for root in (ROOT, clone):
+        out = tmp_path / f"{len(packed)}.tar.gz"
+        subprocess.run([root / "benchmarks/instances/archive", out], check=True, timeout=60)
+        packed.append(out.read_bytes())
+    assert packed[0] == packed[1]
+
+
+def test_the_archive_needs_a_name_that_it_can_write(tmp_path: Path) -> None:
+    for name, code in ((tmp_path / "no/where.tar.gz", 1), (tmp_path / "x.zip", 2)):
+        done = subprocess.run([plans.FOLDER / "archive", name], capture_output=True, text=True, timeout=60)
+        assert (done.returncode, done.stderr.count("\n")) == (code, 1)
+
+
+@pytest.mark.parametrize(("name", "plan_of"), [("the best known plans", best_of), ("no service", None)])
+def test_a_row_of_the_table_has_the_means_of_its_plans(
+    name: str, plan_of: Callable[[Path], str] | None
+) -> None:
+    """The numbers of the instances say which are small. With no service the score follows from the charges by hand."""
+    scores: dict[bool, list[float]] = {True: [], False: []}
+    bounds: dict[bool, list[float]] = {True: [], False: []}
+    for path in INSTANCES:
+        instance = json.loads(path.read_text())
+        if plan_of is not None:
+            score = json.loads(judged(path, path.with_stem(f"{path.stem}-best"))[1])["score"]
+        else:
+            lasts_s = [charge / instance["drain_per_s"] for charge in instance["charges"]]
+            active_s = [min(it, instance["horizon_s"]) for it in lasts_s]
+            lost = fmean(active_s) * instance["drain_per_s"]
+            score = 100 * (fmean(active_s) - instance["battery_worth_s"] * lost) / instance["horizon_s"]
+        scores[int(path.stem) > 50].append(score)
+        bounds[int(path.stem) > 50].append(instance["bound_percent"])
+    figures = [
+        f(it)
+        for it in (False, True)
+        for f in (lambda x: fmean(scores[x]), lambda x: fmean(bounds[x]) - fmean(scores[x]))
+    ]
+    row = next(it for it in check.rows() if it[0] == name)
+    assert [float(it) for it in row[1:]] == pytest.approx(figures, abs=0.0006)
 
 
 def every_plan(world: check.World, wait_s: float) -> Iterator[float]:
