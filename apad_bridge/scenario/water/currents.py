@@ -17,7 +17,8 @@ _SUFFIXES = (".nc", ".nc4", ".cdf")
 def current_text(path: Path, frame: LocalFrame) -> str:
     """Returns CSV text: north_m, east_m, north_m_s, east_m_s and, from a NetCDF file, time_s and depth_m.
 
-    Time counts from the file's first; the current over land is 0. Raises OSError, or ValueError with the problem.
+    Time counts from the file's first; the current over a grid's land, and at a dry node, is 0. Raises OSError, or
+    ValueError with the problem.
     """
     if path.suffix not in _SUFFIXES:
         return read_text(path)

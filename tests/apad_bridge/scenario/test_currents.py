@@ -1,16 +1,25 @@
-"""Currents from NetCDF files, classic and HDF5, and from a scenario's block: the same as from the equivalent CSV."""
+"""Currents from NetCDF files, classic and HDF5, and from a scenario's block: the same as from the equivalent CSV.
+
+On triangles: linear fields by their formula, others by scipy's interpolation, and edges, land and borders by hand.
+"""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scenario_files import POOL_FILE
+from scipy.interpolate import LinearNDInterpolator
+from scipy.spatial import Delaunay
 
 from agents.mussel.body import Body
-from agents.water.stream import parse_stream
+from agents.water.stream import Stream, parse_stream
 from apad_bridge.assembly import fleet_parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.scenario.area.local_frame import LocalFrame
@@ -18,6 +27,7 @@ from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
+from apad_bridge.scenario.water import netcdf
 from apad_bridge.scenario.water.currents import current_text, problem_with_current, read_current
 
 netCDF4 = pytest.importorskip("netCDF4")
@@ -78,6 +88,289 @@ def test_what_is_no_current_is_told(tmp_path: Path) -> None:
     with netCDF4.Dataset(str(tmp_path / "empty.nc"), "w") as data:
         data.createDimension("time", 1)
     assert "no variable is called north_m_s" in problem_with_current(tmp_path / "empty.nc", FRAME)
+
+
+Floats = NDArray[np.float64]
+
+
+@dataclass
+class MeshFile:
+    """A file as SHYFEM writes it, or by UGRID. Velocities have an axis of time, one of depth if `levels`, and nodes."""
+
+    nodes_m: Any
+    triangles: Any
+    north_m_s: Any
+    east_m_s: Any
+    levels: tuple[float, ...] = ()
+    is_ugrid: bool = False
+    start_index: int | None = None
+    first_node: int = 1
+    is_transposed: bool = False
+    faces: Any = None
+
+    def write(self, path: Path) -> Path:
+        places = np.array([FRAME.to_geographic(*it) for it in np.asarray(self.nodes_m, dtype=float)])
+        faces = np.asarray(self.triangles if self.faces is None else self.faces) + self.first_node
+        names = (
+            ("Mesh_y", "Mesh_x", "Mesh_faces")
+            if self.is_ugrid
+            else ("latitude", "longitude", "element_index")
+        )
+        with netCDF4.Dataset(str(path), "w") as data:
+            node, element = ("nNode", "nFace") if self.is_ugrid else ("node", "element")
+            sizes = {
+                "level": len(self.levels),
+                node: len(places),
+                element: len(faces),
+                "vertex": faces.shape[1],
+            }
+            for name, size in sizes.items():
+                data.createDimension(name, size)
+            data.createDimension("time", None)
+            for axis, name in enumerate(names[:2]):
+                variable = data.createVariable(name, "f8", (node,))
+                variable.standard_name = ("latitude", "longitude")[axis]
+                variable[:] = places[:, axis]
+            order = ("vertex", element) if self.is_transposed else (element, "vertex")
+            index = data.createVariable(names[2], "i4", order, fill_value=-9)
+            index[:] = faces.T if self.is_transposed else faces
+            if self.start_index is not None:
+                index.start_index = np.int32(self.start_index)
+            if self.is_ugrid:
+                topology = data.createVariable("Mesh", "i4", ())
+                topology.cf_role, topology.face_node_connectivity = "mesh_topology", "Mesh_faces"
+                topology.node_coordinates, topology.face_dimension = "Mesh_x Mesh_y", element
+            if self.levels:
+                level = data.createVariable("level", "f4", ("level",))
+                level.standard_name, level.description = "depth", "bottom of vertical layers"
+                level[:] = self.levels
+            time = data.createVariable("time", "f8", ("time",))
+            time.units = "seconds since 2012-01-01 00:00:00 UTC"
+            time[:] = 600.0 * np.arange(len(self.north_m_s))
+            axes = ("time", node, "level") if self.levels else ("time", node)
+            for name, values in (("u_velocity", self.east_m_s), ("v_velocity", self.north_m_s)):
+                variable = data.createVariable(name, "f8", axes, fill_value=-999.0)
+                variable[:] = np.moveaxis(np.asarray(values), 1, -1) if self.levels else values
+        return path
+
+
+def mesh(seed: int, along: int = 13, half_m: float = 300.0) -> tuple[Floats, Any]:
+    """Nodes of a square about the origin, the inner ones shaken, and Delaunay's triangles, each either way round."""
+    random = np.random.default_rng(seed)
+    line = np.linspace(-half_m, half_m, along)
+    places = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
+    is_inner = (np.abs(places) < half_m).all(axis=1)
+    places[is_inner] += random.uniform(-0.35, 0.35, (is_inner.sum(), 2)) * (line[1] - line[0])
+    triangles = Delaunay(places).simplices
+    turned = random.random(len(triangles)) < 0.5
+    triangles[turned] = triangles[turned][:, ::-1]
+    return places, triangles
+
+
+def velocity_m_s(
+    stream: Stream, north_m: float, east_m: float, depth_m: float = 0, second: int = 0
+) -> list[float]:
+    um = (round(it * 1e6) for it in (north_m, east_m, depth_m))
+    return [it / 1e6 for it in stream.velocity_um_s(*um, second)]
+
+
+@pytest.mark.parametrize("is_ugrid", [False, True])
+def test_a_linear_field_on_triangles_is_its_formula(tmp_path: Path, is_ugrid: bool) -> None:
+    """Everywhere in the mesh, and at each time: 0.1 + n / 2000 - e / 4000 to north, and half of it to east at 600 s."""
+    places, triangles = mesh(1)
+    north = 0.1 + places[:, 0] / 2000 - places[:, 1] / 4000
+    file = MeshFile(places, triangles, [north, 0 * north], [0 * north, north / 2], is_ugrid=is_ugrid)
+    file.first_node = 0 if is_ugrid else 1
+    stream = read_current(file.write(tmp_path / "shyfem.nc"), FRAME)
+    assert list(stream.seconds) == [0, 600]
+    for n, e in np.random.default_rng(2).uniform(-300, 300, (500, 2)):
+        there = 0.1 + n / 2000 - e / 4000
+        assert velocity_m_s(stream, n, e) == pytest.approx([there, 0], abs=2e-6)
+        assert velocity_m_s(stream, n, e, second=600) == pytest.approx([0, there / 2], abs=2e-6)
+
+
+def test_a_stirred_field_is_that_of_an_independent_interpolation(tmp_path: Path) -> None:
+    """At each crossing of the lines. Between them the two differ by far less than the mesh does from the field itself."""
+    places, triangles = mesh(3)
+
+    def field(places: Floats) -> Floats:
+        n, e = places.T / 60
+        return np.column_stack((np.sin(n) * np.cos(e), np.cos(n + 0.3) * np.sin(e)))
+
+    speeds = field(places)
+    path = MeshFile(places, triangles, [speeds[:, 0]], [speeds[:, 1]]).write(tmp_path / "shyfem.nc")
+    exact = LinearNDInterpolator(Delaunay(places), speeds)
+    stream = read_current(path, FRAME)
+    lines = [(n / 1e6, e / 1e6) for n in stream.fields[0].norths_um for e in stream.fields[0].easts_um]
+    assert len(lines) > 30**2
+    assert np.array([velocity_m_s(stream, *it) for it in lines]) == pytest.approx(exact(lines), abs=2e-6)
+    between = np.random.default_rng(4).uniform(-300, 300, (2000, 2))
+    off = np.abs(np.array([velocity_m_s(stream, *it) for it in between]) - exact(between))
+    assert off.max() < 0.1 and off.mean() < 0.2 * np.abs(exact(between) - field(between)).mean()
+
+
+def test_the_order_and_the_first_number_of_nodes_do_not_matter(tmp_path: Path) -> None:
+    places, triangles = mesh(5, along=6)
+    speeds = np.random.default_rng(6).uniform(-1, 1, (2, len(places)))
+
+    def text(order: Any, **how: Any) -> list[list[float]]:
+        new_number = np.argsort(order)
+        file = MeshFile(places[order], new_number[triangles], [speeds[0][order]], [speeds[1][order]], **how)
+        rows = current_text(file.write(tmp_path / "mesh.nc"), FRAME).splitlines()[1:]
+        return [[float(cell) for cell in row.split(",")] for row in rows]
+
+    same, other = np.arange(len(places)), np.random.default_rng(7).permutation(len(places))
+    first = text(same)
+    for how in (
+        *(
+            {"first_node": 0},
+            {"start_index": 1},
+            {"first_node": 0, "start_index": 0},
+            {"is_transposed": True},
+        ),
+        *({"is_ugrid": True, "first_node": 0}, {"is_ugrid": True, "first_node": 1, "start_index": 1}),
+        {"is_ugrid": True, "first_node": 0, "is_transposed": True},
+    ):
+        assert text(same, **how) == first
+        assert np.allclose(text(other, **how), first, atol=2e-6)
+
+
+TRIANGLE = ([(0, 0), (100, 0), (0, 100)], [(0, 1, 2)])
+
+
+def test_a_dry_node_is_still_water(tmp_path: Path) -> None:
+    """Missing, or not a number: half of the speed half-way there. A layer under the bottom is missing as well."""
+    for missing in (-999.0, np.nan):
+        path = MeshFile(*TRIANGLE, [[0.4, 0.4, missing]], [[0.0, 0.2, 0.2]]).write(tmp_path / "mesh.nc")
+        stream = read_current(path, FRAME)
+        assert velocity_m_s(stream, 0, 50) == pytest.approx([0.2, 0.1], abs=2e-6)
+        assert velocity_m_s(stream, 0, 100) == pytest.approx([0, 0.2], abs=2e-6)
+
+
+def test_levels_are_the_middles_of_their_layers(tmp_path: Path) -> None:
+    """Layers to 2 m and to 6 m: the speeds are those at 1 m and 4 m, and linear between."""
+    north = [[[0.4, 0.4, 0.4], [0.1, 0.1, -999.0]]]
+    path = MeshFile(*TRIANGLE, north, np.zeros((1, 2, 3)), levels=(2, 6)).write(tmp_path / "mesh.nc")
+    stream = read_current(path, FRAME)
+    assert list(stream.depths_um) == [1_000_000, 4_000_000]
+    assert velocity_m_s(stream, 0, 0, 2) == pytest.approx([0.3, 0], abs=2e-6)
+    assert velocity_m_s(stream, 0, 100, 5) == pytest.approx([0, 0], abs=2e-6)
+
+
+def test_triangles_in_a_table_that_is_wide_enough_for_squares(tmp_path: Path) -> None:
+    path = tmp_path / "mesh.nc"
+    file = MeshFile(*TRIANGLE, [[0.1] * 3], [[0.2] * 3], is_ugrid=True, first_node=0, faces=[[0, 1, 2, -9]])
+    assert velocity_m_s(read_current(file.write(path), FRAME), 9, 9) == pytest.approx([0.1, 0.2], abs=2e-6)
+
+
+def test_outside_the_triangles_the_nearest_point_counts(tmp_path: Path) -> None:
+    """(100, 100) lies beyond the middle of the long side; (-40, 30) and far north beyond a side and a corner."""
+    path = MeshFile(*TRIANGLE, [[0.0, 0.4, 0.2]], [[0.1, 0.1, 0.1]]).write(tmp_path / "mesh.nc")
+    stream = read_current(path, FRAME)
+    assert velocity_m_s(stream, 100, 100) == pytest.approx([0.3, 0.1], abs=2e-6)
+    assert velocity_m_s(stream, -40, 30) == pytest.approx([0.06, 0.1], abs=2e-6)
+    assert velocity_m_s(stream, 5000, 0) == pytest.approx([0.4, 0.1], abs=2e-6)
+
+
+def test_land_between_has_the_velocity_of_the_nearest_water(tmp_path: Path) -> None:
+    """A square of 300 m with a square island of 100 m. On the island, 20 m from its northern shore, that shore counts."""
+    ring = [(s * n, s * e) for s in (50, 150) for n, e in ((-1, -1), (-1, 1), (1, 1), (1, -1))]
+    triangles = [
+        it for n in range(4) for it in ((n, (n + 1) % 4, 4 + n), ((n + 1) % 4, 4 + (n + 1) % 4, 4 + n))
+    ]
+    north = np.array([0.1 + n / 1000 for n, _ in ring])
+    east = np.array([e / 1000 for _, e in ring])
+    path = MeshFile(ring, triangles, [north], [east]).write(tmp_path / "mesh.nc")
+    fine = netcdf.csv_of(path, FRAME)
+    rows = np.array([[float(it) for it in row.split(",")] for row in fine.splitlines()[1:]])[:, 2:]
+    is_land = (np.abs(rows[:, :2]) < 49.999).all(axis=1)
+    nearest = rows[:, :2].copy()
+    for row in np.flatnonzero(is_land):
+        axis = np.abs(nearest[row]).argmax()
+        nearest[row, axis] = 50 * np.sign(nearest[row, axis])
+    clear = ~is_land | (np.abs(np.abs(rows[:, 0]) - np.abs(rows[:, 1])) > 0.01)  # two shores are as near
+    assert is_land.sum() > 5
+    expected = np.column_stack((0.1 + nearest[:, 0] / 1000, nearest[:, 1] / 1000))
+    assert rows[clear, 2:] == pytest.approx(expected[clear], abs=2e-6)
+
+
+def test_lines_are_close_at_the_origin_and_few_far_off(tmp_path: Path) -> None:
+    """A sea of 60 km, with edges of 50 m at the area and of kilometres far off, each hour of a day."""
+    random = np.random.default_rng(8)
+    away = 10 ** random.uniform(1.3, 4.4, 4000)
+    turn = random.uniform(0, 2 * np.pi, 4000)
+    places = np.column_stack((away * np.cos(turn), away * np.sin(turn)))
+    north = np.sin(places[:, 0] / 500)
+    path = MeshFile(places, Delaunay(places).simplices, [north] * 25, [north] * 25).write(tmp_path / "sea.nc")
+    stream = read_current(path, FRAME)
+    lines = np.array(stream.fields[0].norths_um) / 1e6
+    assert len(stream.fields) == 25 and len(lines) * len(stream.fields[0].easts_um) * 25 <= 200_000
+    assert lines[0] == -20_000 and lines[-1] == 20_000
+    widths = np.diff(lines)
+    assert widths[np.abs(lines[:-1]) < 30].max() < 10 and widths.max() > 1000
+    exact = LinearNDInterpolator(Delaunay(places), north)
+    for n, e in random.uniform(-100, 100, (200, 2)):
+        assert velocity_m_s(stream, n, e, second=4000)[0] == pytest.approx(exact(n, e), abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("change", "problem"),
+    [
+        (
+            lambda it: setattr(it, "start_index", 0),
+            "it names nodes beyond the 3 of latitude: see start_index",
+        ),
+        (lambda it: setattr(it, "faces", [[0, 1, 7]]), "it names nodes beyond the 3"),
+        (lambda it: setattr(it, "faces", [[0, 1, 2, 2]]), "each face needs three nodes"),
+        (lambda it: setattr(it, "faces", [[0, -10, 2]]), "each face needs three nodes"),
+        (lambda it: setattr(it, "faces", [[0, 1, 1]]), "no triangle lies within 20 km"),
+        (lambda it: setattr(it, "nodes_m", [(9e4, 0), (9e4, 9), (8e4, 0)]), "no triangle lies within 20 km"),
+        (lambda it: setattr(it, "north_m_s", [[0.1, 0.1, 50.0]]), "must be a number within"),
+        (lambda it: setattr(it, "levels", tuple(range(1, 40_001))), "points are needed .* cut the file"),
+    ],
+)
+def test_what_is_no_mesh_is_told(tmp_path: Path, change: Callable[[MeshFile], None], problem: str) -> None:
+    file = MeshFile(*TRIANGLE, [[0.1] * 3], [[0.1] * 3])
+    change(file)
+    if file.levels:
+        file.north_m_s = file.east_m_s = np.zeros((1, len(file.levels), 3))
+    told = problem_with_current(file.write(tmp_path / "mesh.nc"), FRAME)
+    assert re.search(problem, told), told
+
+
+def test_a_mesh_needs_its_places_and_velocities_on_its_nodes(tmp_path: Path) -> None:
+    """Each change of the file is told by one line. On the other side of the earth lies no triangle near the area."""
+
+    def told(change: Callable[[Any], object], is_ugrid: bool = False) -> str:
+        file = MeshFile(*TRIANGLE, [[0.1] * 3], [[0.1] * 3], levels=(), is_ugrid=is_ugrid, first_node=0)
+        with netCDF4.Dataset(str(file.write(tmp_path / "mesh.nc")), "a") as data:
+            change(data)
+        return problem_with_current(tmp_path / "mesh.nc", FRAME)
+
+    def opposite(data: Any) -> None:
+        data["latitude"][:] = -data["latitude"][:]
+        data["longitude"][:] = data["longitude"][:] - 180
+
+    assert "no triangle lies within" in told(opposite)
+    assert "lacks its variable Mesh_faces" in told(lambda it: it.renameVariable("Mesh_faces", "x"), True)
+    assert "need latitude and longitude" in told(lambda it: it["Mesh"].delncattr("node_coordinates"), True)
+    assert "need latitude and longitude" in told(lambda it: it.renameVariable("latitude", "y"))
+    assert "an axis 'nFace' is not known" in told(on_faces, True)
+
+
+def on_faces(data: Any) -> None:
+    """FVCOM has its velocities there."""
+    for name in ("u", "v"):
+        data.createVariable(name, "f8", ("time", "nFace"))[:] = 0.1
+
+
+def test_levels_that_are_shares_of_the_depth_are_refused(tmp_path: Path) -> None:
+    path = MeshFile(*TRIANGLE, np.zeros((1, 2, 3)), np.zeros((1, 2, 3)), levels=(0.5, 1)).write(
+        tmp_path / "m.nc"
+    )
+    with netCDF4.Dataset(str(path), "a") as data:
+        data["level"].standard_name = "ocean_sigma_coordinate"
+    assert "level has shares of the depth" in problem_with_current(path, FRAME)
 
 
 def tidal(**current: Any) -> Scenario:
