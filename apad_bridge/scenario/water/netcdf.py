@@ -158,8 +158,9 @@ def _find_mesh(variables: Any) -> _Mesh | None:
         raise ValueError("the nodes of the mesh need latitude and longitude, or north_m and east_m")
     # SHYFEM is a program in Fortran, which counts from 1 and does not say so; UGRID's default is 0.
     first_node = getattr(faces, "start_index", 0 if topologies else None)
-    is_face_last = faces.dimensions[-1] == face_axis or faces.shape[-1] < 3
-    return _Mesh(faces, is_face_last, None if first_node is None else int(first_node), north, east)
+    return _Mesh(
+        faces, faces.dimensions[-1] == face_axis, None if first_node is None else int(first_node), north, east
+    )
 
 
 def _lies_along(variable: Any, axis: str) -> bool:
