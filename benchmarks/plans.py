@@ -7,7 +7,9 @@ a charge. Two others share nothing with them: routes with prizes by PyVRP (plan_
 an exact search (plan_study/exact.py). The best of all plans is kept as the best known one. It is no optimum. For a small
 instance no plan is better whose waits are whole minutes, and in which no step undoes the step before.
 
-It writes the files anew, and keeps a plan from elsewhere that has a better score. `--row 053` takes one instance alone.
+It writes the files anew, and keeps a plan from elsewhere that has a better score. After a better plan the row of the best
+known plans in instances/results.csv is old: take it out, and add it by `instances/check.py --row`. `--row 053` takes one
+instance alone.
 
 `--row queue` flies `njnp` on the queue of its paper, and compares its latency and throughput with that of a Markov chain
 (plan_study/nearest_job.py), which shares no code with it.
