@@ -1,6 +1,7 @@
-"""Modules that packages bring to the command line by entry points: rooms of ours that can leave, and a stranger's packages.
+"""Parts that packages bring by entry points: rooms of ours that can leave, and a stranger's packages.
 
-The packages' metadata are read here, because importing importlib.metadata takes as long as all else that a help needs.
+The packages' metadata are read here, because importing importlib.metadata takes as long as all else that a help needs. This
+module needs no other of ours, so the doctor can name a package whose part cannot be loaded.
 """
 
 from __future__ import annotations
@@ -10,20 +11,27 @@ import sys
 from collections.abc import Iterator
 from contextlib import suppress
 from importlib import import_module
-from importlib.util import find_spec
+from itertools import takewhile
 from typing import Any, NamedTuple
+
+MEND = "mend that package or uninstall it"
+"""The mend for a part that is refused."""
 
 
 class EntryPoint(NamedTuple):
-    """A module that an installed package brings under a name; a room of ours counts as a package."""
+    """A module, or `module:name` in one, that an installed package brings under a name; a room of ours counts as one."""
 
     package: str
     name: str
     module: str
+    metadata: str = ""
+    """The folder of the package's metadata."""
 
     @property
     def line(self) -> str:
         """The first line of the module's docstring without the command, read and not executed; empty without one."""
+        from importlib.util import find_spec
+
         package, *rest = self.module.split(".")
         with suppress(OSError, ValueError):
             if (spec := find_spec(package)) is None or spec.origin is None:
@@ -34,35 +42,68 @@ class EntryPoint(NamedTuple):
             return first.strip('".').rpartition("`: ")[2] if first.startswith('"""') else ""
         return ""
 
+    @property
+    def brought_by(self) -> str:
+        """The package with its version, such as `lab_codec 1.2`; its name alone where its metadata cannot be read."""
+        for file_name in ("METADATA", "PKG-INFO"):
+            with (
+                suppress(OSError, KeyError),
+                open(os.path.join(self.metadata, file_name), encoding="utf-8") as file,
+            ):
+                head = dict(it.strip().partition(": ")[::2] for it in takewhile(str.strip, file))
+                return f"{head['Name']} {head['Version']}"
+        return self.package
+
     def load(self) -> Any:
-        return import_module(self.module)
+        """The module, or what it names in it. It raises what the module raises."""
+        module, _, name = self.module.partition(":")
+        found = import_module(module)
+        return getattr(found, name) if name else found
 
 
 def entry_points(group: str) -> list[EntryPoint]:
     """The entry points of this group, by package and name. Of two versions of a package the first on the path counts."""
     found = {}
     for folder in reversed(sys.path):
-        for package, text in _metadata_in(folder):
-            found[package] = text
-    return sorted(it for package, text in found.items() for it in _entries_of(package, text, group))
+        for metadata, text in _metadata_in(folder):
+            found[os.path.basename(metadata).rpartition(".")[0].partition("-")[0]] = metadata, text
+    return sorted(
+        it
+        for package, (metadata, text) in found.items()
+        for it in _entries_of(package, metadata, text, group)
+    )
 
 
 def _metadata_in(folder: str) -> Iterator[tuple[str, str]]:
-    """Yields the name and the text of entry points of each package that is installed in this folder of the path."""
+    """Yields the metadata's folder and the text of entry points of each package installed in this folder of the path."""
     with suppress(OSError):
         for info in os.listdir(folder):
             if info.endswith((".dist-info", ".egg-info")):
+                metadata = os.path.join(folder, info)
                 with (
                     suppress(OSError),
-                    open(os.path.join(folder, info, "entry_points.txt"), encoding="utf-8") as file,
+                    open(os.path.join(metadata, "entry_points.txt"), encoding="utf-8") as file,
                 ):
-                    yield info.rpartition(".")[0].partition("-")[0], file.read()
+                    yield metadata, file.read()
 
 
-def _entries_of(package: str, text: str, group: str) -> Iterator[EntryPoint]:
+def _entries_of(package: str, metadata: str, text: str, group: str) -> Iterator[EntryPoint]:
     section = text.partition(f"[{group}]\n")[2].partition("\n[")[0]
     for line in section.splitlines():
         name, is_entry, module = (it.strip() for it in line.partition("="))
         if is_entry:
             root, *rooms = module.split(".")
-            yield EntryPoint(rooms[0] if root == "apad_bridge" else package, name, module)
+            yield EntryPoint(rooms[0] if root == "apad_bridge" else package, name, module, metadata)
+
+
+def parts_of_others() -> dict[str, str]:
+    """The parts that installed packages bring to musselbed, as `{"lab_codec 1.2": "codecs lines"}`."""
+    from importlib.metadata import distributions  # an agent's process needs neither
+
+    found: dict[str, set[str]] = {}
+    for package in distributions():
+        for entry in package.entry_points:
+            if entry.group.startswith("musselbed.") and package.name != "musselbed":
+                part = f"{entry.group.removeprefix('musselbed.')} {entry.name}"
+                found.setdefault(f"{package.name} {package.version}", set()).add(part)
+    return {package: ", ".join(sorted(parts)) for package, parts in sorted(found.items())}

@@ -15,7 +15,7 @@ from typing import Protocol
 from agents.hosting.link_protocol import readable
 from agents.mussel.board_link import FrameToBoard
 from agents.mussel.firmware_failure import FirmwareFailed
-from firmware_model.bench.control_characters import shown
+from firmware_model.control_characters import shown
 from firmware_model.port_frames import BadFrame, Frame, FrameReader, ToBoard, counter_at
 
 PORT_VARIABLE = "MUSSELBED_PORT"

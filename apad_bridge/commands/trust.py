@@ -32,6 +32,9 @@ def trust_of_typed() -> Trust:
 
 def trust_of_looked_at(arguments: argparse.Namespace, *typed: str) -> Trust | None:
     """The trust of a command that only looks. Without --trust it covers the files of strategies that were `typed`."""
+    if not arguments.trust and not typed:
+        return None
+    # Imported here: the doctor needs none of it.
     from apad_bridge.planning.registry import InFile, Trust
 
     if arguments.trust:

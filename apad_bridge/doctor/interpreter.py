@@ -75,13 +75,17 @@ def check_packages(distribution: str = "musselbed") -> Iterator[Finding]:
         yield check_numpy(version) if name == "numpy" else ok(version, check=name)
 
 
-def check_parts_of_others() -> list[Finding]:
-    """Names the packages that bring strategies, codecs or commands: they are trusted, and fly along."""
+def check_parts_of_others() -> Iterator[Finding]:
+    """Names the packages that bring a part: they are trusted, and fly along. A sensor of one that is refused is a fault."""
     # Imported here: this module must not need a package that another one shadows.
-    from firmware_model.packets.codec import parts_of_others
+    from firmware_model.entry_points import MEND, parts_of_others
 
     found = "; ".join(f"{package}: {parts}" for package, parts in parts_of_others().items())
-    return [ok(found or "none")]
+    yield ok(found or "none")
+    try:
+        from firmware_model.power import rails  # noqa: F401
+    except ImportError as error:
+        yield fail(str(error).removesuffix(f": {MEND}"), MEND, check="sensors")
 
 
 def _is_of_this_python(line: str) -> bool:

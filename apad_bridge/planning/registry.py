@@ -16,7 +16,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import lru_cache
-from importlib.metadata import EntryPoint, EntryPoints, entry_points
 from pathlib import Path
 from types import ModuleType
 from typing import NamedTuple, TypeVar
@@ -30,7 +29,7 @@ from apad_bridge.planning.rollout import FairRollout, Rollout
 from apad_bridge.planning.solution import StepKind
 from apad_bridge.planning.strategy import CollectionStrategy, RedeploymentStrategy
 from apad_bridge.planning.triage import ByLoad, Core, Triage
-from firmware_model.packets.codec import brought_by
+from firmware_model.entry_points import EntryPoint, entry_points
 
 GROUP = "musselbed.strategies"
 Sort = TypeVar("Sort", CollectionStrategy, RedeploymentStrategy)
@@ -170,7 +169,7 @@ def _create_by_name(name: str, kind: StepKind, scales: Scales) -> tuple[str, obj
     """A strategy of ours or of a package, after the words that name its source."""
     entries = tuple(entry for entry in _entries() if entry.name == name)
     sources = ["musselbed itself"] * (name in _BUILT_IN or name in _SCALED) + [
-        brought_by(entry) for entry in entries
+        entry.brought_by for entry in entries
     ]
     if not sources:
         raise ValueError(
@@ -245,15 +244,15 @@ def _built_in(name: str, scales: Scales) -> object | None:
     return _BUILT_IN[name]() if name in _BUILT_IN else None
 
 
-def _entries() -> EntryPoints:
+def _entries() -> list[EntryPoint]:
     return _entries_on(tuple(sys.path))
 
 
 @lru_cache(maxsize=8)
-def _entries_on(path: tuple[str, ...]) -> EntryPoints:
+def _entries_on(path: tuple[str, ...]) -> list[EntryPoint]:
     """The entry points of the packages on this search path. A study asks for strategies in each of its missions, and
     reading the packages' metadata would take a tenth of such a mission."""
-    return entry_points(group=GROUP)
+    return entry_points(GROUP)
 
 
 def _load(entry: EntryPoint) -> object:
@@ -261,6 +260,6 @@ def _load(entry: EntryPoint) -> object:
         return entry.load()()
     except A_USERS_ERROR as error:
         raise ValueError(
-            f"strategy {entry.name!r} (from {brought_by(entry)}, {entry.value}) cannot be loaded: "
+            f"strategy {entry.name!r} (from {entry.brought_by}, {entry.module}) cannot be loaded: "
             f"{type(error).__name__}: {error}"
         ) from error

@@ -24,7 +24,7 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start, save_starts
 from apad_bridge.scenario.starts_table import ENDS_NAME, STARTS_NAME
 from apad_bridge.scenario.text_file import write_atomically
-from firmware_model.packets.codec import parts_of_others
+from firmware_model.entry_points import parts_of_others
 
 RUNS = Path("runs")
 PRIVATE = 0o700

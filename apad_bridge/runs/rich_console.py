@@ -14,7 +14,7 @@ from rich.text import Text
 
 from apad_bridge.runs.exits import Exit
 from apad_bridge.runs.terminal import PlainStream
-from firmware_model.bench.control_characters import shown
+from firmware_model.control_characters import shown
 
 
 class Console(rich.console.Console):

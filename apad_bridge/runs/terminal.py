@@ -9,7 +9,7 @@ from __future__ import annotations
 import sys
 from typing import Any, TextIO, cast
 
-from firmware_model.bench.control_characters import shown
+from firmware_model.control_characters import shown
 
 
 class PlainStream:

@@ -39,6 +39,7 @@ from apad_bridge.scenario.water.currents import problem_with_current
 from apad_bridge.scenario.water.links import problem_with_links
 from apad_bridge.scenario.water.options import Current, Water
 from firmware_model.power.rails import Rail
+from firmware_model.sampling.sensors import BROUGHT
 
 Contradiction = tuple[str, str]
 Rule = tuple[object, str, str]
@@ -130,6 +131,11 @@ def warnings(scenario: Scenario) -> list[Contradiction]:
             doubt,
             str(doubt),
             "lower the current or the wind, or give the aPad more thrust (apad.thruster_max_n)",
+        ),
+        (
+            BROUGHT and scenario.fleet.firmware and scenario.board.whole,
+            f"packets of a program that has not the counts of {' and '.join(BROUGHT)} are dropped",
+            "give the program that sensor and the version of such packets, or uninstall it",
         ),
     ]
     home = scenario.apad.home

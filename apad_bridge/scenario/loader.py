@@ -30,10 +30,12 @@ from apad_bridge.scenario.errors import ScenarioError, in_ranges
 from apad_bridge.scenario.explained import abbreviated, explain
 from apad_bridge.scenario.profiles import with_profiles
 from apad_bridge.scenario.quantities import FILE, VALUES
+from apad_bridge.scenario.run_options import OPTIONS_NAME
 from apad_bridge.scenario.schema import Origin, Scenario
 from apad_bridge.scenario.starts_table import read_ids, table_of
 from apad_bridge.scenario.text_file import read_text, write_atomically
 from apad_bridge.scenario.yaml_text import parse_yaml
+from firmware_model.sampling.sensors import BROUGHT
 
 _SCENARIO = TypeAdapter(Scenario)
 _ORIGIN = TypeAdapter(Origin)
@@ -84,6 +86,8 @@ def load(path: Path) -> Scenario:
         raise ScenarioError([f"{path}: {error}"]) from error
     data = _with_firmware(data)
     _make_absolute(data, path.parent.absolute())
+    if isinstance(data, dict) and (path.parent / OPTIONS_NAME).is_file():
+        data.setdefault("sensors", [])  # a run of a version in which no package brought any
     return from_data(data, str(path))
 
 
@@ -121,12 +125,12 @@ def from_data(data: Any, source: str) -> Scenario:
     unreachable = list(_unreachable_files(data))
     if unreachable:
         raise ScenarioError(f"{source}: {line}" for line in unreachable)
-    data = _with_polygon(data, source)
+    data = with_profiles(_with_firmware(_with_polygon(data, source)))
+    if refusal := _refusal_of_sensors(data):
+        raise ScenarioError([f"{source}: sensors: {refusal}"])
     try:
         # JSON on the way, because only there the strict mode accepts lists for tuples and texts for enumerations.
-        scenario = _SCENARIO.validate_json(
-            json.dumps(_with_batch(_with_ids(with_profiles(_with_firmware(data))))), strict=True
-        )
+        scenario = _SCENARIO.validate_json(json.dumps(_with_batch(_with_ids(data))), strict=True)
     except ValidationError as error:
         lines = [_error_line(source, details) for details in _without_profile_keys(error.errors())]
         raise ScenarioError(dict.fromkeys(lines)) from error
@@ -388,6 +392,22 @@ def _reason(polygon: Any, error: Exception) -> str:
         return f"must be a file, or a list of [latitude, longitude], not {abbreviated(polygon)}"
     reason = error.strerror if isinstance(error, OSError) else str(error)
     return f"{polygon}: {reason}" if isinstance(polygon, str) else str(reason)
+
+
+def _refusal_of_sensors(data: dict[str, Any]) -> str | None:
+    """The reason why this environment's boards are not those that the data name; None for data that name none.
+
+    Boards of the paper's worst case take no samples: sensors beyond theirs change nothing.
+    """
+    named, here, board = data.get("sensors"), list(BROUGHT), data.get("board")
+    if not isinstance(named, list):
+        return None
+    if lacking := [it for it in named if it not in here]:
+        return f"flown with the sensor {str(lacking[0])[:80]}, which is not installed here: install it"
+    surplus = [it for it in here if it not in named] if isinstance(board, dict) and board.get("whole") else []
+    return (
+        f"flown without the sensor {surplus[0]}, which is installed here: uninstall it" if surplus else None
+    )
 
 
 def _with_ids(data: dict[str, Any]) -> dict[str, Any]:

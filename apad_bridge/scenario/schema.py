@@ -43,6 +43,7 @@ from apad_bridge.scenario.quantities import (
 from apad_bridge.scenario.starts_table import MAX_AGENT_ID
 from apad_bridge.scenario.timed_faults import Faults
 from apad_bridge.scenario.water.options import Water
+from firmware_model.sampling.sensors import BROUGHT
 
 AgentId = Annotated[int, Ge(1), Le(MAX_AGENT_ID)]
 
@@ -591,6 +592,9 @@ class Scenario:
     fleet: Fleet
     """The aMussels."""
     board: Board
+    sensors: tuple[str, ...] = tuple(BROUGHT)
+    """The sensors that packages bring to its whole boards, as `salinity of lab_sensors 1.2`: those installed here. A run
+    keeps the list, and is refused where others are installed."""
     hearing: Hearing
     """The reports of the aMussels."""
     mission: Mission

@@ -28,6 +28,7 @@ from apad_bridge.scenario.run_options import RunOptions, TimeSource
 from apad_bridge.studies.runner import JOURNAL, is_flying
 from apad_bridge.studies.specification import STUDY_FILE
 from firmware_model.packets.codec import GROUP as CODECS
+from firmware_model.sampling.sensors import GROUP as SENSORS
 
 _PACKAGE = "musselbed"
 _EXTRAS = ("", "netcdf", "studies")
@@ -210,7 +211,10 @@ def pinned() -> list[tuple[str, str]]:
     musselbed itself is left out, as are packages that are not installed.
     """
     plugins = {
-        entry.dist.name for group in (STRATEGIES, CODECS) for entry in entry_points(group=group) if entry.dist
+        entry.dist.name
+        for group in (STRATEGIES, CODECS, SENSORS)
+        for entry in entry_points(group=group)
+        if entry.dist
     }
     found: dict[str, tuple[str, str]] = {}
     done: set[tuple[str, frozenset[str]]] = set()

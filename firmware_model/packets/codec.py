@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol, cast
+from typing import Protocol, cast
 
 from firmware_model import packets
-
-if TYPE_CHECKING:
-    from importlib.metadata import EntryPoint
+from firmware_model.entry_points import entry_points
 
 BUILT_IN = "musselbed-1"
 GROUP = "musselbed.codecs"
@@ -41,38 +39,17 @@ def load_codec(name: str) -> Codec:
     """
     if name == BUILT_IN:
         return MusselbedCodec()
-    # Imported here: it takes megabytes that an agent with the built-in layout never needs.
-    from importlib.metadata import entry_points
-
-    entries = entry_points(group=GROUP)
+    entries = entry_points(GROUP)
     found = [entry for entry in entries if entry.name == name]
     if not found:
         known = ", ".join(sorted({BUILT_IN, *(entry.name for entry in entries)}))
         raise ValueError(f"no codec is called {name!r}; there are: {known}")
-    packages = sorted({brought_by(entry) for entry in found})
+    packages = sorted({entry.brought_by for entry in found})
     if len(packages) > 1:
         raise ValueError(f"codec {name!r} is in each of {', '.join(packages)}: uninstall one of them")
     try:
         return cast(Codec, found[0].load()())
     except Exception as error:
         raise ValueError(
-            f"codec {name!r} (from {packages[0]}, {found[0].value}) cannot be loaded: {type(error).__name__}: {error}"
+            f"codec {name!r} (from {packages[0]}, {found[0].module}) cannot be loaded: {type(error).__name__}: {error}"
         ) from error
-
-
-def brought_by(entry: EntryPoint) -> str:
-    """The package that brings an entry point, with its version; the entry's value for one without metadata."""
-    return f"{entry.dist.name} {entry.dist.version}" if entry.dist else entry.value
-
-
-def parts_of_others() -> dict[str, str]:
-    """The parts that installed packages bring to musselbed, as `{"lab_codec 1.2": "codecs lines"}`."""
-    from importlib.metadata import distributions  # an agent's process needs neither
-
-    found: dict[str, set[str]] = {}
-    for package in distributions():
-        for entry in package.entry_points:
-            if entry.group.startswith("musselbed.") and package.name != "musselbed":
-                part = f"{entry.group.removeprefix('musselbed.')} {entry.name}"
-                found.setdefault(f"{package.name} {package.version}", set()).add(part)
-    return {package: ", ".join(sorted(parts)) for package, parts in sorted(found.items())}

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from firmware_model.packets.wire import sealed, unsealed
-from firmware_model.sampling.sensors import COUNT_FIELDS, Counts
+from firmware_model.sampling.sensors import COUNT_FIELDS, LAYOUT, Counts
 
 _FORMAT = struct.Struct(f"<BBIQ{COUNT_FIELDS}")
 RECORD_BYTES = _FORMAT.size + 2
@@ -21,7 +21,7 @@ class SampleRecord:
     `saturated` has a bit for each sensor, in the order of `counts`, whose reading lay outside its range.
     """
 
-    VERSION: ClassVar[int] = 1
+    VERSION: ClassVar[int] = 1 + LAYOUT
     FORMAT: ClassVar[struct.Struct] = _FORMAT
 
     sequence: int

@@ -11,7 +11,7 @@ from typing import Annotated, ClassVar, NamedTuple, get_type_hints
 
 from firmware_model.packets.wire import CHARGE_STEPS, Kind, sealed
 from firmware_model.power.active_battery import ActiveBattery
-from firmware_model.sampling.sensors import COUNT_FIELDS, Counts
+from firmware_model.sampling.sensors import COUNT_FIELDS, LAYOUT, Counts
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
 from firmware_model.value import value
@@ -89,7 +89,7 @@ def _fields_of(body: bytes, more: int) -> StatusFields | None:
 class AcousticStatus(StatusPacket):
     """A status by sound, within a v3 modem's 64 bytes: with the newest sample, and the number of records that wait."""
 
-    VERSION: ClassVar[int] = 2
+    VERSION: ClassVar[int] = 2 + LAYOUT
     KIND: ClassVar[Kind] = Kind.ACOUSTIC_STATUS
     MORE: ClassVar[struct.Struct] = struct.Struct(f"<{COUNT_FIELDS}IH")
 
@@ -116,7 +116,7 @@ class AcousticStatus(StatusPacket):
 class WifiStatus(StatusPacket):
     """The full status of a board."""
 
-    VERSION: ClassVar[int] = 2
+    VERSION: ClassVar[int] = 2 + LAYOUT
     KIND: ClassVar[Kind] = Kind.WIFI_STATUS
     MORE: ClassVar[struct.Struct] = struct.Struct(f"<{COUNT_FIELDS}IIIIHBBHi")
 

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Container
 from dataclasses import dataclass
 from enum import IntEnum
 
+from firmware_model.entry_points import MEND
 from firmware_model.power.charge import grains_per_ms
 from firmware_model.sampling import sensors
 from firmware_model.states import State
 
-_FURTHER = {it.name.upper(): 10 + n for n, it in enumerate(sensors.SENSORS) if n >= 4}
-"""The rails of the sensors beyond the board's four, from 14 on."""
+
+def _further(rails: Container[str]) -> dict[str, int]:
+    """The rails of the sensors beyond the board's four, from 14 on. ImportError for one with the name of a rail."""
+    for text, sensor in sensors.BROUGHT.items():
+        if sensor.name.upper() in rails:
+            raise ImportError(f"the sensor {text} has the name of another module of the board: {MEND}")
+    return {it.name.upper(): 14 + n for n, it in enumerate(sensors.SENSORS[4:])}
 
 
 class Rail(IntEnum):
@@ -33,7 +40,7 @@ class Rail(IntEnum):
     GSM = 11
     BLUETOOTH = 12
     MOTORS = 13
-    vars().update(_FURTHER)
+    vars().update(_further(vars()))
 
 
 def bits(*rails: Rail) -> int:

@@ -1,84 +1,34 @@
-"""The table of the board's sensors, `SENSORS`: true values of the water become raw counts, and counts become values.
+"""The table of a board's sensors, `SENSORS`: the board's own four, and after them those that installed packages bring.
 
 A sensor's calibration is a polynomial from raw counts to its unit. The board stores and sends counts, and a receiver with
 the coefficients converts them to values. Neither the paper nor any public text gives the aMussels' own coefficients: these
 are ours, plausible for 16-bit converters and for the ranges in a lagoon, and they are data.
 
 Records, packets, the water's fields, the loads of a board, and the keys of scenarios and of samples.jsonl follow the
-table, and so does `firmware_model.power.rails.Rail`: docs/packets.md.
+table, and so does `firmware_model.power.rails.Rail`: docs/packets.md. A sensor of a package that cannot be used is an
+ImportError of one line, so that each command ends with that line, and none goes on with another table.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import re
+from binascii import crc_hqx
 
-MAX_COUNT = 65535
+from firmware_model.entry_points import MEND, entry_points
+from firmware_model.sampling.sensor import MAX_COUNT, Sensor
+
+__all__ = ["MAX_COUNT", "Sensor"]
+
+GROUP = "musselbed.sensors"
+MOST = 8
+"""A record has a byte with a bit for each sensor."""
 
 Counts = tuple[int, ...]
 """The raw count of each sensor, in the order of `SENSORS`."""
 Values = tuple[float, ...]
 """A value for each sensor, in the order of `SENSORS`."""
 
-
-@dataclass(frozen=True, slots=True)
-class Sensor:
-    """One sensor. `coefficients` are those of the value's polynomial in the counts, constant first; it must rise.
-
-    Below `low` and above `high` (the sensor's own range, in its unit) it reads as at that end. `noise` is a standard
-    deviation in its unit. `calm` is the value of a calm bay, where a scenario says nothing else; None for a quantity that
-    follows from the depth (`agents.water.fields.BY_DEPTH`).
-    """
-
-    name: str
-    unit: str
-    """The unit as in a key: `mg_l`."""
-    coefficients: tuple[float, ...]
-    low: float
-    high: float
-    noise: float
-    calm: float | None
-    load_mw: float
-    """Its assumed load while it is on."""
-    load_source: str = "a sensor of this class"
-
-    def __post_init__(self) -> None:
-        if not self.value(0) <= self.low < self.high <= self.value(MAX_COUNT):
-            raise ValueError(f"the range {self.low:g} to {self.high:g} is not within what the counts can say")
-        if self.noise < 0:
-            raise ValueError("noise must not be negative")
-
-    @property
-    def key(self) -> str:
-        """The name of its values in scenarios and in samples.jsonl."""
-        return f"{self.name}_{self.unit}"
-
-    def value(self, count: int) -> float:
-        """The value of `count`, in the sensor's unit."""
-        value = 0.0
-        for coefficient in reversed(self.coefficients):
-            value = value * count + coefficient
-        return value
-
-    def count(self, value: float) -> int:
-        """The count nearest to a value within the range; the lower of two equally near ones."""
-        below, above = 0, MAX_COUNT
-        while above - below > 1:
-            middle = (below + above) // 2
-            if self.value(middle) <= value:
-                below = middle
-            else:
-                above = middle
-        return below if value - self.value(below) <= self.value(above) - value else above
-
-    def read(self, true_value: float, unit_noise: float) -> tuple[int, bool]:
-        """The raw count, and True if the reading was outside the range. `unit_noise` has mean 0 and variance 1."""
-        reading = true_value + self.noise * unit_noise
-        if not self.low <= reading <= self.high:
-            return self.count(self.low if reading < self.low else self.high), True
-        return self.count(reading), False
-
-
-SENSORS = (
+_OWN = (
     # An optode is steeper near saturation: hence a square term. Its range is twice the saturation of water at 10 C.
     Sensor(
         "oxygen",
@@ -97,7 +47,48 @@ SENSORS = (
     # Scattered light grows more slowly than the turbidity.
     Sensor("turbidity", "ntu", (0.0, 0.012, 6e-8), low=0.0, high=1000.0, noise=0.4, calm=5.0, load_mw=50),
 )
+
+
+def _of_packages() -> dict[str, Sensor]:
+    """`BROUGHT`. ImportError if one is refused."""
+    found: dict[str, Sensor] = {}
+    sources = {it.name: "musselbed itself" for it in _OWN}
+    for entry in sorted(entry_points(GROUP), key=lambda it: it.name):
+        text = f"{entry.name} of {entry.brought_by}"
+        try:
+            sensor = entry.load()
+        except (Exception, SystemExit) as error:
+            wrong = f"cannot be loaded: {type(error).__name__}: {error}"
+        else:
+            wrong = _fault(sensor, entry.name, sources)
+        if wrong:
+            raise ImportError(f"the sensor {text} ({entry.module}) {' '.join(wrong.split())}: {MEND}")
+        found[text], sources[entry.name] = sensor, entry.brought_by
+    if len(sources) > MOST:
+        raise ImportError(f"{len(sources)} sensors are more than {MOST}: uninstall one of {', '.join(found)}")
+    return found
+
+
+def _fault(sensor: object, name: str, sources: dict[str, str]) -> str:
+    """The reason why a board cannot have this sensor of a package; empty if it can."""
+    if not isinstance(sensor, Sensor):
+        return f"is no Sensor but a {type(sensor).__name__}"
+    if sensor.name != name or not re.fullmatch("[a-z][a-z0-9_]*", sensor.key):
+        return f"has the key {sensor.key!r}, which must be its entry's name and a unit in small letters"
+    if sensor.calm is None:
+        return "has no value of a calm bay"
+    return f"has the name of one of {sources[name]}" if name in sources else ""
+
+
+BROUGHT = _of_packages()
+"""The sensors that packages bring, by texts such as `salinity of lab_sensors 1.2`, in the order of their names."""
+SENSORS = (*_OWN, *BROUGHT.values())
 """A row for each sensor, eight at most. A sensor's place in the table is its place in records and packets."""
+LAYOUT = 3 + crc_hqx(repr(SENSORS).encode(), 0) % 250 if BROUGHT else 0
+"""A number of the table that the versions of records and packets with counts are raised by: 0 for the board's own four.
+
+Without it, a receiver with other sensors of the same number would read their counts as those of its own.
+"""
 COUNT_FIELDS = len(SENSORS) * "H"
 """The counts of a sample in a `struct` format."""
 NO_COUNTS: Counts = (0,) * len(SENSORS)

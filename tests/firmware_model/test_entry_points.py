@@ -92,7 +92,9 @@ def test_the_first_version_on_the_path_counts(site: Path, tmp_path_factory: pyte
         found = [it for it in entry_points("musselbed.commands") if it.name == "services"]
     finally:
         sys.path.remove(str(older))
-    assert found == [EntryPoint("lab_tools", "services", "lab_services")]
+    assert [(it.package, it.module, it.brought_by) for it in found] == [
+        ("lab_tools", "lab_services", "lab_tools 1.0")
+    ]
 
 
 @pytest.mark.parametrize("words", [["stop", "/nowhere"], ["order", "stop", "/nowhere"]])

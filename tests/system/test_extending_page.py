@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import os
 import subprocess
@@ -19,6 +20,8 @@ pytestmark = pytest.mark.system
 ROOT = Path(__file__).parents[2]
 STRATEGY = ROOT / "docs" / "first-strategy.md"
 POOL = ROOT / "launch_scripts" / "scenarios" / "pool-12.yaml"
+WHOLE = POOL.with_name("whole-board-12.yaml")
+"""The pool with whole boards."""
 BOAT_OPTION = "--no-build-isolation"
 
 
@@ -52,7 +55,8 @@ def environment(tmp_path: Path) -> dict[str, str]:
     return variables
 
 
-def in_a_shell(script: str, folder: Path, environment: dict[str, str]) -> str:
+def in_a_shell(script: str, folder: Path, environment: dict[str, str], *, code: int = 0) -> str:
+    """What a script prints that ends with this code; for another than 0 what it prints as its error."""
     done = subprocess.run(
         ["bash", "-eu", "-c", script],
         cwd=folder,
@@ -61,8 +65,8 @@ def in_a_shell(script: str, folder: Path, environment: dict[str, str]) -> str:
         text=True,
         timeout=300,
     )
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout
+    assert done.returncode == code, done.stdout + done.stderr
+    return done.stderr if code else done.stdout
 
 
 def install(kind: str, folder: Path, environment: dict[str, str], *, options: str = "") -> None:
@@ -165,3 +169,75 @@ def test_the_templates_stack_flies_a_boat_of_its_own(tmp_path: Path, environment
     assert any(it["kind"] == "dock" for it in lines_of(run))
     others = json.loads((run / "versions.json").read_text())["packages_of_others"]
     assert others == {"lab_stack 1.2": "stacks lab"}
+
+
+def test_a_sensor_of_a_package_is_flown_and_its_runs_need_it(
+    tmp_path: Path, environment: dict[str, str]
+) -> None:
+    def musselbed(words: str, code: int = 0) -> str:
+        return in_a_shell(f"musselbed {words}", tmp_path, environment, code=code)
+
+    (tmp_path / "pool-12.csv").write_text(POOL.with_suffix(".csv").read_text())
+    # Its first batch is collected early, so that samples come ashore.
+    whole = WHOLE.read_text().replace("duration_s: 2400", "duration_s: 520")
+    (tmp_path / "whole.yaml").write_text(whole.replace("pool_threshold: 0.6", "pool_threshold: 0.95"))
+    (tmp_path / "worst.yaml").write_text(POOL.read_text().replace("duration_s: 2400", "duration_s: 30"))
+    salty = (tmp_path / "whole.yaml").read_text() + "water: {fields: {salinity_psu: [[0, 10], [3, 30]]}}\n"
+    (tmp_path / "salty.yaml").write_text(salty)
+    musselbed("run worst.yaml --time asap --out worst-before")
+    musselbed("run whole.yaml --time asap --out before")
+    assert "salinity_psu: unknown key" in musselbed("run salty.yaml --time asap --out refused", code=2)
+
+    install("sensor", tmp_path / "sensor", environment | {"PIP_NO_INDEX": "1"}, options=BOAT_OPTION)
+    musselbed("run salty.yaml --time asap --out run")
+    samples = [json.loads(line) for line in (tmp_path / "run/samples.jsonl").read_text().splitlines()]
+    assert len(samples) >= 5 and len({it["salinity_psu"] for it in samples}) > 1
+    for it in samples:
+        # Each lies at 3 m. A noise is within 4.9 deviations of 0.02, and a count is 0.001.
+        assert it["salinity_psu"] == pytest.approx(30.0, abs=4.9 * 0.02 + 0.0005)
+        assert it["salinity_psu"] == pytest.approx(-1.0 + 0.001 * it["counts"][4], abs=1e-9)
+    for it in json.loads(musselbed("mu energy run --json")):
+        # 60 mW of a battery of 7.4 Wh, for as long as the sensors are on.
+        hours = it["state_hours"].get("sampling", 0) + it["state_hours"].get("reporting", 0)
+        assert hours > 0 and it["is_exact"]
+        assert it["by_module"]["salinity"] == pytest.approx(0.060 * hours / 7.4, rel=1e-4)
+    musselbed("report run")
+    assert "salinity" in (tmp_path / "report/report.html").read_text()
+    assert musselbed("check run") == "run: all rules hold\n"
+    assert "lab_sensors 1.2: sensors salinity" in musselbed("doctor --all || true")
+    versions = json.loads((tmp_path / "run/versions.json").read_text())
+    assert versions["packages_of_others"] == {"lab_sensors 1.2": "sensors salinity"}
+    # Boards of the worst case take no samples, so their runs are read on; those of whole boards are refused.
+    assert musselbed("check worst-before") == "worst-before: all rules hold\n"
+    assert musselbed("check before", code=2) == (
+        "musselbed check: before/scenario.yaml: sensors: flown without the sensor salinity of lab_sensors 1.2, which is "
+        "installed here: uninstall it\n"
+    )
+
+    (tmp_path / "where.py").write_text("import lab_sensors\nprint(lab_sensors.__file__)\n")
+    module = Path(musselbed("python where.py").strip())
+    text = module.read_text()
+    module.write_text("import nowhere\n")
+    broken = (
+        "the sensor salinity of lab_sensors 1.2 (lab_sensors:SALINITY) cannot be loaded: ModuleNotFoundError"
+    )
+    for words in ("run whole.yaml", "check run", "mu table1", "runs ."):
+        (line,) = musselbed(words, code=2).splitlines()
+        assert broken in line and "uninstall it" in line
+    assert f"FAIL sensors: {broken}" in musselbed("doctor || true")
+    module.write_text(text)
+
+    musselbed("python -m pip uninstall --yes lab_sensors")
+    lacks = "run/scenario.yaml: sensors: flown with the sensor salinity of lab_sensors 1.2, which is not installed here"
+    for words in ("check", "replay", "report", "mu energy", "branch --at 300 --set batch=2"):
+        (line,) = musselbed(f"{words} run", code=2).splitlines()
+        assert lacks in line
+    options = json.loads((tmp_path / "run/run.json").read_text())
+    (tmp_path / "run/run.json").write_text(json.dumps(options | {"time": "wall"}))
+    (tmp_path / "run/summary.json").unlink()
+    assert lacks in musselbed("resume run", code=2)
+    musselbed("export run --to csv")
+    with (tmp_path / "run/export-csv/samples.csv").open() as file:
+        assert [float(it["salinity_psu"]) for it in csv.DictReader(file)] == [
+            it["salinity_psu"] for it in samples
+        ]

@@ -10,7 +10,7 @@ from rich.table import Table
 from apad_bridge.runs.progress import FlightProgress
 from apad_bridge.runs.rich_console import Console
 from apad_bridge.runs.terminal import PlainStream
-from firmware_model.bench.control_characters import shown
+from firmware_model.control_characters import shown
 
 EVIL = "home\x1b]0;title\x07 \x1b[2J\r\x9b1A\x7fend"
 SHOWN = r"home\x1b]0;title\x07 \x1b[2J\x0d\x9b1A\x7fend"
