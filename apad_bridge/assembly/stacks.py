@@ -14,9 +14,11 @@ import importlib
 from functools import cache
 from typing import Any, cast
 
+from apad_bridge.planning.registry import A_USERS_ERROR
 from apad_bridge.scenario.choices import OWN_GENERATIONS, STACKS_GROUP, Generation
 from apad_bridge.vehicle.errors import VehicleNotReady
 from apad_bridge.vehicle.stack import Stack
+from firmware_model.entry_points import entry_points
 
 
 def part_of(generation: Generation, module: str, name: str) -> Any:
@@ -37,17 +39,13 @@ def part_of(generation: Generation, module: str, name: str) -> Any:
 
 
 def _of_package(generation: Generation, name: str) -> Any:
-    from importlib.metadata import entry_points  # it takes long, and few bring a stack
-
-    from firmware_model.packets.codec import brought_by
-
-    entries = [it for it in entry_points(group=STACKS_GROUP) if it.name == generation.value]
-    packages = " and ".join(sorted({brought_by(it) for it in entries}))
+    entries = [it for it in entry_points(STACKS_GROUP) if it.name == generation.value]
+    packages = " and ".join(sorted({it.brought_by for it in entries}))
     if len(entries) > 1:
         raise VehicleNotReady(f"stack {generation.value!r} is in {packages}: uninstall one of them")
     try:
         return getattr(entries[0].load(), name)
-    except (Exception, SystemExit) as error:
+    except A_USERS_ERROR as error:
         raise VehicleNotReady(
             f"stack {generation.value!r} (from {packages}) has no {name} that can be loaded: "
             f"{type(error).__name__}: {error}"
