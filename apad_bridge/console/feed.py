@@ -54,6 +54,7 @@ class Feed:
             options = RunOptions.load(run_dir)
             self._has_water = scenario.water is not None and options.part is not BenchPart.MISSION
             self._takes_faults = not options.has_real_vehicle
+            self._stands = scenario.time_stands_while_stopped
             own_time = options.time is TimeSource.WALL and not options.has_real_vehicle
             self._begun_speed = self._speed = options.speed if own_time else None
             self._journal = JournalTail(self._directory.journal)
@@ -88,6 +89,7 @@ class Feed:
         orders = {"ping": self._has_water, "faults": _FAULTS if self._takes_faults else []}
         live = {
             "orders": orders,
+            "stands": self._stands,
             "counts": self._view.counts,
             "columns": COLUMNS,
             "most_samples": _MOST_SAMPLES,

@@ -114,6 +114,12 @@ class CallQueue:
             return self._snapshot
 
     @property
+    def has_calls(self) -> bool:
+        """A call waits for the next tick."""
+        with self._lock:
+            return any(not it.withdrawn for it in self._calls)
+
+    @property
     def ended_by(self) -> str | None:
         return self._closed
 

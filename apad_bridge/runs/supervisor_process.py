@@ -220,10 +220,11 @@ def _under_control(stack: ExitStack, context: FlightContext, run: _Run, calls: C
     """Takes orders of commands, too, and counts those that it drops."""
     has_water = run.config.scenario.water is not None and run.options.part is not BenchPart.MISSION
     amussels = AMusselOrders(run.config.ids, context.world.roster, has_water)
-    gate = context.safety.gate
-    dropped = stack.enter_context(
-        control_offered(run.path, calls, gate, amussels=amussels, speed=context.pace.speed)
-    )
+    gate, speed = context.safety.gate, context.pace.speed
+    if run.config.scenario.time_stands_while_stopped and speed is not None:
+        # A call takes a tick, and may lift the stop.
+        speed.is_held = lambda: gate.stops.keeps_still and not calls.has_calls
+    dropped = stack.enter_context(control_offered(run.path, calls, gate, amussels=amussels, speed=speed))
     return replace(context, dropped=lambda: context.dropped() + dropped)
 
 

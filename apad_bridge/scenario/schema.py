@@ -587,6 +587,9 @@ class Scenario:
     """The mission ends then, if nothing ends it before."""
     theta: Annotated[int, Ge(1), Le(1_000_000)]
     """The factor by which the aMussels' time runs faster than the aPad's; 1 for real ones."""
+    time_stands_while_stopped: bool = False
+    """While a person's stop is in force and the hull is at rest, mission time stands still; each order takes one second of
+    it. For one simulated aPad on the run's own master."""
     area: Area
     """The waters, and where they lie."""
     fleet: Fleet

@@ -67,10 +67,17 @@ class FlightSpeed:
         self._lock = threading.Lock()
         self._steps = 0
         self.times = times
+        self.is_held: Callable[[], bool] = lambda: False
+        """True while mission time stands still at any speed; the flight's thread asks."""
 
     @property
     def stands(self) -> bool:
+        """A person has let mission time stand still."""
         return self.times == 0
+
+    @property
+    def present(self) -> float:
+        return 0.0 if self.is_held() else self.times
 
     def change(self, times: float) -> None:
         with self._lock:
@@ -191,7 +198,7 @@ class WallClock:
         """The wall time of a mission time, by the present speed; never, while mission time stands still."""
         assert self._origin is not None
         start_ms, start_s = self._origin
-        if (times := self.speed.times) != self._times:
+        if (times := self.speed.present) != self._times:
             reached_ms = min(now_ms, start_ms + int((now_s - start_s) * 1000 * self._times))
             self._origin, self._times = (reached_ms, now_s), times
             start_ms, start_s = self._origin

@@ -165,8 +165,12 @@ class Flight:
             watch(now_ms)
 
     def _record_noticed(self, now_ms: MissionMs) -> None:
-        for event in (*self._vehicle.gate.take_events(), *self._context.take_events(now_ms)):
+        noticed = (*self._vehicle.gate.take_events(), *self._context.take_events(now_ms))
+        for event in noticed:
             self._recorder.event(now_ms, event)
+        if noticed:
+            # The next tick, with its own write, may be far: a stop can let mission time stand.
+            self._context.flush_records()
 
     def _act(self, now_ms: MissionMs) -> bool:
         """Lets the supervisor act, and passes its actions on; True if a docking mechanism was commanded.

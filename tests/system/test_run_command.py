@@ -213,6 +213,44 @@ def test_changes_of_the_speed_steps_and_standing_still_change_nothing_of_a_fligh
     assert summaries[0]["digest"] == summaries[1]["digest"]
 
 
+@pytest.mark.parametrize("key", ["time_stands_while_stopped: true", ""])
+def test_while_a_person_stops_mission_time_stands_if_the_scenario_says_so(
+    fly: Any, scenario: Path, key: str
+) -> None:
+    """Two flights are stopped in the same second, for 1 s and for 10 s of wall time; half a second is a tick."""
+    scenario.write_text(scenario.read_text() + key + "\n")
+    ends = []
+    for waits_s in (1, 10) if key else (4,):
+        process, run = fly(0.2)
+        wait_for((run / "control.sock").is_socket, "no supervisor takes orders")
+
+        def newest_s(run: Path = run) -> int:
+            return int(read_journal(run / "journal.jsonl").last_ms // 1000)
+
+        def stop_lines(run: Path = run) -> dict[str, int]:
+            return {it["state"]: it["t"] for it in lines_in(run / "journal.jsonl") if it["kind"] == "stop"}
+
+        assert musselbed("speed", run, "0").returncode == 0
+        while newest_s() < 8:
+            before_s = newest_s()
+            assert musselbed("speed", run, "step").returncode == 0
+            wait_for(lambda before_s=before_s: newest_s() > before_s, "no step came")
+        assert musselbed("stop", run).returncode == 3  # it goes out with the next second
+        assert musselbed("speed", run, "2").returncode == 0
+        wait_for(lambda: "at rest" in stop_lines(), "the hull did not come to rest")
+        at_rest_s = newest_s()
+        until_s = time.monotonic() + waits_s
+        wait_for(lambda until_s=until_s: time.monotonic() > until_s, "")
+        assert (newest_s() == at_rest_s) is bool(key)
+        # An order takes a second, and the stop stays.
+        assert musselbed("remark", run, "gulls").returncode == 0
+        for order in (("continue",), ("speed", "300")):
+            assert musselbed(order[0], run, *order[1:]).returncode == 0
+        assert process.wait(PATIENCE_S) == 0
+        ends.append((at_rest_s, json.loads((run / "summary.json").read_text())["digest"]))
+    assert len(set(ends)) == 1
+
+
 def test_ctrl_c_ends_everything_in_order_within_5_s_with_a_valid_bag(fly: Any, scenario: Path) -> None:
     last(scenario, LONG_S)
     process, run = fly(20, command=PATIENT_MUSSELBED)
@@ -504,6 +542,8 @@ def agent_name(agent_id: int) -> str:
         (("--time", "ros"), "it needs --apad ros"),
         (("--speed", "0"), "--speed must be 0.01 to 10000, not 0.0"),
         (("--speed", "5", "--apad", "ros"), "a real vehicle moves in real time"),
+        (("--apad", "ros"), "time_stands_while_stopped: only one simulated aPad"),
+        (("--apad", "ros", "--time", "ros"), "time_stands_while_stopped: only one simulated aPad"),
         (("--strategy", "gready"), "known: "),
         (("--theta", "0"), "theta"),
     ],
@@ -512,6 +552,7 @@ def test_a_mistake_gets_one_line_and_exit_2_before_anything_starts(
     scenario: Path, tmp_path: Path, arguments: tuple[str, ...], said: str
 ) -> None:
     out = tmp_path / "never"
+    scenario.write_text(scenario.read_text() + "time_stands_while_stopped: true\n")
     result = musselbed("run", scenario, "--out", out, *arguments)
     assert result.returncode == 2
     assert said in result.stderr

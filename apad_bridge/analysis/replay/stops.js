@@ -21,7 +21,8 @@ function stopWords({ stop, refused }) {
 function statesWords(stop) {
   const number = stop.number === null ? "" : `Stop ${stop.number} `;
   const states = stop.states.map(([state, ms]) => `${STOP_STATES[state] || state} ${clock(ms)}`);
-  return `${number}by ${stop.by}: ${states.join(", ")}${stop.reason ? ` (${stop.reason})` : ""}`;
+  const stands = data.live && data.live.stands && !isGuards(stop) && (stop.mode === "off" ? ["obeyed", "at rest"] : ["at rest"]).includes(lastState(stop));
+  return `${number}by ${stop.by}: ${states.join(", ")}${stop.reason ? ` (${stop.reason})` : ""}${stands ? "; mission time waits for you" : ""}`;
 }
 
 function driftWords({ speed_m_s: speed, towards_rad: towards, fence_s: fence, north_m: north, east_m: east, t }) {

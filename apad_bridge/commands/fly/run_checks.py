@@ -35,6 +35,12 @@ def check_run(options: RunOptions, scenario: Scenario, starts: Sequence[Start]) 
     if options.modem:
         _check_physical(options, scenario)
     _check_boards(options, scenario)
+    refuse(
+        (
+            scenario.time_stands_while_stopped and (options.apad is APadKind.ROS or scenario.apads),
+            "time_stands_while_stopped: only one simulated aPad on the run's own master has such a time: leave it out",
+        ),
+    )
     if scenario.apads:
         _refuse_for_several(options)
     check_real_vehicle(options, scenario)

@@ -190,7 +190,7 @@ class GuardedVehicle:
         if cleared is None:
             return  # the person was told already
         self.gate.events.append(SentBackIn(by, lookout))
-        self._keeper.way_back = cleared.order.command_id
+        self._stops.way_back = cleared.order.command_id
         self._send(cleared, now_ms)
 
     # The link's facts.
@@ -207,8 +207,8 @@ class GuardedVehicle:
             case Arrived(_, command_id) | CommandFailed(_, command_id):
                 self._note_end(command_id)
                 self._note_failed_hold(fact, now_ms)
-                if command_id == self._keeper.way_back:
-                    self._keeper.way_back = None
+                if command_id == self._stops.way_back:
+                    self._stops.way_back = None
                     self._keeper.send(now_ms)
             case OrderCut():
                 self._keeper.note_cut(now_ms)
@@ -388,11 +388,7 @@ class GuardedVehicle:
             self._react_simulated(replace(finding, reaction=reaction), now_ms)
             return
         stop = self._stops.in_force
-        if (
-            stop is not None
-            and self._keeper.way_back is None
-            and (stop.kind is StopKind.OFF or not wants_off)
-        ):
+        if stop is not None and self._stops.way_back is None and (stop.kind is StopKind.OFF or not wants_off):
             # A hull that has not obeyed yet gets no new time by what a guard sees of it.
             is_news = finding.cause is Cause.OTHERS or not self._keeper.is_judging
             if finding.cause is not Cause.POSITION and is_news:
@@ -401,7 +397,7 @@ class GuardedVehicle:
         if stop is not None and stop.kind is StopKind.HOLD and wants_off:
             self._keeper.become_off(finding.reason)
             self._keeper.send(now_ms)
-        elif self._keeper.way_back is not None and finding.cause is Cause.OUTSIDE:
+        elif self._stops.way_back is not None and finding.cause is Cause.OUTSIDE:
             return  # a person sent it back from there
         else:
             kind = StopKind.OFF if wants_off else StopKind.HOLD

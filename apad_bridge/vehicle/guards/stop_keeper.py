@@ -47,8 +47,6 @@ class StopKeeper:
         self._stops = safety.gate.stops
         self._send = send
         self._take_id = take_id
-        self.way_back: int | None = None
-        """The id of the way back inside the fence, which a person allowed."""
         self._rest: tuple[int, Point] | None = None
         """Since when, and where, the vehicle has been at one place."""
         self._drift_ms: int | None = None
@@ -88,7 +86,7 @@ class StopKeeper:
         before = self._stops.in_force
         self._drifts = before is not None and before.kind is StopKind.OFF and before.obeyed_ms is not None
         self._stops.begin(kind, by, reason, now_ms, is_persons=is_persons, stills_arms=stills_arms)
-        self.way_back = self._rest = self._drift_ms = None
+        self._stops.way_back = self._rest = self._drift_ms = None
         self._obedience = None
         self.send(now_ms)
 
@@ -137,11 +135,11 @@ class StopKeeper:
 
     def note_continued(self) -> None:
         """A person lets the vehicle move again."""
-        self.way_back = self._drift_ms = None
+        self._stops.way_back = self._drift_ms = None
 
     def leave_to_pilot(self) -> None:
         """The pilot ends every order of ours. Nothing goes out, and nothing when the pilot lets go."""
-        self.way_back = self._obedience = self._repeat_ms = None
+        self._stops.way_back = self._obedience = self._repeat_ms = None
 
     def send(self, now_ms: int) -> None:
         """Sends the stop in force; a HOLD becomes OFF where the vehicle may not hold any more."""
@@ -224,7 +222,7 @@ class StopKeeper:
     def _judge_hull(self, place_m: Point | None, now_ms: int) -> None:
         """Follows the hull by its believed place, None for none, and repeats the stop while it is due."""
         obeys = Obeys.UNKNOWN
-        if self._obedience is not None and place_m is not None and self.way_back is None:
+        if self._obedience is not None and place_m is not None and self._stops.way_back is None:
             obeys = self._obedience.look(self._sight(place_m, now_ms))
         stop = self._stops.in_force
         assert stop is not None
@@ -243,7 +241,7 @@ class StopKeeper:
         stop = self._stops.in_force
         if stop is None or self._stop_ms is not None or self._repeat_ms is None or now_ms < self._repeat_ms:
             return False  # one call at a time: a vehicle that is busy carries out no backlog
-        if self.way_back is not None:
+        if self._stops.way_back is not None:
             return False
         if self._may_act_late(now_ms):
             return True

@@ -167,6 +167,8 @@ class Stops:
         self.newest: StopRecord | None = None
         self.in_force: StopRecord | None = None
         """Nothing but this stop moves or stills the vehicle, until a person continues."""
+        self.way_back: int | None = None
+        """The id of the way back inside the fence, which a person allowed while the stop is in force."""
         self._command_id: int | None = None
         """The command by which the stop in force went out last."""
         self._restored_number: int | None = None
@@ -184,6 +186,14 @@ class Stops:
         if stop is None or stop.stills_arms or stop.number == self._restored_number:
             return False
         return stop.is_persons and stop.kind is StopKind.HOLD
+
+    @property
+    def keeps_still(self) -> bool:
+        """A person's stop is in force and has done its work. The water may carry a hull without thrust on."""
+        stop = self.in_force
+        if stop is None or not stop.is_persons or self.way_back is not None:
+            return False
+        return (stop.rest_ms if stop.kind is StopKind.HOLD else stop.obeyed_ms) is not None
 
     def may_end(self, ends: StopsEnded) -> bool:
         """True where no stop is in force, or one that a word of this kind ends."""

@@ -73,9 +73,13 @@ def test_a_call_that_no_tick_answers_is_withdrawn(pool: Scenario) -> None:
     command_source, done = CallQueue(), []
     with pytest.raises(Refused, match="nothing was ordered"):
         command_source.call(lambda mission: done.append(1), timeout_s=0.01)
-    # A later tick does not run it either.
+    assert not command_source.has_calls
+    with pytest.raises(Refused, match="with the next tick"):
+        command_source.call_mission(lambda mission: done.append(2), 0.01, stays=True)
+    assert command_source.has_calls
+    # A later tick runs the one that stays, and not the other one.
     open_flight(pool, RunSpec(command_sources=(), calls=command_source))[0].step()
-    assert done == []
+    assert done == [2] and not command_source.has_calls
 
 
 def test_the_permission_is_repeated_and_then_the_docking_fails(pool: Scenario) -> None:

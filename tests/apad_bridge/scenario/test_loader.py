@@ -209,7 +209,9 @@ def test_every_shipped_scenario_loads_and_is_named_after_its_file(path: Path) ->
 
 def test_the_shipped_variants_of_the_pool_differ_in_nothing_else() -> None:
     pool, demo, idle = (load(SCENARIOS / f"{name}.yaml") for name in ("pool-12", "demo", "no-charging"))
-    assert replace(demo, name="pool-12", description=pool.description) == pool
+    assert demo.time_stands_while_stopped
+    as_pool = {"name": "pool-12", "description": pool.description, "time_stands_while_stopped": False}
+    assert replace(demo, **as_pool) == pool
     collected = replace(idle.mission, collection="cautious")
     assert idle.mission.collection == "none"
     assert replace(idle, name="pool-12", description=pool.description, mission=collected) == pool

@@ -66,6 +66,21 @@ def test_time_that_stands_comes_on_by_steps_of_a_tick_and_loses_nothing() -> Non
     assert pace.slipped_s == 0.0
 
 
+def test_held_time_goes_on_at_the_newest_speed_and_takes_no_time_back() -> None:
+    hand = Hand()
+    pace = WallClock(2.0, clock=hand)
+    pace.reach(0, hand.stopped)
+    held = [True]
+    pace.speed.is_held = lambda: bool(held)
+    assert not pace.speed.stands  # only a person's 0 takes a step
+    hand.after |= {30.0: lambda: pace.speed.change(4.0), 50.0: held.clear}
+    pace.reach(1000, hand.stopped)
+    assert hand.now_s == pytest.approx(150.25, abs=0.3)
+    pace.reach(2000, hand.stopped)
+    assert hand.now_s == pytest.approx(150.5, abs=0.3)
+    assert pace.slipped_s == 0.0
+
+
 def test_a_flight_that_ends_does_not_wait_for_time_that_stands() -> None:
     hand = Hand()
     pace = WallClock(1.0, clock=hand)

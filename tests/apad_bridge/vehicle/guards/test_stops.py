@@ -78,6 +78,38 @@ acts = st.lists(
 )
 
 
+def test_a_persons_stop_keeps_still_once_its_hull_rests_and_until_it_may_move() -> None:
+    """A guard's stop never does, and OFF does as soon as it is obeyed: the water may carry such a hull for ever."""
+    bench = Journaled()
+    stops = bench.vehicle.gate.stops
+    bench.stop()
+    came_to_rest = []
+    for _ in range(5):
+        bench.at(5.0, 5.0)
+        came_to_rest.append(stops.keeps_still)
+    assert came_to_rest == [False, False, False, True, True]  # 3 s after the first look
+    bench.vehicle.allow_motion("Anna", bench.now_ms)
+    assert not stops.keeps_still
+
+    bench.stop(off=True)
+    for step in range(1, 4):
+        bench.at(5.0 + 0.7 * step, 5.0)
+    assert stops.in_force is not None and stops.in_force.rest_ms is None
+    assert stops.keeps_still
+    bench.vehicle.allow_motion("Anna", bench.now_ms)
+
+    bench.at(-0.03, 5.0)  # outside the fence: the guard's stop
+    for _ in range(5):
+        bench.at(-0.03, 5.0)
+    assert stops.in_force is not None and not stops.keeps_still
+    bench.stop()
+    for _ in range(5):
+        bench.at(-0.03, 5.0)
+    assert stops.keeps_still
+    bench.vehicle.go_back_in("Anna", "Bo", bench.now_ms)
+    assert not stops.keeps_still
+
+
 @given(acts)
 def test_the_journal_gives_back_the_stop_that_was_in_force(names: list[str]) -> None:
     bench, north_m = Journaled(), 5.0
