@@ -13,7 +13,6 @@ from agents.hosting.host import Host
 from agents.mussel.body import gps_fix_um
 from agents.mussel.physical import Physical
 from agents.time_scale import MissionMs
-from agents.water.patches import CALM
 from agents.water.sea import Sea
 from agents.water.sea_client import RemoteSea
 from apad_bridge.assembly.flight_config import FlightConfig, flight_config, gps_deviation_um
@@ -44,7 +43,7 @@ def fleet_config(config: FlightConfig) -> FleetConfig:
         body=config.body,
         reports=config.reports,
         current=current_config(scenario),
-        waters=CALM if scenario.water is None else waters_config(scenario.water.fields),
+        waters=waters_config(scenario),
         first_id=scenario.fleet.first_id,
         agent_ids=scenario.fleet.agent_ids,
         clock_drift_ppb=clock_drift_ppb(scenario.board),

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from agents.water.fields import WaterFields
 from agents.water.patches import CALM, QuantityWater, WaterPatch
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.water.options import Fields
 
 
-def waters_config(fields: Fields) -> dict[str, QuantityWater]:
-    """Converts the water's true values, by the sensors' keys."""
-    return {key: _waters(fields, key) for key in CALM}
+def waters_config(scenario: Scenario) -> dict[str, QuantityWater]:
+    """Converts the water's true values, by the sensors' keys: those of a calm bay without the block."""
+    return CALM if scenario.water is None else {key: _waters(scenario.water.fields, key) for key in CALM}
+
+
+def true_water(scenario: Scenario) -> WaterFields:
+    """The water's true value of each quantity that a sensor measures, at a place and an agent time."""
+    return WaterFields.by_key({key: it.field() for key, it in waters_config(scenario).items()})
 
 
 def leeway_um_s(scenario: Scenario) -> tuple[int, int]:

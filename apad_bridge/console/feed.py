@@ -13,6 +13,7 @@ from agents.hosting.descriptors import SHORT_OF_FILES
 from agents.time_scale import TICK_MS, MissionMs
 from apad_bridge.analysis.replay.series import (
     COLUMNS,
+    MAX_MEASURED,
     MAX_PACKETS,
     MAX_SAMPLES,
     Counts,
@@ -23,6 +24,7 @@ from apad_bridge.events.persons import SpeedChanged
 from apad_bridge.events.run import RunResumed
 from apad_bridge.records.journal import JournalContents, JournalTail
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
+from apad_bridge.records.sample_file import SampleTail
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.run_options import BenchPart, RunOptions, TimeSource
@@ -60,6 +62,8 @@ class Feed:
             self._journal = JournalTail(self._directory.journal)
             begun = self._read_new()
             self._view = RunView(scenario, begun, scenario.duration_ms)
+            self._samples = SampleTail(self._directory.samples)
+            self._view.take_samples(self._samples.new_samples())
         except ScenarioError as error:
             raise RunDirectoryError(error.lines[0]) from error
         except (OSError, KeyError, TypeError, ValueError) as error:
@@ -75,6 +79,7 @@ class Feed:
         Lines may follow in the tick of the last sample, as the run's end does. Then that sample is taken again.
         """
         self._view.add(self._read_new())
+        self._view.take_samples(self._samples.new_samples())
         sample = self._new_sample()
         self._told = self._state()
         return {"sample": sample, **self._told}
@@ -94,6 +99,7 @@ class Feed:
             "columns": COLUMNS,
             "most_samples": _MOST_SAMPLES,
             "most_packets": MAX_PACKETS,
+            "most_measured": MAX_MEASURED,
             "replay": f"musselbed replay {self._directory.path}",
             **state,
         }
@@ -101,6 +107,7 @@ class Feed:
 
     def close(self) -> None:
         self._journal.close()
+        self._samples.close()
 
     def _read_new(self) -> JournalContents:
         new = self._journal.read_new()

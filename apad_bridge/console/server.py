@@ -276,10 +276,10 @@ class _Pages:
         if (broadcast := await self._begun()) is None:
             return _NOT_BEGUN
         try:
-            trace, events, plans, packets = map(int, request.query_params["counts"].split(","))
+            trace, events, plans, packets, measured = map(int, request.query_params["counts"].split(","))
         except (KeyError, ValueError):
-            return PlainTextResponse("counts are four numbers\n", status_code=400)
-        counts = trace, events, plans, packets
+            return PlainTextResponse("counts are five numbers\n", status_code=400)
+        counts = trace, events, plans, packets, measured
         return StreamingResponse(
             broadcast.stream(counts),
             media_type="text/event-stream",

@@ -81,7 +81,7 @@ class RunPicture:
         self._journal = JournalTail(self._directory.journal)
         begun = self._journal.read_new()
         self._history = History(begun, scenario)
-        self._samples: SampleTail | None = None
+        self._samples = SampleTail(self._directory.samples)
         self._track: tuple[tuple[int, APadMoved], ...] = ()
         """The newest two places of the aPad, with their mission times."""
         self.manoeuvre: PersonsManoeuvre | None = None
@@ -104,16 +104,11 @@ class RunPicture:
 
     def new_samples(self) -> Iterator[KeptSample]:
         """The samples that were uploaded since the last call."""
-        if self._samples is None:
-            if not self._directory.samples.is_file():
-                return
-            self._samples = SampleTail(self._directory.samples)
-        yield from self._samples.new_samples()
+        return self._samples.new_samples()
 
     def close(self) -> None:
         self._journal.close()
-        if self._samples is not None:
-            self._samples.close()
+        self._samples.close()
 
     @property
     def ended_by(self) -> str | None:

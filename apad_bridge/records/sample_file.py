@@ -27,12 +27,22 @@ class KeptSample(NamedTuple):
     columns: Mapping[str, Any]
 
 
-class SampleTail(LineTail):
-    """Reads a file of samples that grows."""
+class SampleTail:
+    """Reads a file of samples that grows, and that is there from the first sample on."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._tail: LineTail | None = None
 
     def new_samples(self) -> Iterator[KeptSample]:
         """The samples of the whole lines that were written since the last call; damaged lines are left out."""
-        return _readable(line for _, line in self.read_new())
+        if self._tail is None and self._path.is_file():
+            self._tail = LineTail(self._path)
+        return _readable(line for _, line in (() if self._tail is None else self._tail.read_new()))
+
+    def close(self) -> None:
+        if self._tail is not None:
+            self._tail.close()
 
 
 def read_samples(path: Path) -> Iterator[KeptSample]:

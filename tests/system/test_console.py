@@ -292,8 +292,8 @@ def test_without_its_token_a_console_shows_and_orders_nothing(shared_run: Path) 
             ("/", {"X-Musselbed-Token": token}),
             ("/?token=guess", {}),
             ("/?token=%C3%BC", {}),
-            ("/live?counts=0,0,0,0", {}),
-            ("/live?token=guess&counts=0,0,0,0", {"Cookie": f"token={token}"}),
+            ("/live?counts=0,0,0,0,0", {}),
+            ("/live?token=guess&counts=0,0,0,0,0", {"Cookie": f"token={token}"}),
             ("/orders", of_this_page),
             (f"/orders?token={token}", of_this_page),
             ("/orders", {**of_this_page, "Cookie": f"token={token}"}),
@@ -306,7 +306,7 @@ def test_without_its_token_a_console_shows_and_orders_nothing(shared_run: Path) 
             # Another host, to whose name a stranger's name service gave this machine's address.
             ("/orders", {"X-Musselbed-Token": token, "Origin": "http://evil.org", "Host": "evil.org"}),
             (f"/?token={token}", {"Host": "evil.org"}),
-            (f"/live?token={token}&counts=0,0,0,0", {"Host": "evil.org:80"}),
+            (f"/live?token={token}&counts=0,0,0,0,0", {"Host": "evil.org:80"}),
         ):
             request = urllib.request.Request(base + path, headers=headers)
             if path.startswith("/orders"):

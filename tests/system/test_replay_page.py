@@ -231,6 +231,47 @@ def test_scrubbing_changes_what_is_shown(page: Path, browser: webdriver.Chrome) 
     }
 
 
+def test_uploaded_samples_are_series_with_units_beside_the_waters_truth(
+    page: Path, browser: webdriver.Chrome, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    run = tmp_path_factory.mktemp("runs") / "measured"
+    shutil.copytree(page.parent, run)
+    lines = [
+        {"id": n, "sequence": k, "mission_ms": 1000 * at_s, "oxygen_mg_l": oxygen, "pressure_mbar": 1314.8}
+        for n, k, at_s, oxygen in ((1, 1, 60, 7.5), (1, 0, 30, 8.0), (2, 0, 30, 2.0))
+    ]
+    (run / "samples.jsonl").write_text("".join(json.dumps(it) + "\n" for it in lines))
+    browse(browser, build_replay(run), at="#t=45&aMussel=1")
+    read = """
+      const card = document.getElementById("measured-card");
+      return [card.hidden, card.querySelector("h2").innerText.trim(),
+        ...[...card.querySelectorAll("figcaption")].map((it) => [...it.children].map((one) => one.textContent).join(": ")),
+        charts.get("measured-0").plot.data.slice(1).map((it) => [...it].filter((one) => one !== undefined))];
+    """
+    hidden, heading, *charts, series = browser.execute_script(read)
+    assert (hidden, heading) == (False, "Measured and uploaded 2 samples of aMussel 1")
+    assert charts == [
+        "Oxygen, mg/l: 8.00",
+        "Pressure, mbar: 1314.80",
+        "Temperature, degrees Celsius: ",
+        "Turbidity, NTU: ",
+    ]
+    assert series == [[8.0, 7.5]]
+    browser.execute_script(
+        "data.agents[0].water = data.times_ms.map((ms) => (ms < 50000 ? [8.1, 1314.7, 18, 5] : null));"
+        "select(1); select(1);"
+    )
+    _, heading, oxygen, *_, series = browser.execute_script(read)
+    assert heading == "Measured and uploaded; dashed: the water's true value there 2 samples of aMussel 1"
+    assert oxygen == "Oxygen, mg/l: 8.00, true 8.10"
+    assert series[0] == [8.0, 7.5] and set(series[1]) == {8.1, None}
+    browser.execute_script("select(1);")
+    _, heading, oxygen, *_ = browser.execute_script(read)
+    assert (heading.endswith("3 samples"), oxygen) == (True, "Oxygen, mg/l: ")
+    browse(browser, page)
+    assert browser.execute_script("return document.getElementById('measured-card').hidden")
+
+
 def test_playing_moves_the_time_at_the_chosen_speed_and_stops_at_the_end(
     page: Path, browser: webdriver.Chrome
 ) -> None:

@@ -16,6 +16,7 @@ from apad_bridge.analysis.replay.series import add_rails, whole_view
 from apad_bridge.records.journal import JournalContents, read_journal
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.records.run_state import RunState
+from apad_bridge.records.sample_file import read_samples
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Scenario
@@ -111,7 +112,7 @@ def read_run(directory: RunDirectory) -> ShownRun:
     try:
         scenario, journal = load(directory.scenario), read_journal(directory.journal)
         summary = directory.read_summary()
-        view = whole_view(scenario, journal)
+        view = whole_view(scenario, journal, read_samples(directory.samples))
         return ShownRun(scenario, journal, summary, view.state, view.data(summary))
     except ScenarioError as error:
         raise RunDirectoryError(error.lines[0]) from error

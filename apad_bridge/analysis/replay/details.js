@@ -203,6 +203,64 @@ function showSelected(view) {
   }));
 }
 
+// A chart for each sensor of the aMussels.
+function makeMeasured() {
+  if ($("measured").children.length) return;
+  $("measured").append(...data.sensors.map(([name, unit], n) => {
+    const figure = document.createElement("figure");
+    figure.innerHTML = `<figcaption><span></span> <output></output></figcaption><div class="chart" id="measured-${n}"></div>`;
+    figure.querySelector("span").textContent = `${name[0].toUpperCase()}${words(name.slice(1))}, ${unit}`;
+    return figure;
+  }));
+}
+
+// What aMussels measured and uploaded, and the water's true value while they are in it: of the selected one, or of all in a
+// small fleet.
+const MOST_MEASURING = 24;
+let measured = { key: "", of: [] };
+function showMeasured({ i }) {
+  const there = data.measured.length > 0, count = $("measured-count");
+  if ($("measured-card").hidden === there) $("measured-card").hidden = !there;
+  if (!there) return;
+  const one = data.agents.find((it) => it.id === selected), shown = one ? [one] : data.agents.length > MOST_MEASURING ? [] : data.agents;
+  const key = [data.measured.length, data.measured.at(-1), data.times_ms.length].join(), shape = [data.run_name, selected, shown.some((it) => it.water)].join();
+  if (measured.key !== key + shape) {
+    measured = { key: key + shape, of: shown.map((agent) => [agent, data.measured.filter((it) => it[1] === agent.id).sort((a, b) => a[0] - b[0])]) };
+    $("true-too").hidden = !shown.some((it) => it.water);
+  }
+  const told = measured.of.flatMap(([, samples]) => samples), newest = told.findLast((it) => it[0] <= nowMs);
+  put(count, shown.length ? `${told.length} samples${one ? ` of aMussel ${selected}` : ""}` : "select an aMussel");
+  data.sensors.forEach((_, n) => {
+    const value = one && newest ? fixed(newest[n + 2], 2) : "", truth = one && one.water && one.water[i] ? `, true ${fixed(one.water[i][n], 2)}` : "";
+    put($("measured").children[n].querySelector("output"), value && value + truth);
+    drawChart(`measured-${n}`, shape, key, () => measuredChart(n));
+  });
+}
+
+// The values have the whole height: the truth leaves it on an aMussel's way up and down.
+function measuredChart(n) {
+  const width = selected === null ? 1 : 1.6;
+  const lines = measured.of.flatMap(([agent, samples]) => [
+    { name: `aMussel ${agent.id}`, times: samples.map((it) => it[0]), values: samples.map((it) => it[n + 2]), stroke: () => ACCENT, width },
+    ...(agent.water ? [{ name: `true at aMussel ${agent.id}`, times: data.times_ms, values: agent.water.map((it) => it && it[n]), stroke: () => PAINT.way, width, dash: [5, 4] }] : []),
+  ]);
+  const known = measured.of.flatMap(([, samples]) => samples.map((it) => it[n + 2])).filter((it) => it !== null);
+  const [least, most] = known.reduce(([low, high], it) => [Math.min(low, it), Math.max(high, it)], known.length ? [Infinity, -Infinity] : [0, 1]);
+  const span = most - least || 1, digits = Math.max(0, -Math.floor(Math.log10(niceStep(span / 4))));
+  return {
+    lines, min: least - 0.1 * span, max: most + 0.1 * span, format: (value) => String(+value.toFixed(digits + 1)), exact: (value) => `${value.toFixed(digits + 1)} ${data.sensors[n][1]}`,
+    over: (ctx, x, y, pixel) => {
+      ctx.fillStyle = ACCENT;
+      for (const [ms, , ...values] of measured.of.flatMap(([, samples]) => samples)) {
+        if (values[n] === null) continue;
+        ctx.beginPath();
+        ctx.arc(x(ms), y(values[n]), 1.8 * pixel, 0, 7);
+        ctx.fill();
+      }
+    },
+  };
+}
+
 // The newest of the quantities that it reports and nobody estimates.
 function reportedWords({ reported }, i) {
   const values = (reported && reported[i]) || [];

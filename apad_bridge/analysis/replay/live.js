@@ -34,7 +34,8 @@ function takeSample(sample) {
   if (sample.t === data.times_ms[data.times_ms.length - 1]) dropNewest();
   else if (data.times_ms.length >= data.live.most_samples) thin();
   append(sample);
-  for (const name of ["trace", "plans", "packets"]) data[name].push(...sample[name]);
+  for (const name of ["trace", "plans", "packets", "measured"]) data[name].push(...sample[name]);
+  data.measured.splice(0, data.measured.length - data.live.most_measured);
   data.suspects = sample.suspects;
   if (performance.now() - legendMs > LEGEND_MS) { legendMs = performance.now(); showLegend(); }
   const surplus = data.packets.length - data.live.most_packets;

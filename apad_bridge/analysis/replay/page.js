@@ -87,6 +87,7 @@ const PARTS = [
   showSlots,
   (view) => drawBars($("uptime"), data.agents.map((agent, n) => ({ label: agent.id, value: agent.uptime[view.i], full: agent.uptime[agent.uptime.length - 1], colour: STATUS_COLOURS[view.agents[n].status] })), marked()),
   showSelected,
+  showMeasured,
   (view, views) => showDifferences(views),
 ];
 
@@ -311,6 +312,7 @@ function setUp() {
   $("thinned").textContent = `The charts have one value in ${step / 1000} s${off ? `; the track leaves out points up to ${off} m beside it` : ""}.`;
   showLegend();
   showPacketCards();
+  makeMeasured();
   $("agents").replaceChildren(...data.agents.map((agent) => {
     const item = document.createElement("li");
     item.dataset.agent = agent.id;

@@ -11,20 +11,26 @@ from enum import IntEnum
 from typing import Any
 
 from agents.time_scale import TICK_MS, MissionMs, TimeScale
+from agents.water.places import place_of
 from apad_bridge.analysis.replay.history import History
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.assembly.stacks import stack_of
+from apad_bridge.assembly.water import true_water
 from apad_bridge.events.run import RunBegan
 from apad_bridge.planning.registry import label
 from apad_bridge.records.journal import Entry, JournalContents
 from apad_bridge.records.run_state import PlanView, RunState
+from apad_bridge.records.sample_file import KeptSample
 from apad_bridge.records.uptime import AgentUptime
 from apad_bridge.scenario.area.chart import chart_of
 from apad_bridge.scenario.area.fence import fence_of
+from apad_bridge.scenario.explained import unit_of
+from apad_bridge.scenario.firmware_config import sinking_of, takes_samples
 from apad_bridge.scenario.schema import Area, Scenario
 from firmware_model.packets import QUANTITIES
 from firmware_model.power.charge import fraction
 from firmware_model.power.rails import Rail
+from firmware_model.sampling.sensors import SENSORS
 from firmware_model.states import State
 
 MAX_SAMPLES = 600
@@ -33,11 +39,13 @@ MAX_VALUES = 60_000
 MAX_TRACE = 5000
 MAX_PACKETS = 20_000
 """The newest packets of a page; those before them are counted."""
-Counts = tuple[int, int, int, int]
-"""The lengths of the track, of the events, of the plans and of the packets."""
+MAX_MEASURED = 20_000
+"""The newest samples of aMussels on a page."""
+Counts = tuple[int, int, int, int, int]
+"""The lengths of the track, of the events, of the plans, of the packets and of the uploaded samples."""
 _EMPTY = 0.0005
 """A charge below it is written as 0.0 %."""
-_OFTEN_EMPTY = ("believed", "low", "high", "taken", "acknowledged", "heard", "capacity", "reported")
+_OFTEN_EMPTY = ("believed", "low", "high", "taken", "acknowledged", "heard", "capacity", "reported", "water")
 
 
 class ColourStatus(IntEnum):
@@ -65,9 +73,10 @@ def sample_times(end_ms: int, agents: int) -> list[MissionMs]:
     return [MissionMs(ms) for ms in (*range(0, last_ms, step_ms), last_ms)]
 
 
-def whole_view(scenario: Scenario, journal: JournalContents) -> RunView:
-    """The view of a whole run. ValueError when the journal has no line `run`."""
+def whole_view(scenario: Scenario, journal: JournalContents, samples: Iterable[KeptSample] = ()) -> RunView:
+    """The view of a whole run, with what its aMussels measured. ValueError when the journal has no line `run`."""
     view = RunView(scenario, journal)
+    view.take_samples(samples)
     for now_ms in sample_times(view.end_ms, view.agent_count):
         view.sample(now_ms)
     return view
@@ -111,6 +120,11 @@ class RunView:
         ids = [agent["id"] for agent in self._starts]
         self.times_ms: list[int] = []
         self._ticks = max(1, (run_ms or self._history.end_ms) // TICK_MS)
+        self._uploaded: list[list[Any]] = []
+        self._measured: list[list[Any]] = []
+        """Those of the uploaded samples that the newest sample of the view has."""
+        self._water = true_water(scenario) if takes_samples(scenario.board) else None
+        self._sinking = sinking_of(scenario)
         self._agents: dict[int, dict[str, list[Any]]] = {it: {name: [] for name in COLUMNS} for it in ids}
         self._active: list[int] = []
         self._cost: list[float] = []
@@ -142,6 +156,14 @@ class RunView:
         self._dropped += journal.dropped
         self._history.add(journal)
 
+    def take_samples(self, samples: Iterable[KeptSample]) -> None:
+        """Adds samples that aMussels uploaded. The next sample of the view has them."""
+        keys = ("mission_ms", *(it.key for it in SENSORS))
+        for it in samples:
+            at_ms, *values = (_finite(it.columns.get(key)) for key in keys)
+            if at_ms is not None:
+                self._uploaded.append([at_ms, it.agent_id, *values])
+
     @property
     def has_late_lines(self) -> bool:
         """True when lines were added since the newest sample that belong into it, as the run's end after its last tick."""
@@ -149,22 +171,23 @@ class RunView:
 
     def newest(self, since: Counts) -> dict[str, Any]:
         """The newest sample, with what was added to the lists since these `counts`."""
-        traced, events, plans, packets = since
+        traced, events, plans, packets, measured = since
         return {
             **self._newest_sample(),
             "trace": _thinned(self._history.trace[traced:]),
             "events": [list(it) for it in self._history.events[events:]],
             "plans": [_reasons(it) for it in self._history.plans[plans:]],
             "packets": self._history.packets[packets:][-MAX_PACKETS:],
+            "measured": self._measured[measured:][-MAX_MEASURED:],
             "suspects": self._history.suspects,
             "counts": self.counts,
         }
 
     @property
     def counts(self) -> Counts:
-        """Lengths of the history's lists at the newest sample."""
-        history = self._history
-        return len(history.trace), len(history.events), len(history.plans), len(history.packets)
+        """Lengths of the lists at the newest sample."""
+        of = self._history
+        return len(of.trace), len(of.events), len(of.plans), len(of.packets), len(self._measured)
 
     def data(self, summary: dict[str, Any] | None) -> dict[str, Any]:
         """All that the page needs, as plain data."""
@@ -192,9 +215,11 @@ class RunView:
             "events": [list(it) for it in self._history.events],
             "plans": [_reasons(it) for it in self._history.plans],
             "packets": self._history.packets[-MAX_PACKETS:],
+            "measured": self._measured[-MAX_MEASURED:],
             "suspects": self._history.suspects,
             "earlier_packets": max(0, len(self._history.packets) - MAX_PACKETS),
             "states": [state.name.lower().replace("_", " ") for state in State],
+            "sensors": [[it.name, unit_of(it.key) or it.unit] for it in SENSORS],
             "quantities": [[name, it.text, it.unit] for name, it in QUANTITIES.items()],
             "rails": [rail.name.lower().replace("_", " ") for rail in Rail],
             "timeslots": _timeslots(scenario),
@@ -209,6 +234,8 @@ class RunView:
             for column in self._all_columns():
                 column.pop()
         self.times_ms.append(now_ms)
+        self._measured += self._uploaded
+        self._uploaded = []
         uptimes = {uptime.agent_id: uptime for uptime in now.meter.at(now_ms)}
         for agent_id, columns in self._agents.items():
             for name, value in self._sample_agent(agent_id, now_ms, uptimes.get(agent_id)).items():
@@ -237,7 +264,7 @@ class RunView:
         """An aMussel's value in each of `COLUMNS`, from the truth, or from the belief where there is no truth."""
         now = self._history.now
         truth, belief = now.truths.get(agent_id), now.beliefs.get(agent_id)
-        docked = agent_id in now.docks
+        docked, water = agent_id in now.docks, None
         if truth is not None:
             physical, model = truth.physical, now.meter.charge_of(agent_id)
             at_ms = max(self._scenario.time_scale.agent_ms(now_ms), truth.at_ms)
@@ -246,6 +273,10 @@ class RunView:
             state: int | None = int(truth.state)
             place: tuple[float | None, float | None] = (physical.north_um / 1e6, physical.east_um / 1e6)
             docked = physical.docked
+            depth_um = place_of(physical, self._sinking).depth_at_um(at_ms)
+            if self._water is not None and depth_um > 0:
+                found = self._water.values_at(physical.north_um, physical.east_um, depth_um, at_ms)
+                water = [round(it, 4) for it in found]
         elif belief is not None:
             left, place = belief.charge, (belief.north_m, belief.east_m)
             other, state = belief.secondary, int(belief.state)
@@ -273,6 +304,7 @@ class RunView:
             "heard": None if belief is None else belief.heard // 1000,
             "capacity": None if left_of is None else [round(it, 2) for it in left_of],
             "reported": None if reported is None else [reported.get(it) for it in QUANTITIES],
+            "water": water,
         }
 
     def _status(self, charge: float | None, docked: bool, lost: bool) -> int:
@@ -339,7 +371,7 @@ COLUMNS = ("north", "east", "charge", "status", "uptime", *_OFTEN_EMPTY, "second
 """An aMussel's columns, by their names on the page. Places in metres, charges in [0, 1], uptime in percent of the whole
 run's ticks, `heard` in mission seconds; `believed` beside a truth alone; `low` and `high` with 95 %; `taken` and
 `acknowledged` are samples of its log; `capacity` is the interval of its share that is left, where a twin learns it;
-`reported` is in the order of `QUANTITIES`."""
+`reported` is in the order of `QUANTITIES`, and `water`, the true values where it is, in that of `SENSORS`."""
 
 
 def _plan_data(plan: PlanView | None) -> dict[str, Any] | None:
@@ -404,6 +436,10 @@ def _timeslots(scenario: Scenario) -> dict[str, int] | None:
 
 def _unless_empty(column: list[Any]) -> list[Any] | None:
     return None if all(value is None for value in column) else column
+
+
+def _finite(value: object) -> float | None:
+    return value if isinstance(value, int | float) and math.isfinite(value) else None
 
 
 def _rounded(number: float | None, digits: int) -> float | None:

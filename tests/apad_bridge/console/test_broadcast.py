@@ -23,7 +23,7 @@ def test_a_defect_ends_the_streams_of_all_pages_and_is_told() -> None:
 
     async def story() -> list[bytes]:
         broadcast = Broadcast(Feed(), ConsoleEnding(lambda why: None, lambda: False, told.append))  # type: ignore[arg-type]
-        stream = broadcast.stream((0, 0, 0, 0))
+        stream = broadcast.stream((0, 0, 0, 0, 0))
         first = await anext(stream)
         await broadcast.run()
         return [first, *[data async for data in stream]]

@@ -44,14 +44,14 @@ def test_however_many_pages_open_the_supervisor_is_asked_once_a_poll(run_dir: Pa
             assert feed.poll()["supervisor"]
             asked = waiting(supervisor)
             for _ in range(100):
-                assert feed.since((0, 0, 0, 0))["supervisor"]
+                assert feed.since((0, 0, 0, 0, 0))["supervisor"]
                 feed.page_data()
             assert (asked, waiting(supervisor)) == (2, 0)  # at its begin, and by the poll
         finally:
             feed.close()
     (run_dir / SOCKET_NAME).unlink()
     feed = Feed(run_dir)
-    assert not feed.poll()["supervisor"] and not feed.since((0, 0, 0, 0))["supervisor"]
+    assert not feed.poll()["supervisor"] and not feed.since((0, 0, 0, 0, 0))["supervisor"]
     feed.close()
 
 
@@ -75,6 +75,24 @@ def test_an_end_that_is_written_after_the_sample_of_its_tick_is_told(run_dir: Pa
         assert told["sample"]["t"] == 5000
         assert told["sample"]["events"] == [[5000, "news", "the mission ended: a call", None]]
         assert feed.poll()["sample"] is None
+    finally:
+        feed.close()
+
+
+def test_samples_that_are_uploaded_come_with_the_next_tick(run_dir: Path) -> None:
+    feed = Feed(run_dir)
+    try:
+        with (
+            (run_dir / "journal.jsonl").open("a") as journal,
+            (run_dir / "samples.jsonl").open("a") as samples,
+        ):
+            for at_ms in (5000, 6000):
+                line = {"id": 3, "sequence": at_ms // 1000, "mission_ms": at_ms - 500, "oxygen_mg_l": 8.0}
+                print(json.dumps(line), file=samples, flush=True)
+                assert feed.poll()["sample"] is None
+                print(json.dumps({"t": at_ms, "kind": "tick"}), file=journal, flush=True)
+                assert feed.poll()["sample"]["measured"] == [[at_ms - 500, 3, 8.0, None, None, None]]
+        assert len(feed.page_data()["measured"]) == 2
     finally:
         feed.close()
 

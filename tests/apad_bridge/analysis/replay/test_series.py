@@ -1,5 +1,6 @@
 """Tests the page's data on journals written by hand, whose figures can be computed on paper."""
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,6 +10,7 @@ from scenario_files import POOL_FILE
 
 from agents.mussel.outputs import Truth
 from agents.mussel.physical import Physical
+from apad_bridge.analysis.replay import series
 from apad_bridge.analysis.replay.build import render
 from apad_bridge.analysis.replay.series import (
     COLUMNS,
@@ -21,11 +23,14 @@ from apad_bridge.analysis.replay.series import (
     sample_times,
     whole_view,
 )
+from apad_bridge.records.sample_file import KeptSample
 from apad_bridge.records.truth_lines import truth_event, truth_of
 from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.water.options import Patch
 from firmware_model.actions import Buoyancy
 from firmware_model.power.charge import Battery, Flow, grains
 from firmware_model.power.rails import Rail, bits
+from firmware_model.sampling.sensors import SENSORS, Sensor
 from firmware_model.states import State
 
 ROOT = Path(__file__).parents[4]
@@ -473,6 +478,64 @@ def test_samples_of_the_log_are_counted_where_a_board_has_one():
     first, second = data_of(run_line(1, 2), *lines, {"t": 2000, "kind": "tick"})["agents"]
     assert (first["taken"], first["acknowledged"]) == ([None, 7, 7], [None, 3, 3])
     assert (second["taken"], second["acknowledged"]) == (None, None)
+
+
+def uploaded(agent_id, sequence, mission_ms, **values):
+    return KeptSample(agent_id, sequence, {"mission_ms": mission_ms, **values})
+
+
+def test_measured_values_stand_beside_the_truth_of_the_water_where_the_aMussel_is():
+    """On the bottom, 3 m deep. Oxygen falls from 8.5 at the surface to 6 in 8 m, and a patch without any grows over it."""
+    scenario = load(ROOT / "launch_scripts" / "scenarios" / "sound-12.yaml")
+    patch = Patch(begins_s=60.0, growing_s=30.0, place_m=(1.0, 2.0), radius_m=5.0, oxygen_mg_l=0.0)
+    fields = replace(scenario.water.fields, oxygen_mg_l=((0.0, 8.5), (8.0, 6.0)), patches=(patch,))
+    scenario = replace(scenario, water=replace(scenario.water, fields=fields))
+    resting = truth(0, 1, 0.9)
+    below = replace(resting.physical, depth_um=3_000_000, depth_anchor_ms=0, buoyancy=Buoyancy.SINK)
+    resting, docked = replace(resting, physical=below), truth(0, 2, 0.9, docked=True)
+    lines = [*truth_lines(resting, docked), {"t": 3000, "kind": "tick"}]
+    samples = [
+        uploaded(
+            1, 1, 2000.0, oxygen_mg_l=7.5, temperature_c=18.01, turbidity_ntu=math.nan, pressure_mbar="x"
+        ),
+        uploaded(1, 0, 1000.0, oxygen_mg_l=7.6),
+        uploaded(1, 2, None, oxygen_mg_l=7.7),
+    ]
+    data = whole_view(scenario, journal_of([run_line(1, 2, 3), *lines]), samples).data(None)
+    assert [it[0] for it in data["sensors"]] == ["oxygen", "pressure", "temperature", "turbidity"]
+    assert data["sensors"][0] == ["oxygen", "mg/l"]
+    assert data["measured"] == [
+        [2000.0, 1, 7.5, None, 18.01, None],
+        [1000.0, 1, 7.6, None, None, None],
+    ]
+    calm, water = 8.5 - 2.5 * 3 / 8, data["agents"][0]["water"]
+    mbar = 1013.25 + 1025 * 9.80665 * 3 / 100
+    # The mission's third second is the board's 90th: the patch has grown for all of its 30 s.
+    assert water[0] == pytest.approx([calm, mbar, 18.0, 5.0], abs=1e-4)
+    assert [it[0] for it in water] == pytest.approx([calm, calm, calm, 0.0], abs=1e-4)
+    # In a dock it is out of the water, and of the third nobody knows where it is.
+    assert [agent["water"] for agent in data["agents"][1:]] == [None, None]
+
+
+def test_a_sensor_that_is_added_to_the_table_is_on_the_page(monkeypatch):
+    salt = Sensor("salinity", "psu", (0.0, 0.001), low=0.0, high=42.0, noise=0.01, calm=38.0, load_mw=5)
+    monkeypatch.setattr(series, "SENSORS", (*SENSORS, salt))
+    data = whole_view(SCENARIO, journal_of([run_line(1)]), [uploaded(1, 0, 1000.0, salinity_psu=37.9)]).data(
+        None
+    )
+    assert data["sensors"][-1] == ["salinity", "parts of a thousand"]
+    assert data["measured"] == [[1000.0, 1, None, None, None, None, 37.9]]
+
+
+def test_a_followed_run_has_each_uploaded_sample_once_with_its_next_tick():
+    view = RunView(SCENARIO, journal_of(story()), 4000)
+    view.sample(0)
+    before = view.counts
+    view.take_samples([uploaded(1, 0, 0.0, oxygen_mg_l=8.0)])
+    assert view.newest(before)["measured"] == view.data(None)["measured"] == []
+    view.sample(1000)
+    assert view.newest(before)["measured"] == view.data(None)["measured"] == [[0.0, 1, 8.0, None, None, None]]
+    assert view.newest(view.counts)["measured"] == []
 
 
 def test_a_thinned_track_keeps_its_ends_and_says_how_far_off_it_is():
