@@ -45,20 +45,16 @@ class EntryPoint(NamedTuple):
     @property
     def brought_by(self) -> str:
         """The package with its version, such as `lab_codec 1.2`; its name alone where its metadata cannot be read."""
-        for file_name in ("METADATA", "PKG-INFO"):
-            with (
-                suppress(OSError, KeyError),
-                open(os.path.join(self.metadata, file_name), encoding="utf-8") as file,
-            ):
-                head = dict(it.strip().partition(": ")[::2] for it in takewhile(str.strip, file))
-                return f"{head['Name']} {head['Version']}"
+        path = os.path.join(self.metadata, "METADATA")
+        with suppress(OSError, KeyError), open(path, encoding="utf-8") as file:
+            head = dict(it.strip().partition(": ")[::2] for it in takewhile(str.strip, file))
+            return f"{head['Name']} {head['Version']}"
         return self.package
 
     def load(self) -> Any:
         """The module, or what it names in it. It raises what the module raises."""
         module, _, name = self.module.partition(":")
-        found = import_module(module)
-        return getattr(found, name) if name else found
+        return getattr(import_module(module), name) if name else import_module(module)
 
 
 def entry_points(group: str) -> list[EntryPoint]:
@@ -79,12 +75,11 @@ def _metadata_in(folder: str) -> Iterator[tuple[str, str]]:
     with suppress(OSError):
         for info in os.listdir(folder):
             if info.endswith((".dist-info", ".egg-info")):
-                metadata = os.path.join(folder, info)
                 with (
                     suppress(OSError),
-                    open(os.path.join(metadata, "entry_points.txt"), encoding="utf-8") as file,
+                    open(os.path.join(folder, info, "entry_points.txt"), encoding="utf-8") as file,
                 ):
-                    yield metadata, file.read()
+                    yield os.path.join(folder, info), file.read()
 
 
 def _entries_of(package: str, metadata: str, text: str, group: str) -> Iterator[EntryPoint]:

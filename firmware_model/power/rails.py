@@ -14,9 +14,8 @@ from firmware_model.states import State
 
 def _further(rails: Container[str]) -> dict[str, int]:
     """The rails of the sensors beyond the board's four, from 14 on. ImportError for one with the name of a rail."""
-    for text, sensor in sensors.BROUGHT.items():
-        if sensor.name.upper() in rails:
-            raise ImportError(f"the sensor {text} has the name of another module of the board: {MEND}")
+    if taken := [text for text, it in sensors.BROUGHT.items() if it.name.upper() in rails]:
+        raise ImportError(f"the sensor {taken[0]} has the name of another module of the board: {MEND}")
     return {it.name.upper(): 14 + n for n, it in enumerate(sensors.SENSORS[4:])}
 
 

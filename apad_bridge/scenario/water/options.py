@@ -21,7 +21,8 @@ from apad_bridge.scenario.quantities import (
     Speed,
     frozen,
 )
-from firmware_model.sampling.sensors import SENSORS, Sensor
+from firmware_model.sampling.sensor import Sensor
+from firmware_model.sampling.sensors import SENSORS
 
 
 @frozen

@@ -5,7 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from firmware_model.power.rails import RAILS, SENSOR_RAILS, bits
-from firmware_model.sampling.sensors import MAX_COUNT, SENSORS, Sensor, sample, values
+from firmware_model.sampling.sensor import MAX_COUNT, Sensor
+from firmware_model.sampling.sensors import SENSORS, sample, values
 from firmware_model.states import State
 
 LINEAR = Sensor("linear", "m", (-10.0, 0.5), low=-5.0, high=100.0, noise=2.0, calm=None, load_mw=0)
