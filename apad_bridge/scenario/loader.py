@@ -399,9 +399,8 @@ def _refusal_of_sensors(data: dict[str, Any]) -> str | None:
 
     Boards of the paper's worst case take no samples: sensors beyond theirs change nothing.
     """
-    named, here, board = data.get("sensors"), list(BROUGHT), data.get("board")
-    if not isinstance(named, list):
-        return None
+    here, board = list(BROUGHT), data.get("board")
+    named = it if isinstance(it := data.get("sensors"), list) else here
     if lacking := [it for it in named if it not in here]:
         return f"flown with the sensor {str(lacking[0])[:80]}, which is not installed here: install it"
     surplus = [it for it in here if it not in named] if isinstance(board, dict) and board.get("whole") else []

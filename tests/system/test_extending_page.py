@@ -209,10 +209,15 @@ def test_a_sensor_of_a_package_is_flown_and_its_runs_need_it(
     assert versions["packages_of_others"] == {"lab_sensors 1.2": "sensors salinity"}
     # Boards of the worst case take no samples, so their runs are read on; those of whole boards are refused.
     assert musselbed("check worst-before") == "worst-before: all rules hold\n"
-    assert musselbed("check before", code=2) == (
-        "musselbed check: before/scenario.yaml: sensors: flown without the sensor salinity of lab_sensors 1.2, which is "
-        "installed here: uninstall it\n"
-    )
+    # A run of a version that kept no list was flown without them, too.
+    its_scenario = tmp_path / "before/scenario.yaml"
+    for text in (its_scenario.read_text(), its_scenario.read_text().replace("sensors: []\n", "")):
+        its_scenario.write_text(text)
+        assert musselbed("check before", code=2) == (
+            "musselbed check: before/scenario.yaml: sensors: flown without the sensor salinity of lab_sensors 1.2, "
+            "which is installed here: uninstall it\n"
+        )
+    assert "sensors:" not in text
 
     (tmp_path / "where.py").write_text("import lab_sensors\nprint(lab_sensors.__file__)\n")
     module = Path(musselbed("python where.py").strip())
