@@ -61,7 +61,8 @@ _TOKEN_HEADER = "X-Musselbed-Token"
 _PRIVATE = {"Cache-Control": "no-store", "Referrer-Policy": "no-referrer", "X-Frame-Options": "DENY"}
 """The headers of pages: no other page gets the address with the token, nor shows this one in a frame."""
 _ASKED_AGAIN = HTMLResponse(
-    f"""<!doctype html><title>musselbed</title><p>{_NEEDS_TOKEN}</p><script>
+    f"""<!doctype html><html lang="en"><meta name="viewport" content="width=device-width">
+<meta name="color-scheme" content="light dark"><title>musselbed</title><p>{_NEEDS_TOKEN}</p><script>
 const token = sessionStorage.getItem("token");
 sessionStorage.removeItem("token");  // a wrong one is tried once
 if (token) location.replace("/?token=" + encodeURIComponent(token) + location.hash);

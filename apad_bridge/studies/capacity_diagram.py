@@ -8,7 +8,6 @@ as held if no aMussel is empty in the last fifth of its ten days.
 
 from __future__ import annotations
 
-import io
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -17,6 +16,7 @@ from typing import Any
 
 from rich.table import Table
 
+from apad_bridge.analysis.report.figures import as_file
 from apad_bridge.assembly.capacity import Bounds
 from apad_bridge.planning.registry import Trust
 from apad_bridge.scenario.loader import SHIPPED, with_values
@@ -174,6 +174,7 @@ def write_diagram(path: Path, phases: Sequence[SizedFlights], bounds: Bounds) ->
 
     matplotlib.use("svg")
     from matplotlib.figure import Figure
+    from matplotlib.patheffects import withStroke
 
     matplotlib.rcParams["svg.hashsalt"] = "musselbed"  # so that the same diagram is the same file
     strategies = list(dict.fromkeys(it.strategy for it in phases))
@@ -188,17 +189,20 @@ def write_diagram(path: Path, phases: Sequence[SizedFlights], bounds: Bounds) ->
         }
         grid = [[shares[size, charge] for size in sizes] for charge in charges]
         mesh = axis.pcolormesh(sizes, charges, grid, cmap="RdYlBu", vmin=0, vmax=1, edgecolors="white")
-        for bound, style in ((bounds.sustained_from_empty, ":"), (bounds.sustained, "--")):
-            axis.axvline(bound, linestyle=style, color="black")
+        for bound, style, name in (
+            (bounds.sustained_from_empty, ":", "sustained if each charge begins at empty"),
+            (bounds.sustained, "--", "sustained at most"),
+        ):
+            line = axis.axvline(bound, linestyle=style, color="black", label=name)
+            line.set_path_effects([withStroke(linewidth=4, foreground="white")])
         axis.set_title(strategy)
         axis.set_xlabel("aMussels")
         axis.set_xticks(sizes)
         axis.set_yticks(charges)
         axis.set_ylabel("mean charge at the start")
     drawing.colorbar(mesh, label="share of flights that are held")
-    text = io.StringIO()
-    drawing.savefig(text, format="svg", metadata={"Date": None})
-    write_atomically(path, text.getvalue())
+    drawing.legend(handles=axis.lines, loc="outside lower center", ncols=2, frameon=False)
+    write_atomically(path, as_file(drawing))
 
 
 class CapacityDiagram(Findings):

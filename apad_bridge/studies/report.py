@@ -165,8 +165,8 @@ def write_report(
         parts.append("</div>")
         if each.setting.theta != 1:
             parts.append(f"<p>{NO_ENERGY}.</p>")
-        drawn = _figure([row for row in rows if row["setting"] == index], plan, each.bounds)
-        parts.append(f"<div class=wide>{drawn}</div>")
+        drawn = _figures([row for row in rows if row["setting"] == index], plan, each.bounds)
+        parts.append(f"<div class=figures>{''.join(map(_svg, drawn))}</div>")
     write_atomically(path, _PAGE.format(title=escape(study.name), body="\n".join(parts)))
 
 
@@ -179,9 +179,11 @@ h2, h3 {{break-after: avoid}} .wide {{overflow-x: auto}} table {{border-collapse
 table + table {{margin-top: 1.5em}}
 td, th {{padding: .2em .8em .2em 0; text-align: right; white-space: nowrap; border-bottom: 1px solid #8888}}
 td:first-child, th:first-child {{text-align: left}}
-svg {{width: 100%; min-width: 720px; max-width: 100%; height: auto; background: #fff}}
-.sweep svg {{max-width: 720px}} .pair {{display: flex; flex-wrap: wrap; gap: 0 3em}}
-@media (max-width: 720px) {{svg {{max-width: none}}
+svg {{flex: 1 1 300px; width: 100%; max-width: 560px; height: auto; background: #fff; break-inside: avoid}}
+.sweep {{overflow-x: auto}} .sweep svg {{min-width: 560px; max-width: 720px}}
+.pair {{display: flex; flex-wrap: wrap; gap: 0 3em}}
+.figures {{display: flex; flex-wrap: wrap; gap: 1em; align-items: start}}
+@media (max-width: 720px) {{
   td, th {{font-size: 12px; padding-right: .5em}} td:first-child {{white-space: normal}}}}
 @media screen and (prefers-color-scheme: dark) {{:root {{color-scheme: dark}} body {{background: #12171d; color: #e6ebf1}}
   svg {{filter: invert(.92) hue-rotate(180deg)}}}} /* drawings are white: dark here, with their own hues */
@@ -235,7 +237,7 @@ def difference_text(difference: Difference | None) -> str:
     """`+1.20 ± 0.42, p 0.003`; a dash for an unknown figure."""
     if difference is None:
         return "–"
-    sign = "+" if difference.estimate.mean >= 0 else ""
+    sign = "" if estimate_text(difference.estimate).startswith("-") else "+"
     p = (
         ""
         if math.isnan(difference.p)
@@ -247,33 +249,39 @@ def difference_text(difference: Difference | None) -> str:
 
 
 def _number(value: float) -> str:
-    return f"{value:.0f}" if abs(value) >= 1000 else f"{value:.1f}" if abs(value) >= 100 else f"{value:.2f}"
+    digits = 0 if abs(value) >= 1000 else 1 if abs(value) >= 100 else 2
+    return f"{value:z.{digits}f}"
 
 
-def _figure(rows: Sequence[Row], plan: StudyPlan, bounds: Bounds) -> str:
-    """Box plots of the three figures that rank, and the way against the uptime, as SVG."""
+def _figures(rows: Sequence[Row], plan: StudyPlan, bounds: Bounds) -> Iterator[Figure]:
+    """Box plots of the primary figure and of those that rank, and the way against the uptime."""
     import matplotlib
 
     matplotlib.use("svg")
     from matplotlib.figure import Figure
 
-    drawing = Figure(figsize=(13, 4), layout="constrained")
-    axes = drawing.subplots(1, 3)
     by_strategy = [[row for row in rows if row["strategy"] == name] for name in plan.strategies]
-    for axis, column in zip(axes[:2], ("samples_taken", "uptime_submerged_mean"), strict=True):
-        axis.boxplot([[row[column] for row in own] for own in by_strategy], tick_labels=list(plan.strategies))
-        axis.set_title(HEADINGS[column])
+    for column in dict.fromkeys((plan.study.primary, "samples_taken", "uptime_submerged_mean")):
+        drawing = Figure(figsize=(4.2, 4), layout="constrained")
+        axis = drawing.subplots()
+        known = [[row[column] for row in own if row[column] is not None] for own in by_strategy]
+        axis.boxplot(known, tick_labels=list(plan.strategies))
+        axis.set_ylabel(HEADINGS[column])
         for label in axis.get_xticklabels():  # side by side at this slope, so many names do not overlap
             label.set(rotation=35, horizontalalignment="right", rotation_mode="anchor")
-    axes[1].axhline(bounds.uptime_percent, linestyle="--", color="grey")
+        if column == "uptime_submerged_mean":
+            axis.axhline(bounds.uptime_percent, linestyle="--", color="dimgrey", label="no strategy exceeds")
+            drawing.legend(loc="outside upper right", frameon=False)
+        yield drawing
+    drawing = Figure(figsize=(4.2, 4 + 0.22 * -(-len(by_strategy) // 2)), layout="constrained")
+    axis = drawing.subplots()
     for number, (name, own) in enumerate(zip(plan.strategies, by_strategy, strict=True)):
         x, y = ([row[column] for row in own] for column in ("metres", "uptime_paper_mean"))
         # Rings of their own sizes: two strategies often fly the same mission.
-        axes[2].scatter(x, y, s=12 * (number + 1), label=name, facecolors="none", edgecolors=f"C{number}")
-    axes[2].set_xlabel(HEADINGS["metres"])
-    axes[2].set_title(HEADINGS["uptime_paper_mean"])
-    drawing.legend(loc="outside right upper")  # beside the missions, of which it would hide some
-    return _svg(drawing)
+        axis.scatter(x, y, s=12 * (number + 1), label=name, facecolors="none", edgecolors=f"C{number}")
+    axis.set(xlabel=HEADINGS["metres"], ylabel=HEADINGS["uptime_paper_mean"])
+    drawing.legend(loc="outside lower center", ncols=2)  # beside the missions, of which it would hide some
+    yield drawing
 
 
 def _svg(drawing: Figure) -> str:

@@ -31,3 +31,44 @@ def load_page(browser: webdriver.Chrome, address: str) -> None:
     browser.get(address)
     loaded = "return location.href !== 'about:blank' && document.readyState === 'complete'"
     WebDriverWait(browser, PATIENCE_S, 0.05).until(lambda it: it.execute_script(loaded))
+
+
+LEAST_CONTRAST = 4.5
+"""WCAG 2.1, 1.4.3, of text that is not large."""
+_LOW_CONTRAST = """
+  const parts = (colour) => {
+    const [r, g, b, a] = colour.match(/[\\d.]+/g).map(Number), most = colour.startsWith("color(") ? 255 : 1;
+    return [r * most, g * most, b * most, a ?? 1];
+  };
+  const over = ([r, g, b, a], under) => [r, g, b].map((it, n) => it * a + under[n] * (1 - a));
+  const light = (rgb) => rgb.map((it) => it / 255).map((it) => (it <= 0.03928 ? it / 12.92 : ((it + 0.055) / 1.055) ** 2.4))
+    .reduce((sum, it, n) => sum + it * [0.2126, 0.7152, 0.0722][n], 0);
+  const chain = (it) => (it ? [...chain(it.parentElement), it] : []);
+  const found = [], walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  while (walker.nextNode()) {
+    const text = walker.currentNode.textContent.trim(), element = walker.currentNode.parentElement;
+    if (!text || !element.checkVisibility() || element.closest("script, style, :disabled, option, svg")) continue;
+    let under = [255, 255, 255], opacity = 1;
+    for (const it of chain(element)) {
+      const style = getComputedStyle(it);
+      under = over(parts(style.backgroundColor), under);
+      opacity *= Number(style.opacity);
+    }
+    const [r, g, b, a] = parts(getComputedStyle(element).color), ink = over([r, g, b, a * opacity], under);
+    const [high, low] = [light(ink), light(under)].sort((one, other) => other - one), ratio = (high + 0.05) / (low + 0.05);
+    if (ratio < arguments[0]) found.push(`${ratio.toFixed(2)} ${element.id || element.className}: ${text.slice(0, 40)}`);
+  }
+  return [...new Set(found)];
+"""
+
+
+def low_contrast(browser: webdriver.Chrome, scheme: str) -> list[str]:
+    """The visible texts of the page in that colour scheme that stand out too little from what lies below them."""
+    browser.execute_cdp_cmd(
+        "Emulation.setEmulatedMedia", {"features": [{"name": "prefers-color-scheme", "value": scheme}]}
+    )
+    try:
+        found: list[str] = browser.execute_script(_LOW_CONTRAST, LEAST_CONTRAST)
+        return found
+    finally:
+        browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})

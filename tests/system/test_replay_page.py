@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from browsers import chromium, load_page
+from browsers import LEAST_CONTRAST, chromium, load_page, low_contrast
 from scenario_files import POOL_FILE
 from selenium import webdriver
 
@@ -560,6 +560,28 @@ def test_high_contrast_is_7_to_1_or_more(page: Path, browser: webdriver.Chrome) 
     looked.write_text(page.read_text().replace("</body>", f"<script>{look}</script></body>"))
     found = re.search(r'data-found="([^"]*)"', browse(browser, looked, at="#t=5&theme=contrast"))
     assert found and float(found[1]) >= 7
+
+
+@pytest.mark.parametrize("at", ["#t=5", "#t=100&aMussel=3&why=1", "#t=100&theme=contrast"])
+def test_every_text_stands_out_from_the_page(page: Path, browser: webdriver.Chrome, at: str) -> None:
+    browse(browser, page, at=at)
+    for scheme in ("light", "dark"):
+        assert low_contrast(browser, scheme) == [], scheme
+        ids = """
+          const ctx = document.createElement("canvas").getContext("2d");
+          return STATUS_COLOURS.map((it) => { ctx.fillStyle = it; return [ctx.fillStyle, inkOn(ctx)]; });
+        """
+        for colour, ink in browser.execute_script(ids):
+            # Black is 0 and white 1: the contrast of either follows from the light of the other colour alone.
+            light = luminance(colour)
+            assert (1.05 / (light + 0.05) if ink == "#fff" else (light + 0.05) / 0.05) >= LEAST_CONTRAST
+
+
+def luminance(colour: str) -> float:
+    """WCAG 2.1 of a colour #rrggbb."""
+    parts = [int(colour[at : at + 2], 16) / 255 for at in (1, 3, 5)]
+    red, green, blue = (it / 12.92 if it <= 0.03928 else ((it + 0.055) / 1.055) ** 2.4 for it in parts)
+    return 0.2126 * red + 0.7152 * green + 0.0722 * blue
 
 
 def test_several_apads_have_one_page(

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from browsers import chromium, load_page
+from browsers import chromium, load_page, low_contrast
 from PIL import Image
 from scenario_files import POOL_FILE
 from selenium import webdriver
@@ -73,6 +73,12 @@ def test_every_printed_page_is_a4_and_nothing_is_cut(page: Path, browser: webdri
     assert browser.execute_script(BEYOND) == []
     drawn = "return [...document.images].map((it) => it.complete && it.naturalWidth > 300)"
     assert (found := browser.execute_script(drawn)) and all(found)
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_every_text_stands_out_from_the_page(page: Path, browser: webdriver.Chrome, scheme: str) -> None:
+    load_page(browser, page.as_uri())
+    assert low_contrast(browser, scheme) == []
 
 
 def test_on_a_phone_a_wide_table_scrolls_by_itself(page: Path, browser: webdriver.Chrome) -> None:

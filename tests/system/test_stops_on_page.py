@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from browsers import chromium, load_page
+from browsers import chromium, load_page, low_contrast
 from patient import PATIENCE_S
 from scenario_files import POOL_FILE
 from selenium import webdriver
@@ -135,6 +135,7 @@ def test_a_lookout_stops_on_a_phone_and_hears_what_a_stop_comes_to(
         says(phone, "stopped", "taken by the vehicle 00:01:43")
         assert (seen(phone, "stop"), seen(phone, "continue")) == (False, True)
         assert "STOPPED" in phone.title
+        assert (low_contrast(phone, "light"), low_contrast(phone, "dark")) == ([], [])
         # Of no alarm: a person ordered it.
         assert phone.execute_script("return document.body.dataset.beeps") is None
 
@@ -150,6 +151,7 @@ def test_a_lookout_stops_on_a_phone_and_hears_what_a_stop_comes_to(
         story.stop(2, "off", "guard: frozen", "ordered", reason="the position stands still")
         story.stop(2, "off", "guard: frozen", "taken")
         says(phone, "stopped", "MOTORS OFF: the aPad has no thrust")
+        assert (low_contrast(phone, "light"), low_contrast(phone, "dark")) == ([], [])
         wait_until(lambda: int(phone.execute_script("return document.body.dataset.beeps || 0")) >= 2)
         story.writes("drift", north_m=5.0, east_m=20.0, speed_m_s=0.31, towards_rad=4.2, fence_s=75.0)
         story.passes()

@@ -8,7 +8,7 @@ from typing import Any
 
 from apad_bridge.analysis.belief_scores.scores import Score, Scores
 
-_ERROR, _COVERAGE, _COUNT = "#3b6ea5", "#b5542c", "#888888"
+_ERROR, _COVERAGE, _COUNT = "#3b6ea5", "#b5542c", "#666666"
 _WANTED = 0.95
 _LABEL_WIDE = 9
 """Letters: labels side by side have room for so many."""

@@ -47,7 +47,7 @@ function drawPlace(ctx, data, at) {
     ctx.stroke();
     if (depth === null) continue;
     const [x, y] = at(points[Math.floor(points.length / 2)]);
-    ctx.fillStyle = PAINT.contour;
+    ctx.fillStyle = SOFT;
     ctx.fillText(depth + " m", x + 3, y - 3);
   }
   ctx.setLineDash([8, 5]);
@@ -229,6 +229,7 @@ function drawMussel(ctx, [x, y], radius, agent, marked) {
   const isEmpty = STATUSES[agent.status] === "empty", outline = isEmpty ? STATUS_COLOURS[agent.status] : PAINT.card;
   ctx.fillStyle = isEmpty ? PAINT.card : STATUS_COLOURS[agent.status];
   ctx.fill();
+  const ink = inkOn(ctx);
   ctx.lineWidth = marked === agent.id ? 3 : isEmpty ? 2.5 : 1.5;
   ctx.strokeStyle = marked === agent.id ? INK : outline;
   ctx.stroke();
@@ -241,7 +242,7 @@ function drawMussel(ctx, [x, y], radius, agent, marked) {
     ctx.stroke();
     ctx.setLineDash([]);
   }
-  ctx.fillStyle = isEmpty ? outline : PAINT.card;
+  ctx.fillStyle = ink;
   ctx.font = "bold 10px system-ui, 'DejaVu Sans', sans-serif";
   ctx.textAlign = "center";
   ctx.textBaseline = "middle";

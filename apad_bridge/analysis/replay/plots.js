@@ -54,6 +54,13 @@ function fresh(canvas) {
   return { ctx, width, height };
 }
 
+// Black or white, which is read better on the colour that a context fills with: 4.5 to 1 or more on any.
+function inkOn(ctx) {
+  const [red, green, blue] = [1, 3, 5].map((at) => parseInt(ctx.fillStyle.slice(at, at + 2), 16) / 255)
+    .map((it) => (it <= 0.03928 ? it / 12.92 : ((it + 0.055) / 1.055) ** 2.4));
+  return 0.2126 * red + 0.7152 * green + 0.0722 * blue > 0.179 ? "#000" : "#fff";
+}
+
 // A picture of a canvas's size, drawn anew only when its key or that size changes.
 const pictures = new Map();
 function picture(canvas, key, draw) {

@@ -124,7 +124,7 @@ def _parts(report: RunReport) -> Iterator[Part]:
         if report.scores.overall.rmse > _DRAWN:  # perfect knowledge has nothing to draw
             yield Picture(
                 belief_figure.figure_of(report.scores, "", figures.BELIEFS_INCHES),
-                "Beliefs: the error of the charge, and the share of true charges in the interval of 95 %.",
+                "Beliefs: the error of the charge, and the share of true charges in the interval of 95 %; dashed: 0.95.",
             )
     yield _trouble_table(report)
 
@@ -175,14 +175,15 @@ def _belief_table(report: RunReport) -> Table:
     columns = ("", "samples", "rmse", "bias", "in the interval of 95 %", "mode right", "place rmse m")
     why = report.why_scored_by_journal
     note = "" if why is None else f"By the journal: {why}."
-    return Table("Charges believed, less true ones", columns, rows, note)
+    return Table("Believed charge minus true charge", columns, rows, note)
 
 
 def _score_row(name: str, score: Score) -> list[str]:
     return [
         name,
         str(score.samples),
-        *(f"{it:+.4f}" if it is score.bias else f"{it:.4f}" for it in (score.rmse, score.bias)),
+        f"{score.rmse:.4f}",
+        f"{score.bias:+z.4f}",
         _number(score.coverage, ".3f"),
         f"{score.mode_right:.3f}",
         _number(score.place_rmse_m, ".2f"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
@@ -25,6 +26,9 @@ _MAP_INCHES = 4.9
 _SMALL = 8
 """Points: the least text, on paper and on a phone."""
 _LEGEND_ROW_INCHES = 0.19
+_DARK = (
+    "<style>@media (prefers-color-scheme: dark) { svg { filter: invert(.92) hue-rotate(180deg); } }</style>"
+)
 
 
 def _figure(height: float) -> Any:
@@ -33,15 +37,24 @@ def _figure(height: float) -> Any:
     return Figure(figsize=(WIDTH_INCHES, height), layout="constrained")
 
 
+def as_file(figure: Any) -> str:
+    """The figure as an SVG file of its own, which is dark where its reader's page is."""
+    text = io.StringIO()
+    figure.savefig(text, format="svg", metadata={"Date": None})
+    return text.getvalue().replace("<defs>", f"{_DARK}<defs>", 1)
+
+
 def activity(reports: Sequence[RunReport]) -> Any:
     """The paper's Fig. 9: the number of active aMussels, a line for each run."""
     figure = _figure(3.2)
     axes = figure.subplots()
-    for report in reports:
+    for later, report in reversed(list(enumerate(reversed(reports)))):
         if report.data["has_truth"]:
             minutes = [ms / _MS_PER_MINUTE for ms in report.data["times_ms"]]
+            # Of lines at the same height each shows its edges below the next one.
+            width = 1.2 + 0.8 * min(later, 3)
             (line,) = axes.step(
-                minutes, report.data["active"], where="post", linewidth=1.4, label=report.name
+                minutes, report.data["active"], where="post", linewidth=width, label=report.name
             )
             for begin_ms, end_ms in report.stopped_ms:
                 span = begin_ms / _MS_PER_MINUTE, end_ms / _MS_PER_MINUTE
@@ -170,6 +183,6 @@ def energy(report: RunReport) -> Any:
             rotation=90,
         )
         axes.set(xlabel="aMussel", ylabel="% of a battery", title=title)
-        if len(axes.containers) > 1:
+        if axes.containers:
             part.legend(fontsize=_SMALL, ncols=2, loc="outside lower center")
     return figure

@@ -118,7 +118,11 @@ def test_the_command_prints_both_states_and_draws_them(
     printed = capsys.readouterr().out
     assert "held from" in printed and "never" in printed
     assert "at most 15.2 aMussels, and 11.9 if each charge begins at empty" in printed
-    assert (tmp_path / "out" / "diagram.svg").read_text().count("cautious") >= 2
+    drawn = (tmp_path / "out" / "diagram.svg").read_text()
+    assert drawn.count("cautious") >= 2
+    for name in ("sustained at most", "sustained if each charge begins at empty"):
+        assert f"<!-- {name} -->" in drawn
+    assert "prefers-color-scheme: dark" in drawn
     assert main([*arguments, "--json"]) == 0
     assert len(json.loads(capsys.readouterr().out)["phases"]) == 112
 

@@ -352,7 +352,11 @@ def test_the_command_writes_a_row_for_each_mission_and_a_report(
         own = [row["metres"] for row in table if row["strategy"] == standing["strategy"]]
         assert standing["columns"]["metres"]["mean"] == pytest.approx(sum(own) / 3)
     page = (out / "report.html").read_text()
-    assert "<svg" in page and "No strategy exceeds" in page
+    assert "No strategy exceeds" in page
+    # Every axis of the three drawings, and the dashed bound, has its name beside it: words are comments beside their paths.
+    samples, submerged, missions = (re.findall("<!-- (.*?) -->", it) for it in page.split("<svg")[1:])
+    assert "samples taken" in samples and {"submerged %", "no strategy exceeds"} <= set(submerged)
+    assert {"way planned m", "uptime %", "cautious", "greedy"} <= set(missions)
     # A row for each figure, by a name of its own; a column for each strategy.
     means, differences = re.findall("<table>(.*?)</table>", page, re.DOTALL)
     names = re.findall("<tr><td>([^<]*)</td>", means)

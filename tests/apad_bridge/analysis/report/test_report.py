@@ -11,7 +11,7 @@ import pytest
 from journals import journal_of
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from apad_bridge.analysis.report import figures
+from apad_bridge.analysis.report import document, figures
 from apad_bridge.analysis.report.contents import contents_of, troubles_in
 from apad_bridge.commands.main import main
 from apad_bridge.records.run_directory import RunDirectory
@@ -73,6 +73,28 @@ def test_the_legend_of_all_modules_is_whole_with_a_colour_for_each(report):
     assert len({it.get_facecolor() for it in legend.get_patches()}) == 14
 
 
+def test_a_single_module_has_its_name_beside_its_colour(report):
+    """The paper's worst case has one load, and no modules."""
+    (legend,) = figures.energy(report).subfigs[0].legends
+    assert [it.get_text() for it in legend.get_texts()] == [
+        it.replace("_", " ") for it in report.energy[0].by_module
+    ]
+
+
+def test_of_two_lines_at_the_same_height_the_lower_one_shows_below_the_upper(report):
+    below, above = figures.activity([report, replace(report, name="again")]).axes[0].lines
+    assert below.get_zorder() <= above.get_zorder()  # in the order in which they were drawn
+    assert below.get_linewidth() >= above.get_linewidth() + 0.5
+
+
+def test_a_bias_that_rounds_to_zero_has_no_minus(report, tmp_path):
+    nearly = replace(
+        report, scores=replace(report.scores, overall=replace(report.scores.overall, bias=-1e-5))
+    )
+    page = document.write_report([nearly], tmp_path).read_text()
+    assert "<td>+0.0000</td>" in page and "-0.0000" not in page
+
+
 def test_batteries_of_the_paper_s_worst_case_lie_on_the_model(report):
     """As they must: the run computes with it. Points of a sample every second, a line of one every minute."""
     discharging, charging = figures.batteries(report).axes
@@ -117,7 +139,7 @@ def test_the_page_has_all_parts_the_table_first(pool_run, whole_run, tmp_path, c
         "run",
         "Energy by module",
         "Energy by state",
-        "Charges believed, less true ones",
+        "Believed charge minus true charge",
         "Faults and what followed",
     ]
     assert page.index("<table") < page.index("<img") and "http" not in page
