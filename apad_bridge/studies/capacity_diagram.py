@@ -168,8 +168,11 @@ def diagram_of(
     return found
 
 
-def write_diagram(path: Path, phases: Sequence[SizedFlights], bounds: Bounds) -> None:
-    """Writes the diagram as SVG: a panel for each strategy, and the share of flights that were held as colour."""
+def write_diagram(path: Path, phases: Sequence[SizedFlights], bounds: Bounds, made_by: str) -> None:
+    """Writes the diagram as SVG: a panel for each strategy, and the share of flights that were held as colour.
+
+    The file names `made_by`, the command.
+    """
     import matplotlib
 
     matplotlib.use("svg")
@@ -202,7 +205,7 @@ def write_diagram(path: Path, phases: Sequence[SizedFlights], bounds: Bounds) ->
         axis.set_ylabel("mean charge at the start")
     drawing.colorbar(mesh, label="share of flights that are held")
     drawing.legend(handles=axis.lines, loc="outside lower center", ncols=2, frameon=False)
-    write_atomically(path, as_file(drawing))
+    write_atomically(path, as_file(drawing, made_by))
 
 
 class CapacityDiagram(Findings):
@@ -233,5 +236,5 @@ class CapacityDiagram(Findings):
         )
 
     def write_figures(self, directory: Path) -> str:
-        write_diagram(directory / _DIAGRAM, self.phases, self.bounds)
+        write_diagram(directory / _DIAGRAM, self.phases, self.bounds, "musselbed study capacity")
         return f"The diagram: {directory / _DIAGRAM}"

@@ -72,6 +72,10 @@ def in_a_shell(clone: Path, script: str, variables: dict[str, str] | None = None
     assert done.returncode == 0, f"{script}\n{done.stdout[-6000:]}\n{done.stderr[-4000:]}"
 
 
+def test_the_papers_figures_are_what_the_code_gives() -> None:
+    in_a_shell(ROOT, "docs/pictures/make-paper-figures --check")
+
+
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run of the whole pool experiment, which has ended."""

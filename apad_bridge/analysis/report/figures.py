@@ -37,10 +37,10 @@ def _figure(height: float) -> Any:
     return Figure(figsize=(WIDTH_INCHES, height), layout="constrained")
 
 
-def as_file(figure: Any) -> str:
-    """The figure as an SVG file of its own, which is dark where its reader's page is."""
+def as_file(figure: Any, made_by: str) -> str:
+    """The figure as an SVG file of its own: dark where its reader's page is, and with the command that made it."""
     text = io.StringIO()
-    figure.savefig(text, format="svg", metadata={"Date": None})
+    figure.savefig(text, format="svg", metadata={"Date": None, "Creator": f"made by {made_by}"})
     return text.getvalue().replace("<defs>", f"{_DARK}<defs>", 1)
 
 
