@@ -70,6 +70,20 @@ def entry_points(group: str) -> list[EntryPoint]:
     )
 
 
+def package_to_blame(error: BaseException) -> str | None:
+    """The package, with its version, whose own file an error comes from, if it brings a part; None for another error."""
+    from traceback import walk_tb
+
+    files = {os.path.normpath(frame.f_code.co_filename) for frame, _ in walk_tb(error.__traceback__)}
+    for folder in sys.path:
+        for metadata, text in _metadata_in(folder):
+            if "[musselbed." in text and not os.path.basename(metadata).startswith("musselbed-"):
+                with suppress(OSError), open(os.path.join(metadata, "RECORD"), encoding="utf-8") as record:
+                    if any(os.path.join(folder, line.partition(",")[0]) in files for line in record):
+                        return EntryPoint("", "", "", metadata).brought_by
+    return None
+
+
 def _metadata_in(folder: str) -> Iterator[tuple[str, str]]:
     """Yields the metadata's folder and the text of entry points of each package installed in this folder of the path."""
     with suppress(OSError):

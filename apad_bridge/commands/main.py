@@ -9,6 +9,7 @@ import gc
 import os
 import select
 import sys
+import traceback
 from collections.abc import Sequence
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, TextIO
@@ -22,6 +23,7 @@ from apad_bridge.runs.exits import (
 )
 from apad_bridge.runs.terminal import show_control_characters
 from apad_bridge.scenario.errors import UserError
+from firmware_model.entry_points import package_to_blame
 
 try:
     from agents.hosting.interrupts import interruptible, leave_at_once
@@ -273,9 +275,13 @@ def _run(arguments: list[str]) -> int:
         _discard(sys.stdout)
         return Exit.PEER_FAILED
     except Exception as error:
-        if not is_for_lack_of_memory(error):
+        if is_for_lack_of_memory(error):
+            return _out_of_memory(chosen.command)
+        if (package := package_to_blame(error)) is None:
             raise
-        return _out_of_memory(chosen.command)
+        traceback.print_exception(error)
+        print(f"musselbed {chosen.command}: this is an error of {package}: tell its authors", file=sys.stderr)
+        return Exit.PEER_FAILED
     return code
 
 

@@ -7,6 +7,7 @@ import os
 import re
 import sys
 import sysconfig
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from importlib.machinery import PathFinder
 from importlib.util import find_spec
@@ -76,12 +77,27 @@ def check_packages(distribution: str = "musselbed") -> Iterator[Finding]:
 
 
 def check_parts_of_others() -> Iterator[Finding]:
-    """Names the packages that bring a part: they are trusted, and fly along. A sensor of one that is refused is a fault."""
+    """Names the packages that bring a part: they are trusted, fly along, and are loaded here.
+
+    A sensor of one that is refused is a fault, because it keeps every fleet of whole boards from flying.
+    """
     # Imported here: this module must not need a package that another one shadows.
-    from firmware_model.entry_points import MEND, parts_of_others
+    from firmware_model.entry_points import MEND, entry_points, parts_of_others
 
     found = "; ".join(f"{package}: {parts}" for package, parts in parts_of_others().items())
     yield ok(found or "none")
+    for group in ("strategies", "codecs", "commands"):
+        brought = entry_points(f"musselbed.{group}")
+        for name, count in Counter(it.name for it in brought).items():
+            if count > 1:
+                packages = ", ".join(sorted(it.brought_by for it in brought if it.name == name))
+                yield warn(f"{name} is in each of {packages}", "uninstall one of them", check=group)
+        for it in brought:
+            try:
+                it.load()
+            except (Exception, SystemExit) as error:
+                told = f"{it.name} of {it.brought_by} cannot be loaded: {type(error).__name__}: {error}"
+                yield warn(told, MEND, check=group)
     try:
         from firmware_model.power import rails  # noqa: F401
     except ImportError as error:

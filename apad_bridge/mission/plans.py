@@ -11,7 +11,7 @@ from apad_bridge.events.mission import PlanMade
 from apad_bridge.events.run import EndReason
 from apad_bridge.planning.candidates import Situation
 from apad_bridge.planning.costs import Scales, cost_of
-from apad_bridge.planning.registry import A_USERS_ERROR, label
+from apad_bridge.planning.registry import A_USERS_ERROR, label, words_of_package
 from apad_bridge.planning.solution import Solution, StepKind, check_solution
 from apad_bridge.planning.strategy import CollectionStrategy, Strategy
 
@@ -29,7 +29,8 @@ class StrategyFailed(Exception):
 
     @classmethod
     def by(cls, name: str, error: BaseException) -> StrategyFailed:
-        return cls(f"{EndReason.STRATEGY_FAILED} {label(name)!r}: {type(error).__name__}: {error}")
+        named = f"{label(name)!r}{words_of_package(name)}"
+        return cls(f"{EndReason.STRATEGY_FAILED} {named}: {type(error).__name__}: {error}")
 
 
 def checked_plan(name: str, plan: Callable[[], Solution], situation: Situation, kind: StepKind) -> Solution:
@@ -88,11 +89,13 @@ def plan_event(
         ],
         from_=north_east,
         exchanged=[{"released": out, "collected": other} for out, other in exchanged] or None,
-        **_reasons(strategy, situation, solution),
+        **_reasons(name, strategy, situation, solution),
     )
 
 
-def _reasons(strategy: Strategy | None, situation: Situation, solution: Solution) -> dict[str, Any]:
+def _reasons(
+    name: str, strategy: Strategy | None, situation: Situation, solution: Solution
+) -> dict[str, Any]:
     """The fields of an explanation. A user's error in one must not end a flight: it stands in the place of the reasons."""
     try:
         options = [] if strategy is None else list(strategy.explain(situation, solution))
@@ -111,4 +114,4 @@ def _reasons(strategy: Strategy | None, situation: Situation, solution: Solution
             ]
         }
     except A_USERS_ERROR as error:
-        return {"unexplained": f"{type(error).__name__}: {error}"}
+        return {"unexplained": f"{type(error).__name__}: {error}{words_of_package(name)}"}

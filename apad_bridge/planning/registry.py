@@ -101,6 +101,11 @@ def label(name: str) -> str:
     return name if in_file is None else str(in_file._replace(path=Path(in_file.path).name))
 
 
+def words_of_package(name: str) -> str:
+    """The words ` (from PACKAGE VERSION)` for a strategy of an installed package; empty for another one."""
+    return next((f" (from {it.brought_by})" for it in _entries() if it.name == name), "")
+
+
 def digest_of_file(name: str) -> str | None:
     """The SHA-256 of the file that this name names; None for other strategies. OSError if the file is gone."""
     in_file = InFile.of(name)

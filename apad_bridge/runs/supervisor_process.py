@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+import traceback
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
@@ -54,6 +55,7 @@ from apad_bridge.vehicle.errors import PeerFailed
 from apad_bridge.world.contacts import Contacts
 from apad_bridge.world.fleet import FlightFleet, NoFleet
 from apad_bridge.world.world import World
+from firmware_model.entry_points import package_to_blame
 
 
 def command_sources_of(
@@ -291,6 +293,12 @@ def main() -> int:
         RunDirectoryError,
     ) as error:  # what fails after the records are open is handled in `fly`
         write(Failed(str(error)))
+        return Exit.PEER_FAILED
+    except Exception as error:
+        if (package := package_to_blame(error)) is None:
+            raise
+        traceback.print_exception(error)
+        write(Failed(f"{package}: {type(error).__name__}: {error}; see {arguments.run}/supervisor.log"))
         return Exit.PEER_FAILED
 
 

@@ -397,16 +397,16 @@ def _reason(polygon: Any, error: Exception) -> str:
 def _refusal_of_sensors(data: dict[str, Any]) -> str | None:
     """The reason why this environment's boards are not those that the data name; None for data that name none.
 
-    Boards of the paper's worst case take no samples: sensors beyond theirs change nothing.
+    Boards of the paper's worst case have no sensors: none is lacking, or too many, there.
     """
     here, board = list(BROUGHT), data.get("board")
+    if not (isinstance(board, dict) and board.get("whole")):
+        return None
     named = it if isinstance(it := data.get("sensors"), list) else here
     if lacking := [it for it in named if it not in here]:
         return f"flown with the sensor {str(lacking[0])[:80]}, which is not installed here: install it"
-    surplus = [it for it in here if it not in named] if isinstance(board, dict) and board.get("whole") else []
-    return (
-        f"flown without the sensor {surplus[0]}, which is installed here: uninstall it" if surplus else None
-    )
+    surplus = next((it for it in here if it not in named), None)
+    return surplus and f"flown without the sensor {surplus}, which is installed here: uninstall it"
 
 
 def _with_ids(data: dict[str, Any]) -> dict[str, Any]:

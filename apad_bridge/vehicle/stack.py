@@ -26,7 +26,7 @@ class Stack:
     recognised_services: tuple[str, ...] = ()
     """... and where all these services are offered."""
     topic_types: Mapping[str, str] = field(default_factory=dict)
-    """The types of the topics that we subscribe to. The md5s of those that we have definitions of are checked."""
+    """The types of the topics that its link subscribes to. The md5s of those that we have definitions of are checked."""
     service_types: Mapping[str, str] = field(default_factory=dict)
     off_services: tuple[str, ...] = ()
     """The services that together cut its thrust, whatever its position."""
@@ -40,3 +40,7 @@ class Stack:
     """Before it docks or undocks it stands still for so long, while the vehicle drifts."""
     pulls_back_m: float = 0.0
     """It backs off so far in a docking."""
+
+    def __post_init__(self) -> None:
+        if not self.recognised_actions and not self.recognised_services:
+            raise ValueError("a stack has recognised_actions or recognised_services")

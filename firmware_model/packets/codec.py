@@ -31,6 +31,21 @@ class MusselbedCodec:
         return packets.decode(data)
 
 
+class _Checked:
+    """A package's codec, whose name stands in the error for what is no bytes: it would end far from its cause."""
+
+    def __init__(self, codec: Codec, name: str) -> None:
+        self._codec = codec
+        self._name = name
+        self.decode = codec.decode
+
+    def encode(self, packet: packets.Packet) -> bytes:
+        data = self._codec.encode(packet)
+        if not isinstance(data, bytes):
+            raise TypeError(f"{self._name} made {type(data).__name__} of a packet, and no bytes")
+        return data
+
+
 def load_codec(name: str) -> Codec:
     """The codec called `name`: the built-in one, or a class under the entry-point group `musselbed.codecs`.
 
@@ -48,7 +63,7 @@ def load_codec(name: str) -> Codec:
     if len(packages) > 1:
         raise ValueError(f"codec {name!r} is in each of {', '.join(packages)}: uninstall one of them")
     try:
-        return cast(Codec, found[0].load()())
+        return _Checked(cast(Codec, found[0].load()()), f"codec {name!r} (from {packages[0]})")
     except Exception as error:
         raise ValueError(
             f"codec {name!r} (from {packages[0]}, {found[0].module}) cannot be loaded: {type(error).__name__}: {error}"

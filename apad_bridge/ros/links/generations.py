@@ -7,7 +7,7 @@ import time
 import rosgraph
 import rospy
 
-from apad_bridge.assembly.stacks import stack_of, stacks
+from apad_bridge.assembly.stacks import stack_of, stacks, unloadable
 from apad_bridge.doctor.graph import Graph
 from apad_bridge.doctor.network import Unreachable
 from apad_bridge.scenario.choices import Generation
@@ -59,8 +59,9 @@ def live_generation(name: str, timeout_s: float) -> Generation:
             )
         if time.monotonic() > until_s:
             absences = " and ".join(_absence(stack, name) for stack in stacks())
+            broken = "".join(f"; {line}" for line in unloadable().values())
             raise VehicleNotReady(
-                f"{whole} is not there after {timeout_s:g} s: {absences}; is apad.name right?"
+                f"{whole} is not there after {timeout_s:g} s: {absences}; is apad.name right?{broken}"
             )
         # The master publishes no changes of the graph: it has to be asked.
         time.sleep(0.1)

@@ -57,6 +57,8 @@ class AnyListener:
                 self._refuse(topic, _node_of(raw), "bytes that are not of its definition")
             except (ValueError, AttributeError, KeyError, TypeError) as error:
                 self._refuse(topic, _node_of(raw), str(error))
+            except Exception as error:  # rospy would only log it, for each message
+                self._refuse(topic, _node_of(raw), f"its reader fails: {type(error).__name__}: {error}")
 
         return receive
 

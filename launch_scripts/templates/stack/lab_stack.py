@@ -1,11 +1,12 @@
 """A boat that takes goals as geometry_msgs/PoseStamped, and an end of its thrust as std_srvs/Trigger.
 
-All names are below its own.
+All names are below its own. The first three are fixed: the guards, the preflight and the doctor know them by these names.
 
-    position        auv_msgs/NavSts, from the boat: its place, and the origin that preflight compares
+    position        auv_msgs/NavSts, from the boat: its place, with the variance and the origin that preflight compares
+    battery_level   std_msgs/Float64, from the boat: percent
+    manual          std_msgs/Bool, from the boat: a pilot steers
     helm/goal       geometry_msgs/PoseStamped, to the boat: x north, y east, in metres; it goes there and stays
     is_under_way    std_msgs/Bool, from the boat
-    manual          std_msgs/Bool, from the boat: a pilot steers
     helm/off        std_srvs/Trigger: no thrust, until the next goal
 
 The doctor loads this module without ROS.

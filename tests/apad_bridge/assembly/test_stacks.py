@@ -86,6 +86,11 @@ def test_a_package_brings_a_stack_and_ours_keep_their_names(tmp_path: Path) -> N
         ("import no_such_module", ["lab_stack"], "ModuleNotFoundError: No module named 'no_such_module'"),
         ("raise SystemExit(0)", ["lab_stack"], "SystemExit: 0"),
         ("", ["lab_stack"], "module 'lab_stack' has no attribute 'STACK'"),
+        (
+            "from apad_bridge.vehicle.stack import Stack\nSTACK = Stack('lab', 'nothing', lambda docks: None)",
+            ["lab_stack"],
+            "ValueError: a stack has recognised_actions or recognised_services",
+        ),
         (A_STACK, ["lab_one", "lab_two"], "is in lab_one 1.2 and lab_two 1.2: uninstall one of them"),
     ],
 )

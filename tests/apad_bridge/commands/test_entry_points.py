@@ -10,6 +10,8 @@ import pytest
 from doc_blocks import TEMPLATES
 
 from apad_bridge.commands.main import main
+from apad_bridge.doctor.finding import CheckStatus
+from apad_bridge.doctor.interpreter import check_parts_of_others
 from firmware_model.entry_points import EntryPoint, entry_points
 
 SERVICES = (TEMPLATES / "command/lab_services.py").read_text() + "\nprint('loaded')\n"
@@ -106,3 +108,32 @@ def test_an_order_reads_no_metadata(words: list[str], monkeypatch: pytest.Monkey
 
     monkeypatch.setattr("firmware_model.entry_points.entry_points", refuse)
     assert main(words) == 2
+
+
+def test_an_error_of_a_strangers_command_names_its_package(site: Path) -> None:
+    """Not one that a stranger's command only calls, and not where the package has no list of files."""
+    (site / "lab_services.py").write_text(SERVICES.replace("json.loads", "json.loadz"))
+    (site / "summary.json").write_text("{}")
+    assert run_musselbed(site, "services", str(site)).returncode == 1
+    (site / "lab_tools-1.0.dist-info/RECORD").write_text("lab_services.py,sha256=x,9\n")
+    done = run_musselbed(site, "services", str(site))
+    assert done.returncode == 3
+    assert "AttributeError" in done.stderr
+    assert done.stderr.endswith("musselbed services: this is an error of lab_tools 1.0: tell its authors\n")
+
+
+def test_a_users_mistake_in_the_templates_command_is_one_line(site: Path) -> None:
+    done = run_musselbed(site, "services", str(site))
+    assert (done.returncode, len(done.stderr.splitlines())) == (
+        2,
+        1,
+    ) and "summary.json is not there" in done.stderr
+
+
+def test_the_doctor_loads_the_parts_and_names_those_that_fail_or_stand_twice(site: Path) -> None:
+    install(site, "pool_tools", "pool_tools.services", SERVICES)
+    (site / "lab_services.py").write_text("raise SystemExit(0)")
+    found = [(it.check, it.found) for it in check_parts_of_others() if it.status is CheckStatus.WARN]
+    assert ("commands", "services is in each of lab_tools 1.0, pool_tools 1.0") in found
+    assert ("commands", "services of lab_tools 1.0 cannot be loaded: SystemExit: 0") in found
+    assert not any("services of pool_tools" in text for _, text in found)

@@ -119,3 +119,18 @@ def test_a_codec_that_cannot_be_made_or_that_two_packages_bring_names_them(
         ValueError, match=r"'lines' is in each of lab_codec 1\.2, other_codec 3\.0: uninstall"
     ):
         load_codec("lines")
+
+
+def test_a_codec_that_makes_no_bytes_is_named_with_its_package(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An agent that handed an integer on would fall silent, far from the cause."""
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.delitem(sys.modules, "lab_codec", raising=False)
+    install_template(tmp_path, "codec")
+    text = (tmp_path / "lab_codec.py").read_text()
+    (tmp_path / "lab_codec.py").write_text(text.replace(".encode()\n\n    def", "\n\n    def"))
+    with pytest.raises(
+        TypeError, match=r"codec 'lines' \(from lab_codec 1\.2\) made str of a packet, and no bytes"
+    ):
+        load_codec("lines").encode(STATUS)

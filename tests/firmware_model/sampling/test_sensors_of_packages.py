@@ -141,3 +141,17 @@ def test_nobody_reads_the_counts_of_a_table_with_as_many_other_sensors(tmp_path:
     read = READ.format(sent)
     assert answer(tmp_path / "ours", read) == " ".join(3 * ["(1, 2, 3, 4, 5)"])
     assert [answer(tmp_path / it, read) for it in ("other", "later")] == 2 * ["None None None"]
+
+
+def test_a_scenario_of_the_papers_worst_case_lacks_none_and_has_none_too_many(tmp_path: Path) -> None:
+    """Its boards have no sensors: a run of it is read, whichever are installed."""
+    bring(tmp_path, "lab", "zinc", ROW.format("zinc", 1, 0.5))
+    code = (
+        "from pathlib import Path; from apad_bridge.scenario.loader import from_data, load, resolve\n"
+        "for name in ('pool-12', 'whole-board-12'):\n"
+        "    for listed in ([], ['zinc of lab 2.0'], ['iron of lab 1.0']):\n"
+        "        data = resolve(load(Path('launch_scripts/scenarios') / f'{name}.yaml')) | {'sensors': listed}\n"
+        "        try: from_data(data, name); print('read', end=' ')\n"
+        "        except ValueError: print('refused', end=' ')\n"
+    )
+    assert answer(tmp_path, code) == "read read read refused read refused "

@@ -166,3 +166,17 @@ def test_a_laboratorys_message_of_another_type_is_dropped_counted_and_told_once(
     assert subscribers.dropped == {"/modem: data holds no bytes": 3, "/permit: says no id": 1}
     assert [it.node for it in subscribers.take_events()] == ["/stranger"]
     subscribers.close()
+
+
+def test_a_reader_that_fails_is_told_once_and_not_by_rospy_alone(subscribed: Inboxed) -> None:
+    subscribers, inbox = subscribed
+
+    def fail(message: Any) -> None:
+        raise RuntimeError("no such gauge")
+
+    receive = subscribers._listener.receiver("/apad1/gauge", Float64, ("data",), fail)
+    for _ in range(3):
+        receive(on_the_wire(Float64(1.0), "/boat"))
+    (told,) = inbox.take_events()
+    assert isinstance(told, MessagesDropped) and "its reader fails: RuntimeError: no such gauge" in str(told)
+    assert sum(inbox.dropped.values()) == 3
