@@ -150,7 +150,8 @@ def _untold(scenario: Scenario, model: TwinModel) -> UntoldParameters | None:
     """Returns the ranges of what the twins learn; None where every packet is received, as in the paper."""
     if scenario.hearing.mode is HearingMode.PAPER:
         return None
-    return UntoldParameters(model.untold.ageing, model.untold.drain, model.untold.bias)
+    untold = model.untold
+    return UntoldParameters(untold.ageing, untold.drain, untold.bias, untold.drain_swing)
 
 
 def readings_apart_ms(scale: TimeScale) -> int:

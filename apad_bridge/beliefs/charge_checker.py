@@ -58,7 +58,7 @@ class ChargeChecker:
         sensor, drain = parameters.sensor, parameters.drain
         self.margin = _NOISE_DEVIATIONS * math.sqrt(2) * sensor.noise
         self.margin += _BIAS_DEVIATIONS * max(sensor.bias_deviation)
-        load = untold.drain + _LOAD_DEVIATIONS * parameters.drain_deviation
+        load = untold.drain + _LOAD_DEVIATIONS * (parameters.drain_deviation + untold.drain_swing)
         self._least, most, self._aged = max(0.0, 1 - load), 1 + load, 1 / (1 - untold.ageing)
         in_water = [drain.per_min[mode] for mode in Mode if mode not in DOCKED and mode is not Mode.LOST]
         self._falls_least = min(in_water) * self._least

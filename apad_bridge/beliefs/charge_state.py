@@ -1,10 +1,11 @@
-"""The state vector of a twin's power filter, with its prediction and its update: ten numbers, estimated together.
+"""The state vector of a twin's power filter, with its prediction and its update: ten or eleven numbers together.
 
 The numbers are both charges at the anchor; the drain, relative to the nominal kind's; four voltage biases, because a
 sensor reads low under a load and high on a charger; the charging rate, relative to the nominal kind's; and a constant
-bias of each battery's sensor. Drain, biases and charging rate differ between aMussels; the filter learns them from
-packets. On the scale of voltage an aged battery discharges and charges faster alike, by 1 / capacity: so the charging
-rate tells the capacity, and the drain over the rate tells the load.
+bias of each battery's sensor. Where loads swing within a day, the eleventh is the drain's present deviation, relative
+to itself: an Ornstein-Uhlenbeck process. Drain, biases and charging rate differ between aMussels; the filter learns
+them from packets. On the scale of voltage an aged battery discharges and charges faster alike, by 1 / capacity: so the
+charging rate tells the capacity, and the drain over the rate tells the load.
 """
 
 from __future__ import annotations
@@ -23,8 +24,9 @@ from apad_bridge.beliefs.spent_charge import Spent
 from apad_bridge.beliefs.twin_parameters import SensorParameters, TwinParameters
 
 Array = NDArray[np.float64]
-PRIMARY, SECONDARY, DRAIN, ASLEEP, AWAKE, HIGH, CHARGING, RATE, SENSOR, SECONDARY_SENSOR = range(10)
+PRIMARY, SECONDARY, DRAIN, ASLEEP, AWAKE, HIGH, CHARGING, RATE, SENSOR, SECONDARY_SENSOR, SWING = range(11)
 SIZE = 10
+"""Without the swing, which the states of twins have that are told of one."""
 _UNKNOWN_SD = 0.6
 """Deviation of an unknown charge: wider than [0, 1], so that the first packet alone decides."""
 _UNINFORMATIVE = 1e4
@@ -37,6 +39,8 @@ _BIAS_WANDERS = 0.15
 """The share of its deviation between aMussels by which a bias wanders in a day."""
 _SENSOR_WANDERS = 0.02
 """The same for the constant bias of a sensor."""
+_SWING_LASTS_MS = 21_600_000
+"""The correlation time of the drain's swing: a quarter of a day, after which a daily sine has no correlation."""
 ANY_BIAS = 1.0
 """A bias of a sensor that may state anything: uniform, either way."""
 _IMPROBABLE = 1e-3
@@ -63,10 +67,54 @@ class Anchor(NamedTuple):
     cov: Array
 
 
-def _measurement_matrix(mode: Mode) -> Array:
-    """The 2 x 10 matrix from the state to the two measured charges: a load biases the primary alone, a charger both."""
+class Swing(NamedTuple):
+    """The drain's swing over an interval, given its deviation x at the begin: the mean over the interval, and the end."""
+
+    share: float
+    """The expected mean is `share` x."""
+    decay: float
+    """The expected deviation at the end is `decay` x."""
+    mean_variance: float
+    covariance: float
+    """The covariance of the mean with the deviation at the end."""
+    variance: float
+
+
+def swing_over(parameters: TwinParameters, elapsed_ms: int) -> Swing | None:
+    """The swing over `elapsed_ms`; None for steady loads."""
+    untold = parameters.untold
+    if untold is None or not untold.drain_swing:
+        return None
+    if elapsed_ms <= 0:
+        return Swing(1.0, 1.0, 0.0, 0.0, 0.0)
+    # Uhlenbeck and Ornstein 1930: the moments of the position and the velocity of a Brownian particle.
+    times, square = elapsed_ms / _SWING_LASTS_MS, untold.drain_swing**2
+    decay, gone = math.exp(-times), -math.expm1(-times)
+    share = gone / times
+    return Swing(
+        share,
+        decay,
+        square * max(0.0, 2 * (times - gone) / times**2 - share**2),
+        square * share * gone,
+        square * gone * (1 + decay),
+    )
+
+
+def drain_over(mean: Array, cov: Array, swing: Swing | None) -> tuple[float, float, float]:
+    """Mean and variance of the drain over an interval that begins in this state, and its covariance with the primary."""
+    drain, variance, both = mean.item(DRAIN), cov.item(DRAIN, DRAIN), cov.item(PRIMARY, DRAIN)
+    if swing is None:
+        return drain, variance, both
+    by_drain, by_swing = 1 + swing.share * mean.item(SWING), swing.share * drain
+    variance = by_drain**2 * variance + by_swing**2 * cov.item(SWING, SWING)
+    variance += 2 * by_drain * by_swing * cov.item(DRAIN, SWING) + drain**2 * swing.mean_variance
+    return drain * by_drain, variance, by_drain * both + by_swing * cov.item(PRIMARY, SWING)
+
+
+def _measurement_matrix(mode: Mode, size: int) -> Array:
+    """The 2 x `size` matrix from the state to the two measured charges: a load biases the primary alone, a charger both."""
     bias = _BIAS_OF[mode]
-    reading = np.zeros((2, SIZE))
+    reading = np.zeros((2, size))
     reading[0, PRIMARY] = reading[1, SECONDARY] = reading[0, bias] = 1.0
     reading[0, SENSOR] = reading[1, SECONDARY_SENSOR] = 1.0
     if bias == CHARGING:
@@ -74,8 +122,9 @@ def _measurement_matrix(mode: Mode) -> Array:
     return reading
 
 
-_MEASUREMENT_MATRICES = {mode: _measurement_matrix(mode) for mode in Mode}
-_IDENTITY = np.eye(SIZE)
+SIZES = (SIZE, SIZE + 1)
+_MEASUREMENT_MATRICES = {(mode, size): _measurement_matrix(mode, size) for mode in Mode for size in SIZES}
+_IDENTITY = {size: np.eye(size) for size in SIZES}
 
 
 def prior_state(parameters: TwinParameters) -> tuple[Array, Array]:
@@ -94,6 +143,9 @@ def prior_state(parameters: TwinParameters) -> tuple[Array, Array]:
         cov[DRAIN, RATE] = cov[RATE, DRAIN] = cov[RATE, RATE]
         cov[DRAIN, DRAIN] = cov[RATE, RATE] + load_var * (faster**2 + cov[RATE, RATE])
         cov[SENSOR, SENSOR] = cov[SECONDARY_SENSOR, SECONDARY_SENSOR] = untold.bias**2 / 3
+        if untold.drain_swing:
+            mean, cov = np.append(mean, 0.0), np.pad(cov, (0, 1))
+            cov[SWING, SWING] = untold.drain_swing**2
     return mean, cov
 
 
@@ -111,30 +163,48 @@ def doubted_state(parameters: TwinParameters, before: Anchor) -> Anchor:
 
 
 def process_noise(parameters: TwinParameters, elapsed_ms: int) -> Array:
-    """The 10 x 10 process noise: the drain of an ageing battery does a random walk, and so do the biases.
+    """The square process noise: the drain of an ageing battery does a random walk, and so do the biases.
 
     Without theirs the filter would grow ever surer of a bias by what its model of the loads leaves out alike each time.
     """
-    noise, days = np.zeros((SIZE, SIZE)), elapsed_ms / 86_400_000
+    swing, days = swing_over(parameters, elapsed_ms), elapsed_ms / 86_400_000
+    noise = np.zeros((SIZE, SIZE) if swing is None else (SIZE + 1, SIZE + 1))
     noise[DRAIN, DRAIN] = parameters.ageing_per_day**2 * days
     for row, deviation in zip((ASLEEP, AWAKE, HIGH, CHARGING), parameters.sensor.bias_deviation, strict=True):
         noise[row, row] = (_BIAS_WANDERS * deviation) ** 2 * days
     if parameters.untold is not None:
         wanders = (_SENSOR_WANDERS * parameters.untold.bias) ** 2 * days
         noise[SENSOR, SENSOR] = noise[SECONDARY_SENSOR, SECONDARY_SENSOR] = wanders
+    if swing is not None:
+        noise[SWING, SWING] = swing.variance
     return noise
 
 
 def discharged(
-    mean: Array, cov: Array, spent: Spent, from_secondary: tuple[float, float], noise: Array
+    mean: Array,
+    cov: Array,
+    spent: Spent,
+    from_secondary: tuple[float, float],
+    noise: Array,
+    swing: Swing | None = None,
 ) -> tuple[Array, Array]:
     """The state after the primary gave `spent` times its drain, and the secondary gave (mean, variance).
 
     The charges are not yet clamped at 0. Nothing is raised: a charge below 0 means that the battery would have run out.
     """
-    transition = _IDENTITY.copy()
+    transition = _IDENTITY[len(mean)].copy()
     transition[PRIMARY, DRAIN] = -spent[1]
+    swung = 0.0
+    if swing is not None:
+        taken = spent[1] * mean[DRAIN]
+        swung = taken * swing.share * mean[SWING]
+        transition[PRIMARY, DRAIN] *= 1 + swing.share * mean[SWING]
+        transition[PRIMARY, SWING], transition[SWING, SWING] = -taken * swing.share, swing.decay
+        noise = noise.copy()
+        noise[PRIMARY, PRIMARY] += taken**2 * swing.mean_variance
+        noise[PRIMARY, SWING] = noise[SWING, PRIMARY] = -taken * swing.covariance
     new_mean, new_cov = predict(mean, cov, transition, noise)
+    new_mean[PRIMARY] += swung  # the slopes of a product count it twice
     new_mean[SECONDARY] -= from_secondary[0]
     new_cov[PRIMARY, PRIMARY] += (mean[DRAIN] ** 2 + cov[DRAIN, DRAIN]) * spent[2]
     new_cov[SECONDARY, SECONDARY] += from_secondary[1]
@@ -142,17 +212,24 @@ def discharged(
 
 
 def charged(
-    mean: Array, cov: Array, rows: Sequence[tuple[float, float, float, float]], noise: Array
+    mean: Array,
+    cov: Array,
+    rows: Sequence[tuple[float, float, float, float]],
+    noise: Array,
+    swing: Swing | None = None,
 ) -> tuple[Array, Array]:
     """The state after a time in a dock; `rows` are (mean, variance, slope, slope by the charging rate) of both charges.
 
     The variances are those of the nonlinear curve; the slopes give every covariance.
     """
-    transition = _IDENTITY.copy()
+    transition = _IDENTITY[len(mean)].copy()
+    new_mean = mean.copy()
+    if swing is not None:
+        transition[SWING, SWING] = swing.decay
+        new_mean[SWING] *= swing.decay
     for row, (_, _, slope, by_rate) in zip((PRIMARY, SECONDARY), rows, strict=True):
         transition[row, row], transition[row, RATE] = slope, by_rate
     new_cov = transition @ cov @ transition.T + noise
-    new_mean = mean.copy()
     for row, (its_mean, variance, _, _) in zip((PRIMARY, SECONDARY), rows, strict=True):
         new_mean[row] = its_mean
         new_cov[row, row] = max(new_cov[row, row], variance)
@@ -255,7 +332,7 @@ def measured(
 
     Returns mean, covariance, the log density of both readings, and the surprise of the primary's in deviations.
     """
-    reading, bias = _MEASUREMENT_MATRICES[mode], _BIAS_OF[mode]
+    reading, bias = _MEASUREMENT_MATRICES[mode, len(mean)], _BIAS_OF[mode]
     expected = reading @ mean + offsets
     z = np.array(charges)
     noise = np.diag([sensor.noise**2] * 2)
@@ -298,10 +375,10 @@ def _considered_update(
     """
     expected, spread = float(reading @ mean), float(reading @ cov @ reading)
     z, its_noise = _censored(expected, spread, end, noise)
-    gain = np.zeros(SIZE)
+    gain = np.zeros_like(mean)
     gain[charge] = float(cov[charge] @ reading) / (spread + its_noise)
     # Joseph's form is valid for any gain.
-    rest = _IDENTITY - np.outer(gain, reading)
+    rest = _IDENTITY[len(mean)] - np.outer(gain, reading)
     return mean + gain * (z - expected), rest @ cov @ rest.T + its_noise * np.outer(gain, gain)
 
 
@@ -331,8 +408,8 @@ def moment_matched(rows: Sequence[Anchor]) -> Anchor:
     if len(rows) == 1:
         return rows[0]
     total = math.fsum(row.weight for row in rows)
-    mean = sum((row.weight / total * row.mean for row in rows), start=np.zeros(SIZE))
-    cov = np.zeros((SIZE, SIZE))
+    mean = sum((row.weight / total * row.mean for row in rows), start=np.zeros_like(rows[0].mean))
+    cov = np.zeros_like(rows[0].cov)
     for row in rows:
         away = row.mean - mean
         cov += row.weight / total * (row.cov + np.outer(away, away))

@@ -123,10 +123,12 @@ class UntoldParameters:
     """Relative, either way."""
     bias: float
     """A sensor's, either way, in every state alike; each battery's sensor has its own."""
+    drain_swing: float = 0.0
+    """The deviation of the loads within a day, relative to their mean; 0 for steady loads."""
 
     def __post_init__(self) -> None:
-        if not (0 <= self.ageing < 1 and self.drain >= 0 and self.bias >= 0):
-            raise ValueError("an ageing lies in [0, 1), and a drain and a bias are not negative")
+        if not (0 <= self.ageing < 1 and min(self.drain, self.bias, self.drain_swing) >= 0):
+            raise ValueError("an ageing lies in [0, 1), and a drain, its swing and a bias are not negative")
 
     @property
     def rate(self) -> tuple[float, float]:

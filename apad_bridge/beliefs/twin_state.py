@@ -470,10 +470,10 @@ def _drawn_from_backup(twin_state: TwinState, parameters: TwinParameters, elapse
 def primary_parts(twin_state: TwinState, parameters: TwinParameters) -> tuple[Gaussian, ...]:
     """The primary charge at `at_ms` as a mixture, not clamped to [0, 1]."""
     parts = []
+    swing = charge.swing_over(parameters, twin_state.at_ms - twin_state.anchor_ms)
     for weight, mean, cov in twin_state.anchors:
-        at, drain = mean.item(PRIMARY), mean.item(DRAIN)
-        at_var, drain_var = cov.item(PRIMARY, PRIMARY), cov.item(DRAIN, DRAIN)
-        both = cov.item(PRIMARY, DRAIN)
+        at, at_var = mean.item(PRIMARY), cov.item(PRIMARY, PRIMARY)
+        drain, drain_var, both = charge.drain_over(mean, cov, swing)
         for probability, spent, variance in spent_hypotheses(twin_state, parameters):
             if weight * probability < _UNLIKELY:
                 continue
@@ -517,17 +517,18 @@ def paths(load: Load) -> list[Spent]:
 
 def charge_now(twin_state: TwinState, parameters: TwinParameters, spent: Sequence[Spent]) -> list[Anchor]:
     """The state at `at_ms`, from each anchor by each hypothesis of `spent`; docked, nothing is spent. Not clamped."""
-    noise = charge.process_noise(parameters, twin_state.at_ms - twin_state.anchor_ms)
+    elapsed_ms = twin_state.at_ms - twin_state.anchor_ms
+    noise, swing = charge.process_noise(parameters, elapsed_ms), charge.swing_over(parameters, elapsed_ms)
     found = []
     if twin_state.situation is Mode.CHARGING_PRIMARY:
         for anchor, rows in zip(twin_state.anchors, in_dock(twin_state, parameters), strict=True):
-            found.append(Anchor(anchor.weight, *charge.charged(anchor.mean, anchor.cov, rows, noise)))
+            found.append(Anchor(anchor.weight, *charge.charged(anchor.mean, anchor.cov, rows, noise, swing)))
         return found
     from_mean, from_sd = twin_state.from_secondary
     for weight, mean, cov in twin_state.anchors:
         for one in spent:
             if weight * one[0] > _UNLIKELY**2:
-                new = charge.discharged(mean, cov, one, (from_mean, from_sd**2), noise)
+                new = charge.discharged(mean, cov, one, (from_mean, from_sd**2), noise, swing)
                 found.append(Anchor(weight * one[0], *new))
     return found
 

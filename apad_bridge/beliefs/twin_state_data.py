@@ -13,7 +13,7 @@ import numpy as np
 
 from apad_bridge.beliefs.belief import ClockBelief, Suspicion
 from apad_bridge.beliefs.charge_checker import ReadingTrack, Stated
-from apad_bridge.beliefs.charge_state import SIZE, Anchor, Array
+from apad_bridge.beliefs.charge_state import SIZES, Anchor, Array
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.beliefs.place import Place
 from apad_bridge.beliefs.spent_charge import Load, Spent
@@ -64,10 +64,7 @@ def state_from_data(data: Plain) -> TwinState:
     stated_m, track, suspicion, earlier = data["stated_m"], data["track"], data["suspicion"], data["earlier"]
     return TwinState(
         at_ms=data["at_ms"],
-        anchors=tuple(
-            Anchor(weight, _unpacked(its_mean, SIZE), _unpacked(its_cov, SIZE, SIZE))
-            for weight, its_mean, its_cov in data["anchors"]
-        ),
+        anchors=tuple(_anchor_of(*row) for row in data["anchors"]),
         anchor_ms=data["anchor_ms"],
         load=_load_of(data["load"]),
         situation=_mode(data["situation"]),
@@ -91,6 +88,13 @@ def state_from_data(data: Plain) -> TwinState:
         track=None if track is None else ReadingTrack(Stated(*track[0]), Stated(*track[1])),
         suspicion=None if suspicion is None else Suspicion(*suspicion),
     )
+
+
+def _anchor_of(weight: float, mean: str, cov: str) -> Anchor:
+    its_mean = _unpacked(mean, -1)
+    if (size := len(its_mean)) not in SIZES:
+        raise ValueError(f"a power filter has {SIZES[0]} or {SIZES[1]} numbers, not {size}")
+    return Anchor(weight, its_mean, _unpacked(cov, size, size))
 
 
 def _pending_of(data: list[Any]) -> Pending:

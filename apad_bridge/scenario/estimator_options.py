@@ -32,6 +32,8 @@ class Untold:
     """The share of both batteries' capacity that is lost."""
     drain: Annotated[float, Ge(0), Le(0.5)] = 0.2
     """The loads, relative, either way."""
+    drain_swing: Annotated[float, Ge(0), Le(0.3)] = 0.0
+    """Deviation of the loads within a day, relative to their mean: 0.06 for a sine of 8.5 %, as temperature may make it."""
     bias: Annotated[float, Ge(0), Le(0.2)] = 0.05
     """The bias of each battery's sensor, either way."""
 

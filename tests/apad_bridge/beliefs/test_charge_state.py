@@ -1,4 +1,4 @@
-"""The ten numbers of a twin's filter against calculations by hand: updates by readings, and process noise."""
+"""The numbers of a twin's filter against calculations by hand: updates by readings, and process noise."""
 
 from __future__ import annotations
 
@@ -7,15 +7,17 @@ from math import sqrt
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scenario_files import SOUND_FILE
 
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.beliefs import charge_state as charge
-from apad_bridge.beliefs.charge_state import ASLEEP, CHARGING, DRAIN, PRIMARY, RATE, SECONDARY, SIZE
+from apad_bridge.beliefs.charge_state import ASLEEP, CHARGING, DRAIN, PRIMARY, RATE, SECONDARY, SIZE, SWING
 from apad_bridge.beliefs.charge_state import SENSOR as BIAS
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.beliefs.spent_charge import Spent
-from apad_bridge.beliefs.twin_parameters import SensorParameters, UntoldParameters
+from apad_bridge.beliefs.twin_parameters import SensorParameters, TwinParameters, UntoldParameters
 from apad_bridge.scenario.loader import load
 
 SENSOR = SensorParameters(0.01, (0.0,) * 4, (0.01,) * 4, 300_000)
@@ -29,6 +31,79 @@ def state(charge_1: float, charge_2: float, **variances: float) -> tuple[charge.
         row = getattr(charge, name.upper())
         cov[row, row] = variance
     return np.array([charge_1, charge_2, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0]), cov
+
+
+def told_of_a_swing(deviation: float) -> TwinParameters:
+    twin = flight_config(load(SOUND_FILE)).twin
+    assert twin is not None
+    return replace(twin.parameters, untold=UntoldParameters(0.4, 0.2, 0.05, deviation))
+
+
+def swinging(swing: float, variance: float) -> tuple[charge.Array, charge.Array]:
+    """A certain state, but for the drain's deviation; its drain is 1.3 of the nominal."""
+    mean, cov = state(0.9, 0.8)
+    mean[DRAIN] = 1.3
+    cov = np.pad(cov, (0, 1))
+    cov[SWING, SWING] = variance
+    return np.append(mean, swing), cov
+
+
+HOURS = st.floats(0.01, 72)
+
+
+@given(first_h=HOURS, second_h=HOURS, swing=st.floats(-0.2, 0.2), variance=st.floats(0, 0.01))
+def test_two_intervals_of_a_swinging_drain_are_one(
+    first_h: float, second_h: float, swing: float, variance: float
+) -> None:
+    """A steady load of 0.01 an hour, with a swing of 0.06 that lasts: a Markov process does not mind a look at it."""
+    parameters = told_of_a_swing(0.06)
+
+    def after(state: tuple[charge.Array, charge.Array], hours: float) -> tuple[charge.Array, charge.Array]:
+        elapsed_ms = round(hours * 3_600_000)
+        swing, noise = charge.swing_over(parameters, elapsed_ms), charge.process_noise(parameters, elapsed_ms)
+        noise[DRAIN, DRAIN] = 0  # its ageing is another process
+        return charge.discharged(
+            *state, Spent(1.0, 0.01 * elapsed_ms / 3_600_000, 0.0), (0.0, 0.0), noise, swing
+        )
+
+    begin, rows = swinging(swing, variance), [PRIMARY, SWING]
+    twice, once = after(after(begin, first_h), second_h), after(begin, first_h + second_h)
+    assert twice[0][rows] == pytest.approx(once[0][rows], abs=1e-8)
+    assert twice[1][np.ix_(rows, rows)] == pytest.approx(once[1][np.ix_(rows, rows)], abs=1e-8)
+
+
+def test_the_swing_of_a_drain_is_the_simulated_one() -> None:
+    """10,000 drains that begin 0.1 too high, in steps of six minutes, over nine hours: 0.01 an hour times 1.3."""
+    luck, hours, step_h, lasts_h = np.random.default_rng(3), 9.0, 0.1, 6.0
+    keeps = np.exp(-step_h / lasts_h)
+    x, spent = np.full(10_000, 0.1), np.zeros(10_000)
+    for _ in range(round(hours / step_h)):
+        before = x
+        x = keeps * x + 0.06 * np.sqrt(1 - keeps**2) * luck.standard_normal(len(x))
+        spent += 0.013 * step_h * (1 + (before + x) / 2)
+    parameters, elapsed_ms = told_of_a_swing(0.06), round(hours * 3_600_000)
+    swing, noise = charge.swing_over(parameters, elapsed_ms), charge.process_noise(parameters, elapsed_ms)
+    noise[DRAIN, DRAIN] = 0
+    mean, cov = charge.discharged(*swinging(0.1, 0.0), Spent(1.0, 0.09, 0.0), (0.0, 0.0), noise, swing)
+    assert mean[[PRIMARY, SWING]] == pytest.approx([0.9 - spent.mean(), x.mean()], abs=2e-3)
+    assert cov[np.ix_([PRIMARY, SWING], [PRIMARY, SWING])] == pytest.approx(np.cov(-spent, x), rel=0.06)
+    # Between packets the belief says the same.
+    drain, variance, _ = charge.drain_over(*swinging(0.1, 0.0), swing)
+    assert 0.09 * drain == pytest.approx(spent.mean(), abs=3e-4)
+    assert 0.09**2 * variance == pytest.approx(spent.var(), rel=0.06)
+
+
+def test_a_reading_below_the_expected_tells_of_the_swing() -> None:
+    """A reading 0.03 lower than expected, noise 0.01, after the swing alone made the charge uncertain."""
+    parameters = told_of_a_swing(0.06)
+    begin = swinging(0.0, 0.06**2)
+    swing = charge.swing_over(parameters, 0)
+    mean, cov = charge.discharged(*begin, Spent(1.0, 0.2, 0.0), (0.0, 0.0), np.zeros_like(begin[1]), swing)
+    found, _, _, _ = charge.measured(mean, cov, SENSOR, Mode.ASLEEP, (0.9 - 0.26 - 0.03, 0.8))
+    # The swing makes the charge uncertain by 0.2 * 1.3 * 0.06 = 0.0156.
+    assert found[SWING] == pytest.approx(0.03 * 0.0156 * 0.06 / (0.0156**2 + 1e-4))
+    assert charge.swing_over(told_of_a_swing(0.0), 1000) is None
+    assert len(charge.prior_state(told_of_a_swing(0.0))[0]) == SIZE
 
 
 def test_a_charger_lifts_what_both_batteries_read() -> None:

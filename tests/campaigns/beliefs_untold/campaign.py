@@ -223,11 +223,11 @@ class Row:
     """Agent time since its readings began to stand; negative before, and for those that never do."""
 
 
-def scenario_of(seed: int) -> Scenario:
+def scenario_of(seed: int, drain_swing: float) -> Scenario:
     shipped = load(SCENARIO)
     data = resolve(shipped) | {"seed": seed, "duration_s": MISSION_S}
     data["fleet"]["start"] = {"charge": [0.5, 1.0]}
-    data["beliefs"] = {"estimator": "twin", "twin": TWIN}
+    data["beliefs"] = {"estimator": "twin", "twin": TWIN | {"untold": {"drain_swing": drain_swing}}}
     return from_data(data, shipped.name)
 
 
@@ -241,12 +241,14 @@ class Case:
     """None for the twins' own assumption."""
     learns: bool = True
     """False for twins that take their boards for the catalogue's, but for the deviations that the scenario states."""
+    told_swing: float = 0.0
+    """The scenario's `drain_swing`."""
 
 
 def flown(job: tuple[int, Case], mission_s: float = MISSION_S) -> list[Row]:
     """Flies the population of a seed, and compares each belief with its truth each 10 s of the mission."""
     seed, case = job
-    scenario = replace(scenario_of(seed), duration_s=mission_s)
+    scenario = replace(scenario_of(seed, case.told_swing), duration_s=mission_s)
     config = _told_of_losses(flight_config(scenario), case)
     boards = population(seed, tuple(scenario.fleet.ids), case.boards)
     initial_states = fleet_parts.initial_states(scenario, starts_of(scenario))
@@ -453,7 +455,10 @@ def _row_named(name: str) -> Boards:
 
 
 def _cases(boards: Boards, short: bool) -> list[Case]:
-    cases = [Case(boards, heard) for heard in (HEARD[:1] if boards is Boards.LIAR else HEARD)]
+    swing = SWING / math.sqrt(2) if boards is Boards.SWINGING else 0.0
+    cases = [
+        Case(boards, heard, told_swing=swing) for heard in (HEARD[:1] if boards is Boards.LIAR else HEARD)
+    ]
     if boards is Boards.UNTOLD:
         cases += [Case(boards, heard, learns=False) for heard in HEARD]
         cases += [Case(boards, HEARD[-1], arrives) for arrives in ASSUMED]
@@ -478,7 +483,8 @@ def _side_by_side(fly: Callable[[Job], list[Row]], jobs: Sequence[Job]) -> Itera
 
 def _head(case: Case) -> dict[str, Any]:
     assumed = {} if case.arrives is None else {"arrives": case.arrives}
-    return {"boards": str(case.boards), "heard": case.heard, **assumed}
+    told_swing = {"told_swing": case.told_swing} if case.told_swing else {}
+    return {"boards": str(case.boards), "heard": case.heard, **told_swing, **assumed}
 
 
 def judged(seeds: tuple[int, ...], mission_s: int, found: dict[Case, list[list[Row]]]) -> dict[str, Any]:
