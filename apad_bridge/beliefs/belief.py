@@ -47,6 +47,8 @@ class Suspicion(NamedTuple):
     reason: str
     was_docked: bool
     """A dock has held it since, so that a person could look at it."""
+    stands: float | None = None
+    """The reading that stands, until it moves; None for another reason, which lasts until the run's end."""
 
 
 class CapacityLeft(NamedTuple):

@@ -20,6 +20,10 @@ _NOISE_DEVIATIONS = 6.0
 _BIAS_DEVIATIONS = 3.0
 _COIL_DEVIATIONS = 3.0
 _LOAD_DEVIATIONS = 2.0
+_STEPS = 3.0
+"""A reading that stands was due to move by so many steps; a step is the noise's deviation."""
+_CHANCE = 1e-6
+"""The greatest probability that the noise of a sensor that works makes such readings agree."""
 _NOT_ON_THE_PRIMARY = (State.OFF, State.EMPTY, State.CALLING, State.LOST)
 
 
@@ -30,6 +34,35 @@ class Stated(NamedTuple):
     """Agent time."""
     charge: float
     docked: bool
+
+
+class StandingReading(NamedTuple):
+    """Readings in a row that agree with the first one to half a step, and the steps by which they were due to differ."""
+
+    reading: float
+    """The first, as the packet stated it."""
+    from_ms: int
+    """Its agent time."""
+    since: Stated | None
+    """The first one of this stay in a dock or in the water; None before it."""
+    drain: float
+    """The least that the board can draw, relative to its kind's drain."""
+    further: int = 0
+    steps: float = 0.0
+    """The sum over the further readings; each was due to differ from the first by so many steps at least."""
+    squares: float = 0.0
+    """The sum of their squares."""
+    most: float = 0.0
+
+    @property
+    def log_chance(self) -> float:
+        """The logarithm of the probability that a sensor's noise of one step, on top of what was due, makes them agree.
+
+        The differences of n readings to one more have the covariance 1 + (n = m), whose determinant is n + 1.
+        """
+        count = self.further + 1
+        scatter = self.squares - self.steps**2 / count
+        return -0.5 * (scatter + self.further * math.log(2 * math.pi) + math.log(count))
 
 
 class ReadingTrack(NamedTuple):
@@ -61,13 +94,51 @@ class ChargeChecker:
         load = untold.drain + _LOAD_DEVIATIONS * (parameters.drain_deviation + untold.drain_swing)
         self._least, most, self._aged = max(0.0, 1 - load), 1 + load, 1 / (1 - untold.ageing)
         in_water = [drain.per_min[mode] for mode in Mode if mode not in DOCKED and mode is not Mode.LOST]
-        self._falls_least = min(in_water) * self._least
+        self._asleep, self._steady = min(in_water), 1 - _LOAD_DEVIATIONS * untold.drain_swing
+        self._falls_least = self._asleep * self._least
         self._falls_most = max(in_water) * most * self._aged
         self._motors = 2 * drain.motor_run * most * self._aged
         self._in_dock = drain.in_dock * drain.per_min[Mode.CHARGING_PRIMARY]
         self._load = most
         whole = parameters.board.whole
         self._may_work_on_secondary = whole is not None and whole.power.secondary_in_use
+
+    def agree(self, one: float, other: float) -> bool:
+        """True for two readings nearer than half a step: packets of several kinds round alike to within that."""
+        return abs(one - other) <= self._parameters.sensor.noise / 2
+
+    def standing(
+        self, before: StandingReading | None, stated: Stated, reading: float, state: State, drain: float
+    ) -> StandingReading:
+        """The readings that agree, up to this one; `drain` is the least mean drain that the twin has learned."""
+        if before is None or not self.agree(reading, before.reading):
+            return StandingReading(reading, stated.at_ms, stated, max(self._least, drain * self._steady))
+        since = before.since
+        if since is None or since.docked is not stated.docked:
+            return StandingReading(before.reading, before.from_ms, stated, before.drain)
+        charge, minutes = since.charge, (stated.at_ms - since.at_ms) / _MS_PER_MIN
+        if stated.docked:
+            due = self._in_a_dock(charge, minutes, state)[0] - charge
+            due = min(due, 1 - self._bias - reading)  # a charger holds the voltage of a full battery
+        else:
+            falls = 0.0 if state in _NOT_ON_THE_PRIMARY else self._asleep * before.drain * minutes
+            # A reading at the end of its scale may be beyond it, and an empty battery falls no further.
+            due = min(falls - (self._beyond_the_ends(charge)[1] - charge), charge - self._bias)
+        steps = max(0.0, due / self._parameters.sensor.noise)
+        return before._replace(
+            further=before.further + 1,
+            steps=before.steps + steps,
+            squares=before.squares + steps**2,
+            most=max(before.most, steps),
+        )
+
+    @staticmethod
+    def stands(standing: StandingReading) -> bool:
+        """True for readings that are of a sensor that stands.
+
+        Noise counts beside the movement: a sensor that works states the same twice, and hardly ever five times.
+        """
+        return standing.most >= _STEPS and standing.log_chance <= math.log(_CHANCE)
 
     def judge(self, track: ReadingTrack | None, stated: Stated, state: State) -> str | None:
         """The reason why no board of the kind states this charge after those of `track`; None without one."""

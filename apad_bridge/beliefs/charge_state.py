@@ -149,13 +149,15 @@ def prior_state(parameters: TwinParameters) -> tuple[Array, Array]:
     return mean, cov
 
 
-def doubted_state(parameters: TwinParameters, before: Anchor) -> Anchor:
-    """The state of an aMussel whose packets contradicted physics: its primary's sensor may be off by any amount.
+def doubted_state(parameters: TwinParameters, before: Anchor, any_bias: bool) -> Anchor:
+    """The state of an aMussel whose packets contradicted physics: with `any_bias` its primary's sensor may be off by any
+    amount, else it is as any board's.
 
     Drain and charging rate begin anew, because they were learned from those packets. The secondary stays as it was.
     """
     mean, cov = prior_state(parameters)
-    cov[SENSOR, SENSOR] = ANY_BIAS**2 / 3
+    if any_bias:
+        cov[SENSOR, SENSOR] = ANY_BIAS**2 / 3
     kept = [SECONDARY, SECONDARY_SENSOR]
     mean[kept] = before.mean[kept]
     cov[np.ix_(kept, kept)] = before.cov[np.ix_(kept, kept)]

@@ -65,19 +65,21 @@ class HypothesisWeigher:
     def __init__(self, parameters: TwinParameters) -> None:
         self.parameters = parameters
 
-    def weigh(self, twin_state: TwinState, schedule: Schedule, reading: Reading) -> TwinState:
+    def weigh(
+        self, twin_state: TwinState, schedule: Schedule, reading: Reading, *, may_rest: bool = True
+    ) -> TwinState:
         """Corrects the charges with a reading, by one filter or by several weighed against each other."""
+        hypotheses = self._hypotheses(twin_state, reading)
+        return self.corrected(twin_state, schedule, hypotheses, reading, may_rest=may_rest)
+
+    def _hypotheses(self, twin_state: TwinState, reading: Reading) -> list[Anchor]:
         if reading.mode in DOCKED or twin_state.situation is Mode.CHARGING_PRIMARY:
-            hypotheses = self._dock_hypotheses(twin_state, reading.mode)
-        elif reading.state in _AFTER_RELEASE and twin_state.since_ms == twin_state.anchor_ms:
-            hypotheses = charge_now(
-                twin_state, self.parameters, [self._spent_since_release(twin_state, reading.state)]
-            )
+            return self._dock_hypotheses(twin_state, reading.mode)
+        if reading.state in _AFTER_RELEASE and twin_state.since_ms == twin_state.anchor_ms:
+            spent = [self._spent_since_release(twin_state, reading.state)]
         else:
-            hypotheses = charge_now(
-                twin_state, self.parameters, self._spending_hypotheses(twin_state, reading.mode)
-            )
-        return self.corrected(twin_state, schedule, hypotheses, reading)
+            spent = self._spending_hypotheses(twin_state, reading.mode)
+        return charge_now(twin_state, self.parameters, spent)
 
     def _dock_hypotheses(self, twin_state: TwinState, mode: Mode) -> list[Anchor]:
         """The docking was known; or somebody else docked or released the aMussel, and the charge may be anything."""
@@ -183,11 +185,31 @@ class HypothesisWeigher:
 
     def doubted(self, twin_state: TwinState, schedule: Schedule, reading: Reading) -> TwinState:
         """Takes a reading that contradicts physics: no charge that this sensor stated so far is believed."""
+        doubted = self._doubted_state(twin_state, any_bias=True)
+        return self.corrected(twin_state, schedule, [doubted], reading, may_rest=False)
+
+    def stood(self, twin_state: TwinState, schedule: Schedule, reading: Reading) -> TwinState:
+        """Takes the packet in which a reading is found to stand: neither it nor those before are believed."""
+        return self._anchored_at_packet(
+            twin_state, schedule, self._doubted_state(twin_state, any_bias=False), reading
+        )
+
+    def unread(self, twin_state: TwinState, schedule: Schedule, reading: Reading) -> TwinState:
+        """Takes the mode of a packet whose reading stands, and no charge.
+
+        The charge is not clamped to [0, 1] again with each packet, which would narrow what is unknown. So a dock keeps its
+        anchor.
+        """
+        if reading.mode in DOCKED and twin_state.situation is Mode.CHARGING_PRIMARY:
+            return replace(twin_state, measured_ms=twin_state.at_ms, measured_mode=reading.mode)
+        anchor = charge.moment_matched(self._hypotheses(twin_state, reading))
+        return self._anchored_at_packet(twin_state, schedule, anchor, reading)
+
+    def _doubted_state(self, twin_state: TwinState, any_bias: bool) -> Anchor:
         before = charge.moment_matched(
             charge_now(twin_state, self.parameters, spent_hypotheses(twin_state, self.parameters))
         )
-        doubted = charge.doubted_state(self.parameters, before)
-        return self.corrected(twin_state, schedule, [doubted], reading, may_rest=False)
+        return charge.doubted_state(self.parameters, before, any_bias)
 
     def _widened(
         self, twin_state: TwinState, schedule: Schedule, hypotheses: list[Anchor], reading: Reading

@@ -32,7 +32,7 @@ from apad_bridge.beliefs.measurement import (
 from apad_bridge.beliefs.modes import DOCKED, LIKELY, SUBMERGED, Mode
 from apad_bridge.beliefs.packet_weighing import HypothesisWeigher, Reading, anchored, bounded
 from apad_bridge.beliefs.place import Place
-from apad_bridge.beliefs.spent_charge import Load
+from apad_bridge.beliefs.spent_charge import MS_PER_MIN, Load
 from apad_bridge.beliefs.twin_belief import belief_from_state
 from apad_bridge.beliefs.twin_parameters import UNKNOWN, Schedule, TwinParameters
 from apad_bridge.beliefs.twin_state import (
@@ -64,6 +64,8 @@ _NEVER_SET_DEVIATIONS = 5.0
 _DOCK_VARIANCE_M2 = 1.0
 _JUMP = 0.1
 """A reading that no hypothesis explains, and that lies so far from the belief, makes its aMussel suspect."""
+_SURELY = 3.0
+"""A drain that was learned is surely no less than its estimate, less so many deviations."""
 _WAKE_STATES = (State.ACTIVE, State.PROCESSING)
 """Parts of a short wake, a minute each; a packet in the aMussel's timeslot comes after them."""
 
@@ -79,6 +81,14 @@ def _is_at_surface(packet: StatusPacket) -> bool:
     return packet.depth_m <= 0
 
 
+def _in_another_place(twin_state: TwinState) -> TwinState:
+    """In a dock now, or in the water: its readings are not compared with those from before, but for one that stands."""
+    standing = twin_state.standing
+    return replace(
+        twin_state, track=None, standing=None if standing is None else standing._replace(since=None)
+    )
+
+
 class Twin:
     """An `Estimator`. `schedules` are the commanded ones, by agent id; an aMussel without one follows its usual habits."""
 
@@ -87,11 +97,15 @@ class Twin:
         self._schedules = schedules
         self._weigher = HypothesisWeigher(parameters)
         untold = parameters.untold
-        self._checker = None if untold is None else ChargeChecker(parameters, untold)
-        """None where a twin learns nothing of its board: then every packet is believed."""
-        self._checker_of_suspects = (
-            None if untold is None else ChargeChecker(parameters, untold, bias=charge.ANY_BIAS)
+        self._checkers = (
+            None
+            if untold is None
+            else (
+                ChargeChecker(parameters, untold),
+                ChargeChecker(parameters, untold, bias=charge.ANY_BIAS),
+            )
         )
+        """The checkers of any board, and of a suspect; None where a twin learns nothing: then every packet is believed."""
 
     def predict(self, belief: Belief, to_ms: MissionMs) -> Belief:
         if to_ms < belief.at_ms:
@@ -227,11 +241,10 @@ class Twin:
             return twin_state
         if twin_state.suspicion is not None:
             twin_state = replace(twin_state, suspicion=twin_state.suspicion._replace(was_docked=True))
-        twin_state = replace(twin_state, track=None)
-        return anchored(twin_state, self._bounded_now(twin_state), Mode.CHARGING_PRIMARY)
+        return anchored(_in_another_place(twin_state), self._bounded_now(twin_state), Mode.CHARGING_PRIMARY)
 
     def _released(self, twin_state: TwinState, agent_id: int) -> TwinState:
-        twin_state = anchored(replace(twin_state, track=None), self._bounded_now(twin_state), None)
+        twin_state = anchored(_in_another_place(twin_state), self._bounded_now(twin_state), None)
         return released(twin_state, self.parameters, self._schedule(agent_id))
 
     def _bounded_now(self, twin_state: TwinState) -> tuple[Anchor, ...]:
@@ -285,29 +298,47 @@ class Twin:
 
     def _weighed(self, twin_state: TwinState, schedule: Schedule, reading: Reading) -> TwinState:
         """Weighs a reading, or doubts its aMussel from now on if no board of its kind can state it."""
-        checker = self._checker if twin_state.suspicion is None else self._checker_of_suspects
-        if checker is None:
+        if self._checkers is None:
             return self._weigher.weigh(twin_state, schedule, reading)
+        suspicion, (checker, of_suspects) = twin_state.suspicion, self._checkers
+        stood = suspicion is not None and suspicion.stands is not None
+        judge = checker if suspicion is None or stood else of_suspects
         offset, _ = self.parameters.sensor.offsets.get(reading.state, (0.0, 0.0))
         stated = Stated(twin_state.at_ms, reading.primary - offset, reading.mode in DOCKED)
-        reason = checker.judge(twin_state.track, stated, reading.state)
+        if suspicion is not None and suspicion.stands is not None:
+            if checker.agree(reading.primary, suspicion.stands):
+                return self._weigher.unread(twin_state, schedule, reading)
+            # It moves: the rest is judged as of any board, against the readings from before and what physics made of it.
+            twin_state = replace(twin_state, suspicion=None)
+        drain, variance = twin_state.mean[charge.DRAIN], twin_state.cov[charge.DRAIN, charge.DRAIN]
+        least = float(drain) - _SURELY * math.sqrt(variance)
+        standing = checker.standing(twin_state.standing, stated, reading.primary, reading.state, least)
+        # A suspect whose sensor may be off by any amount stands rightly at a full battery, and at the ends of its scale.
+        may_stand = suspicion is None or (not stated.docked and 0 < reading.primary < 1)
+        reason = judge.judge(twin_state.track, stated, reading.state)
         track = extended(None if reason else twin_state.track, stated)
-        twin_state = replace(twin_state, track=track)
-        if reason is None:
-            weighed = self._weigher.weigh(twin_state, schedule, reading)
+        before, twin_state = twin_state, replace(twin_state, track=track, standing=standing)
+        if reason is None and not (may_stand and checker.stands(standing)):
+            weighed = self._weigher.weigh(twin_state, schedule, reading, may_rest=not stood)
             if weighed.gated == twin_state.gated:
                 return weighed
             away = stated.charge - self._charge_expected(twin_state)
-            if abs(away) < max(_JUMP, checker.margin):
+            if abs(away) < max(_JUMP, judge.margin):
                 return weighed
             reason = f"its charge jumps: {stated.charge:.2f}, believed was {stated.charge - away:.2f}"
-        was_docked = stated.docked or (twin_state.suspicion is not None and twin_state.suspicion.was_docked)
+        was_docked = stated.docked or (suspicion is not None and suspicion.was_docked)
+        if reason is None or (suspicion is None and standing.from_ms < stated.at_ms):
+            minutes = (stated.at_ms - standing.from_ms) / MS_PER_MIN
+            reason = f"its reading stands: {standing.reading:.2f} for {minutes:.0f} min of its time"
+            seen = extended(before.track, standing.since or stated)
+            doubted = self._weigher.stood(replace(twin_state, track=seen), schedule, reading)
+            return replace(doubted, suspicion=Suspicion(reason, was_docked, standing.reading))
         doubted = self._weigher.doubted(twin_state, schedule, reading)
         return replace(doubted, suspicion=Suspicion(reason, was_docked))
 
     def _charge_expected(self, twin_state: TwinState) -> float:
         rows = charge_now(twin_state, self.parameters, spent_hypotheses(twin_state, self.parameters))
-        expected = charge.moment_matched(rows).mean
+        expected = charge.moment_matched([bounded(row, after_measuring=False) for row in rows]).mean
         return float(expected[charge.PRIMARY] + expected[charge.SENSOR])
 
     def _belief_after_status(
@@ -354,10 +385,11 @@ class Twin:
         schedule = self._schedule(packet.agent_id)
         unknown = [Anchor(1.0, mean, cov)]
         twin_state = self._weigher.corrected(twin_state, schedule, unknown, reading, may_rest=False)
-        if self._checker is not None:
+        if self._checkers is not None:
             offset, _ = parameters.sensor.offsets.get(reading.state, (0.0, 0.0))
             stated = Stated(twin_state.at_ms, reading.primary - offset, reading.mode in DOCKED)
-            twin_state = replace(twin_state, track=extended(None, stated))
+            standing = self._checkers[0].standing(None, stated, reading.primary, reading.state, 0.0)
+            twin_state = replace(twin_state, track=extended(None, stated), standing=standing)
         return belief_from_state(
             twin_state, parameters, packet.agent_id, at_ms, packet.state, at_ms, Source.PACKET, 0
         )

@@ -14,7 +14,7 @@ from typing import Any
 from apad_bridge.beliefs import charge_state as charge
 from apad_bridge.beliefs import charging, spent_charge
 from apad_bridge.beliefs.belief import ClockBelief, Suspicion
-from apad_bridge.beliefs.charge_checker import ReadingTrack
+from apad_bridge.beliefs.charge_checker import ReadingTrack, StandingReading
 from apad_bridge.beliefs.charge_state import DRAIN, PRIMARY, RATE, SECONDARY, Anchor, Array
 from apad_bridge.beliefs.mixture import Gaussian, below
 from apad_bridge.beliefs.modes import SUBMERGED, Mode
@@ -95,6 +95,8 @@ class TwinState:
     gated: int = 0
     track: ReadingTrack | None = None
     """None before the first reading that is checked, and after a dock closed or opened."""
+    standing: StandingReading | None = None
+    """The newest readings that agree; None as `track`, but through docks."""
     suspicion: Suspicion | None = None
 
     @property
@@ -132,6 +134,7 @@ class TwinState:
             self.measured_mode,
             self.gated,
             self.track,
+            self.standing,
             self.suspicion,
         )
 
@@ -260,6 +263,8 @@ def shifted_to_clock(twin_state: TwinState, agent_ms: int) -> TwinState:
         pending=pending,
         packet=(-1, agent_ms),
         day=(),
+        track=None,
+        standing=None,
     )
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from apad_bridge.beliefs.belief import ClockBelief, Suspicion
-from apad_bridge.beliefs.charge_checker import ReadingTrack, Stated
+from apad_bridge.beliefs.charge_checker import ReadingTrack, StandingReading, Stated
 from apad_bridge.beliefs.charge_state import SIZES, Anchor, Array
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.beliefs.place import Place
@@ -51,6 +51,7 @@ def state_to_data(twin_state: TwinState) -> Plain:
         "measured_mode": _name(twin_state.measured_mode),
         "gated": twin_state.gated,
         "track": twin_state.track,
+        "standing": twin_state.standing,
         "suspicion": twin_state.suspicion,
     }
 
@@ -86,6 +87,7 @@ def state_from_data(data: Plain) -> TwinState:
         measured_mode=_mode(data["measured_mode"]),
         gated=data["gated"],
         track=None if track is None else ReadingTrack(Stated(*track[0]), Stated(*track[1])),
+        standing=None if data["standing"] is None else _standing_of(*data["standing"]),
         suspicion=None if suspicion is None else Suspicion(*suspicion),
     )
 
@@ -95,6 +97,10 @@ def _anchor_of(weight: float, mean: str, cov: str) -> Anchor:
     if (size := len(its_mean)) not in SIZES:
         raise ValueError(f"a power filter has {SIZES[0]} or {SIZES[1]} numbers, not {size}")
     return Anchor(weight, its_mean, _unpacked(cov, size, size))
+
+
+def _standing_of(reading: float, from_ms: int, since: list[Any] | None, *rest: Any) -> StandingReading:
+    return StandingReading(reading, from_ms, None if since is None else Stated(*since), *rest)
 
 
 def _pending_of(data: list[Any]) -> Pending:

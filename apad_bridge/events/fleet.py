@@ -165,6 +165,19 @@ class AMusselSuspected(Event):
 
 
 @dataclass(frozen=True)
+class SuspicionOver(Event):
+    kind = "suspect_over"
+    when = "the reading of a suspect aMussel that stood moves again: its twin believes it as any board's"
+    counted = Uncounted("an estimate; the orders that follow from it count")
+    category = Category.RELIEF
+
+    id: AMussel
+
+    def text(self) -> str:
+        return f"aMussel {self.id} is no longer suspect: its reading moves again"
+
+
+@dataclass(frozen=True)
 class APadLeftWater(Event):
     kind = "left_water"
     when = "an aPad's modem and its aMussels are out of the water that several aPads share, before its mission's end"

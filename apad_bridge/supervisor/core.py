@@ -12,7 +12,7 @@ from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.measurement import Docked, Permitted, Released
 from apad_bridge.events.event import Event
-from apad_bridge.events.fleet import AMusselSuspected
+from apad_bridge.events.fleet import AMusselSuspected, SuspicionOver
 from apad_bridge.events.mission import MissionEnd, Phase, PrimitiveChanged, PrimitivePhase, Stuck
 from apad_bridge.events.persons import Steering
 from apad_bridge.events.run import EndReason
@@ -292,7 +292,7 @@ class Supervisor:
         return actions
 
     def _believe(self, status: StatusPacket | ShortStatus, at_ms: MissionMs) -> list[SupervisorAction]:
-        """Updates the beliefs from the status, and tells if its sender became suspect by it."""
+        """Updates the beliefs from the status, and tells if its sender became suspect by it, or no longer is."""
         agent_id, beliefs = status.agent_id, self.beliefs
         was_suspect = beliefs.suspicion(agent_id) is not None
         actions: list[SupervisorAction] = []
@@ -306,8 +306,10 @@ class Supervisor:
             actions += self._doubt_dock(status)
         if reason is not None:
             self.dropped[reason] += 1
-        elif not was_suspect and (suspicion := beliefs.suspicion(agent_id)) is not None:
+        elif (suspicion := beliefs.suspicion(agent_id)) is not None and not was_suspect:
             actions.append(AMusselSuspected(agent_id, suspicion.reason))
+        elif suspicion is None and was_suspect:
+            actions.append(SuspicionOver(agent_id))
         return actions
 
     def _doubt_dock(self, status: StatusPacket) -> list[SupervisorAction]:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 from agents.time_scale import TimeScale
 from agents.water.medium import PacketOutcome
 from apad_bridge.events.event import Category
-from apad_bridge.events.fleet import AMusselSuspected
+from apad_bridge.events.fleet import AMusselSuspected, SuspicionOver
 from apad_bridge.events.mission import PlanMade
 from apad_bridge.events.persons import PersonOrdered
 from apad_bridge.events.sound import PacketPassed, RangeMeasured
@@ -43,6 +43,8 @@ class SuspectView(NamedTuple):
     at_ms: int
     agent: int
     reason: str
+    until_ms: int | None = None
+    """None while it is suspect."""
 
 
 class ToldEvent(NamedTuple):
@@ -81,7 +83,7 @@ class History:
         """All plans, with the reasons that they state."""
         self.packets: list[PacketView] = []
         self.suspects: list[SuspectView] = []
-        """The aMussels that became suspect. A suspicion lasts until the run ends."""
+        """The aMussels that became suspect."""
         self._pinged: set[int] = set()
         """The aMussels that a person pinged and that have not answered yet."""
         self._scale = scenario.time_scale
@@ -117,6 +119,11 @@ class History:
                 self.packets.append(_packet_view(packet, self._scale))
             case AMusselSuspected(agent_id, reason):
                 self.suspects.append(SuspectView(entry.at_ms, agent_id, reason))
+            case SuspicionOver(agent_id):
+                self.suspects = [
+                    it._replace(until_ms=entry.at_ms) if it.agent == agent_id and it.until_ms is None else it
+                    for it in self.suspects
+                ]
             case PersonOrdered(order="ping", agent=int(agent_id)):
                 self._pinged.add(agent_id)
 

@@ -51,7 +51,7 @@ function viewAt(ms, data) {
       secondary: agent.secondary[i],
       state: agent.state[i],
       heard: agent.heard ? agent.heard[i] : null,
-      suspicion: data.suspects.find(([since, id]) => id === agent.id && since <= ms) || null,
+      suspicion: data.suspects.find(([since, id, , until]) => id === agent.id && since <= ms && (until === null || ms < until)) || null,
       capacity: agent.capacity && agent.capacity[i],
       believed: agent.believed && agent.believed[i],
       within: agent.low && agent.low[i] !== null ? [agent.low[i], agent.high[i]] : null,

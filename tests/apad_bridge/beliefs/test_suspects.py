@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import pytest
@@ -50,6 +51,9 @@ PARAMETERS = TwinParameters(
 TWIN = Twin(PARAMETERS, {1: Schedule((0,), (Mode.ASLEEP,))})
 SURE = Twin(replace(PARAMETERS, untold=None), {1: Schedule((0,), (Mode.ASLEEP,))})
 """It is told its board, and learns none."""
+SWUNG = Twin(
+    replace(PARAMETERS, untold=UntoldParameters(0.4, 0.2, 0.05, 0.06)), {1: Schedule((0,), (Mode.ASLEEP,))}
+)
 
 
 def heard(at_ms: int, charge: float, state: State = State.SLEEPING) -> _Stamped:
@@ -86,9 +90,9 @@ def docked(begin: float, per_hour: float, hours: int, bias: float = 0.0) -> list
     ("measurements", "expected"),
     [
         (asleep(0.5, -0.1, 3), "its charge rises without a charger"),
-        (asleep(0.5, 0.0, 20), "its charge does not fall"),
+        ([heard(n * HOUR, 0.5 + 0.003 * (n % 2)) for n in range(20)], "its charge does not fall"),
         (
-            [*docked(0.5, 0.2, 1), heard(2 * HOUR, 0.7, State.CHARGING)],
+            [*docked(0.5, 0.2, 1), heard(2 * HOUR, 0.703, State.CHARGING)],
             "its charge does not rise on a charger",
         ),
         (
@@ -159,7 +163,7 @@ def test_a_codec_that_takes_0_3_off_is_told_when_its_aMussel_is_full_and_its_int
     before = told(*docked(0.6, 0.2, 2, bias=-0.3))
     full = told(*docked(0.6, 0.2, 4, bias=-0.3))
     assert before.suspicion is None  # 0.3, 0.5 and 0.7 could be true
-    assert reason(full) == "its charge does not rise on a charger"
+    assert reason(full) == "its reading stands"
     low, high = full.charge_interval()
     assert low < 1.0 <= high
     # Further readings at rest tell how far it is off.
@@ -203,3 +207,86 @@ def test_a_suspicion_outlives_the_supervisor() -> None:
     restored = TWIN.restored(1, TWIN.kept(belief))
     assert restored.suspicion == belief.suspicion
     assert restored.charge_interval() == belief.charge_interval()
+
+
+@pytest.mark.parametrize("twin", [TWIN, SWUNG])
+def test_a_twin_goes_on_after_a_restart_in_the_middle_of_readings_that_stand(twin: Twin) -> None:
+    begin = told(*asleep(0.8, 0.0, 4), twin=twin)
+    restored = twin.restored(1, json.loads(json.dumps(twin.kept(begin))))
+    for hour in range(4, 7):
+        begin, restored = (twin.update(it, *heard(hour * HOUR, 0.8)) for it in (begin, restored))
+        assert begin is not None and restored is not None
+        assert restored.suspicion == begin.suspicion
+        assert restored.charge_interval() == begin.charge_interval()
+    assert reason(restored) == "its reading stands"
+
+
+def test_a_reading_stands_when_noise_explains_it_once_in_a_million() -> None:
+    """By hand: the least board falls by 0.7 * 0.012 an hour, 1.68 steps of 0.005.
+
+    After three hours the sum of squares about the mean is 5 * 1.68^2 = 14.1, and the probability is at most
+    exp(-14.1 / 2) / (2 pi)^1.5 / 2 = 2.7e-5. After four it is exp(-28.2 / 2) / (2 pi)^2 / sqrt(5) = 8.5e-9.
+    """
+    assert told(*asleep(0.8, 0.0, 4)).suspicion is None
+    four = told(*asleep(0.8, 0.0, 5))
+    assert four.suspicion is not None
+    assert four.suspicion.reason == "its reading stands: 0.80 for 240 min of its time"
+    # Two kinds of packets round to 0.8 and to 204 / 255, and to 0.802.
+    rounded = [heard(n * HOUR, (0.8, 0.802)[n % 2]) for n in range(5)]
+    assert reason(told(*rounded)) == "its reading stands"
+
+
+def test_what_stands_is_not_read_until_it_moves() -> None:
+    standing = asleep(0.8, 0.0, 30)
+    low, high = told(*standing).charge_interval()
+    assert low < 0.02 and high > 0.98
+    # A day and a half of 0.012 an hour from 0.8, with a bias of at most 0.05 and a noise of 0.005.
+    moved = told(*standing, heard(30 * HOUR, 0.45))
+    assert moved.suspicion is None
+    low, high = moved.charge_interval()
+    assert 0.45 - 0.08 < low < 0.45 - 0.04 and 0.45 + 0.04 < high < 0.45 + 0.08
+    # In a dock physics goes on: after a night it is full, whatever is read.
+    docked_since = [(Docked(), 10 * HOUR), *(heard(n * HOUR, 0.8, State.CHARGING) for n in range(11, 25))]
+    low, high = told(*asleep(0.8, 0.0, 10), *docked_since).charge_interval()
+    assert low > 0.95 and high == 1.0
+
+
+@pytest.mark.parametrize(
+    "measurements",
+    [
+        # Its sensor reads 0.05 too much: of a full battery for as long as it takes to fall by that, and of an empty one.
+        [heard(n * HOUR, 1.0) for n in range(6)],
+        [heard(n * HOUR, 0.05, State.CALLING) for n in range(20)],
+        [
+            heard(0, 0.9, State.FLOATING),
+            (Docked(), MIN),
+            *(heard(n * HOUR, 0.95, State.CHARGING) for n in range(3, 20)),
+        ],
+        [heard(n * 1000, 0.8) for n in range(100)],
+        # Noise, or a load that is switched off: the same reading again, but not each time.
+        [heard(n * HOUR, 0.8 - 0.022 * (n // 2)) for n in range(20)],
+    ],
+)
+def test_what_stands_rightly_is_not_suspect(measurements: list[_Stamped]) -> None:
+    assert told(*measurements).suspicion is None
+
+
+def test_a_reading_that_a_dock_does_not_move_stands_from_before_it() -> None:
+    through = [
+        heard(0, 0.75),
+        heard(HOUR, 0.738),
+        (Docked(), 90 * MIN),
+        heard(6 * HOUR, 0.738, State.CHARGING),
+    ]
+    suspicion = told(*through).suspicion
+    assert suspicion is not None and suspicion.was_docked
+    assert suspicion.reason == "its reading stands: 0.74 for 300 min of its time"
+
+
+def test_a_codec_that_takes_0_3_off_stood_at_the_end_and_stays_suspect_when_it_moves() -> None:
+    full = docked(0.6, 0.2, 14, bias=-0.3)
+    released = told(*full, (Released(0.0, 0.0), 15 * HOUR), heard(17 * HOUR, 0.66))
+    assert reason(told(*full)) == "its reading stands"
+    assert reason(released) == "its charge jumps"
+    low, high = released.charge_interval()
+    assert low < 0.96 < high

@@ -8,7 +8,7 @@ from scenario_files import POOL_FILE, SOUND_FILE
 from agents.packet_medium import Medium
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.flight_config import flight_config
-from apad_bridge.events.fleet import AMusselSuspected
+from apad_bridge.events.fleet import AMusselSuspected, SuspicionOver
 from apad_bridge.events.mission import MissionEnd
 from apad_bridge.events.run import EndReason
 from apad_bridge.events.vehicle import DocksDisagree
@@ -203,3 +203,19 @@ def test_an_amussel_becomes_suspect_once_and_another_supervisor_of_the_run_tells
     next_one = parts.supervisor(flight_config(SOUND))
     next_one.beliefs.restore(supervisor.beliefs.kept())
     assert told(next_one, rising(3)) == []
+
+
+def test_the_supervisor_tells_that_a_reading_stands_and_that_it_moves_again() -> None:
+    supervisor = parts.supervisor(flight_config(SOUND))
+
+    def told(hour: int, charge: float) -> list[str]:
+        packet = StatusPacket(7, hour, State.SLEEPING, charge, 1.0, 7.0, 2.0, 3.0, 3_600_000 * hour)
+        supervisor.receive(SoundHeard(120_000 * hour, packet.encode()))
+        actions = supervisor.advance(120_000 * hour)
+        return [it.text() for it in actions if isinstance(it, AMusselSuspected | SuspicionOver)]
+
+    before = [text for hour in range(1, 13) for text in told(hour, 0.8)]
+    assert [text.partition(":")[0] for text in before] == ["aMussel 7 is suspect"]
+    assert "its reading stands: 0.80 for" in before[0]
+    assert told(13, 0.7) == ["aMussel 7 is no longer suspect: its reading moves again"]
+    assert told(14, 0.69) == []

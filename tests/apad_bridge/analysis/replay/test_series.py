@@ -434,8 +434,11 @@ def test_a_suspect_is_named_with_its_time_and_its_reason():
     before = view.counts
     view.add(journal_of([suspect]))
     view.sample(3000)
-    assert view.newest(before)["suspects"] == [(3000, 2, "its charge rose in the water")]
+    assert view.newest(before)["suspects"] == [(3000, 2, "its charge rose in the water", None)]
     assert view.data(None)["suspects"] == view.newest(view.counts)["suspects"]
+    view.add(journal_of([{"t": 5000, "kind": "suspect_over", "id": 2}]))
+    view.sample(5000)
+    assert view.data(None)["suspects"] == [(3000, 2, "its charge rose in the water", 5000)]
 
 
 def test_what_a_twin_learned_of_a_capacity_holds_until_it_knows_better():
