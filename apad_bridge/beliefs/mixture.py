@@ -4,21 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from itertools import pairwise
 from statistics import NormalDist
 from typing import NamedTuple
 
 _ROOT_TWO = math.sqrt(2)
 _STANDARD = NormalDist()
 _NEAR = 1e-9
-_BREAKS = (-6.0, -3.0, -1.0, 0.0, 1.0, 3.0, 6.0)
-_LEGENDRE = (
-    (-0.8611363115940526, 0.3478548451374538),
-    (-0.3399810435848563, 0.6521451548625461),
-    (0.3399810435848563, 0.6521451548625461),
-    (0.8611363115940526, 0.3478548451374538),
-)
-"""The points and weights on [-1, 1]."""
 
 
 class Gaussian(NamedTuple):
@@ -76,24 +67,6 @@ def quantile(parts: Sequence[Gaussian], probability: float) -> float:
         else:
             low = middle
     return high
-
-
-def crps(parts: Sequence[Gaussian], charge: float) -> float:
-    """The continuous ranked probability score at the true `charge`: the integral of (cdf - step at it)^2 over [0, 1].
-
-    It is 0 for a certain true belief, and else on the scale of the charge. Gauss and Legendre's rule, between points at
-    which the integrand is smooth: exact to some 1e-6 of the widest deviation.
-    """
-    at = {0.0, 1.0, charge}
-    for _, mean, sd in parts:
-        at.update(min(1.0, max(0.0, mean + z * sd)) for z in _BREAKS)
-    total = 0.0
-    for low, high in pairwise(sorted(at)):
-        half, step = (high - low) / 2, float(low >= charge)
-        for node, weight in _LEGENDRE:
-            away = below(parts, low + half * (1 + node)) - step
-            total += weight * half * away * away
-    return total
 
 
 def inside(mean: float, variance: float) -> float:

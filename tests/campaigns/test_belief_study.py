@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 sys.path.insert(0, str(Path(__file__).parents[3]))
 
 from beliefs import filters, peers, study
-from beliefs.score import score
+from beliefs.score import crps, score
 from beliefs.truth import Doing, Life, live
+
+from apad_bridge.beliefs.mixture import Gaussian
 
 AGENTS, HOURS = 12, 144
 
@@ -69,3 +74,25 @@ def test_the_score_is_counted_by_hand() -> None:
     assert found["coverage_by_age"]["now"] == 0.5 and found["coverage"] == pytest.approx(2 / 3)
     assert found["nees"] == pytest.approx(2.0) and found["clamped"] == pytest.approx(1 / 3)
     assert found["samples_by_age"]["25-48"] == 1
+
+
+@settings(max_examples=100, deadline=None)
+@given(mean=st.floats(-0.5, 1.5), sd=st.floats(0.005, 0.6), charge=st.floats(0, 1))
+def test_a_clamped_gaussians_crps_is_the_closed_one(mean: float, sd: float, charge: float) -> None:
+    """By parts, the integral of cdf^2 up to a is a cdf^2 + 2 pdf cdf - cdf(sqrt(2) a) / sqrt(pi); the rest is symmetry."""
+
+    def up_to(a: float) -> float:
+        cdf = math.erfc(-a / math.sqrt(2)) / 2
+        pdf = math.exp(-a * a / 2) / math.sqrt(2 * math.pi)
+        return a * cdf**2 + 2 * pdf * cdf - math.erfc(-a) / 2 / math.sqrt(math.pi)
+
+    z, low, high = ((it - mean) / sd for it in (charge, 0.0, 1.0))
+    expected = sd * (up_to(z) - up_to(low) + up_to(-z) - up_to(-high))
+    assert crps([Gaussian(1.0, mean, sd)], charge) == pytest.approx(expected, abs=2e-5 * sd)
+
+
+def test_the_crps_of_a_certain_belief_is_its_error() -> None:
+    assert crps([Gaussian(1.0, 0.4, 0.0)], 0.4) == 0
+    assert crps([Gaussian(1.0, 0.4, 0.0)], 0.7) == pytest.approx(0.3)
+    # Two certain halves, 0.2 below and 0.2 above: a quarter of each way.
+    assert crps([Gaussian(0.5, 0.3, 0.0), Gaussian(0.5, 0.7, 0.0)], 0.5) == pytest.approx(0.1)

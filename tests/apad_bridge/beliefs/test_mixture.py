@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -12,7 +10,6 @@ from apad_bridge.beliefs.mixture import (
     below,
     below_strictly,
     clamped,
-    crps,
     interval,
     quantile,
     truncated,
@@ -97,25 +94,3 @@ def test_a_probability_is_never_above_1_though_weights_are_rounded() -> None:
     parts = [Gaussian(weight, -0.4, 0.005) for weight in (0.5, 0.5 + 2**-52)]
     assert sum(weight for weight, _, _ in parts) > 1
     assert below(parts, 0.0) == below_strictly(parts, 0.5) == 1.0
-
-
-@settings(max_examples=100, deadline=None)
-@given(mean=MEANS, sd=DEVIATIONS, charge=st.floats(0, 1))
-def test_a_clamped_gaussians_score_is_the_closed_one(mean: float, sd: float, charge: float) -> None:
-    """By parts, the integral of cdf^2 up to a is a cdf^2 + 2 pdf cdf - cdf(sqrt(2) a) / sqrt(pi); the rest is symmetry."""
-
-    def up_to(a: float) -> float:
-        cdf = math.erfc(-a / math.sqrt(2)) / 2
-        pdf = math.exp(-a * a / 2) / math.sqrt(2 * math.pi)
-        return a * cdf**2 + 2 * pdf * cdf - math.erfc(-a) / 2 / math.sqrt(math.pi)
-
-    z, low, high = ((it - mean) / sd for it in (charge, 0.0, 1.0))
-    expected = sd * (up_to(z) - up_to(low) + up_to(-z) - up_to(-high))
-    assert crps([Gaussian(1.0, mean, sd)], charge) == pytest.approx(expected, abs=2e-5 * sd)
-
-
-def test_the_score_of_a_certain_belief_is_its_error() -> None:
-    assert crps([Gaussian(1.0, 0.4, 0.0)], 0.4) == 0
-    assert crps([Gaussian(1.0, 0.4, 0.0)], 0.7) == pytest.approx(0.3)
-    # Two certain halves, 0.2 below and 0.2 above: a quarter of each way.
-    assert crps([Gaussian(0.5, 0.3, 0.0), Gaussian(0.5, 0.7, 0.0)], 0.5) == pytest.approx(0.1)

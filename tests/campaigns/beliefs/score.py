@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
+from apad_bridge.beliefs.mixture import Gaussian, below
 from beliefs.truth import Array
 
 AGES = (
@@ -19,6 +22,27 @@ AGES = (
 COLUMNS = ("age_h", "truth", "mean", "variance", "low", "high", "right", "ends")
 """The columns of a row: age of the last packet, true and believed charge, variance, the probability of at most the true
 charge and of less, 1 if the mode is right, and the part of the belief at exactly 0 or 1."""
+
+
+_BREAKS = (-6.0, -3.0, -1.0, 0.0, 1.0, 3.0, 6.0)
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(4)
+
+
+def crps(parts: Sequence[Gaussian], charge: float) -> float:
+    """The continuous ranked probability score at the true `charge`: the integral of (cdf - step at it)^2 over [0, 1].
+
+    It is 0 for a certain true belief, and else on the scale of the charge. Gauss and Legendre's rule, between points at
+    which the integrand is smooth: exact to some 1e-5 of the widest deviation.
+    """
+    at = {0.0, 1.0, charge}
+    for _, mean, sd in parts:
+        at.update(min(1.0, max(0.0, mean + z * sd)) for z in _BREAKS)
+    total = 0.0
+    for low, high in pairwise(sorted(at)):
+        half, step = (high - low) / 2, float(low >= charge)
+        for node, weight in zip(_NODES, _WEIGHTS, strict=True):
+            total += float(weight) * half * (below(parts, low + half * (1 + float(node))) - step) ** 2
+    return total
 
 
 def score(rows: Array, certain: bool = False) -> dict[str, Any]:

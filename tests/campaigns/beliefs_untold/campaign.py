@@ -27,6 +27,7 @@ from statistics import fmean, median
 from typing import Any, TypeVar
 from unittest.mock import patch
 
+from beliefs.score import crps
 from rich.console import Console
 from rich.progress import Progress
 
@@ -39,7 +40,6 @@ from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.flight_config import FlightConfig, flight_config
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.charge_state import RATE
-from apad_bridge.beliefs.mixture import crps
 from apad_bridge.beliefs.twin_parameters import CallParameters
 from apad_bridge.beliefs.twin_state import TwinState
 from apad_bridge.runs.flying import in_process_context
