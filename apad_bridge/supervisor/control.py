@@ -121,7 +121,7 @@ def _change_speed(request: Request, calls: CallQueue, speed: FlightSpeed | None)
         return Answer(False, _NO_SPEED)
     steps, times = request.times is None, 0.0 if request.times is None else request.times
     if steps and not speed.stands:
-        return Answer(False, "mission time runs: a step takes `musselbed speed RUN 0` first")
+        return Answer(False, "a step takes `musselbed speed RUN 0` first")
     note = SpeedChanged(times, request.by)
 
     def change() -> None:

@@ -307,7 +307,7 @@ def test_a_flight_s_speed_changes_by_a_person_and_a_stop_waits_while_time_stands
 
     answers = [flying.answered(lambda it=it: asked(Act.SPEED, it)) for it in (None, 5.0, 0.0)]  # type: ignore[misc]
     assert [it.accepted for it in answers] == [False, True, True]
-    assert "mission time runs" in answers[0].message
+    assert "a step takes `musselbed speed RUN 0` first" in answers[0].message
     assert speed.stands and not speed.lets_pass(1000)
     # Without a tick: only a stop is kept for the next one.
     refused, stopped = asked(Act.ABORT), asked(Act.STOP)
