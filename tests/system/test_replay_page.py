@@ -249,7 +249,10 @@ def test_uploaded_samples_are_series_with_units_beside_the_waters_truth(
         charts.get("measured-0").plot.data.slice(1).map((it) => [...it].filter((one) => one !== undefined))];
     """
     hidden, heading, *charts, series = browser.execute_script(read)
-    assert (hidden, heading) == (False, "Measured and uploaded 2 samples of aMussel 1")
+    assert (hidden, heading) == (
+        False,
+        "Measured and uploaded 2 samples of aMussel 1, the newest of 00:00:30",
+    )
     assert charts == [
         "Oxygen, mg/l: 8.00",
         "Pressure, mbar: 1314.80",
@@ -262,8 +265,11 @@ def test_uploaded_samples_are_series_with_units_beside_the_waters_truth(
         "select(1); select(1);"
     )
     _, heading, oxygen, *_, series = browser.execute_script(read)
-    assert heading == "Measured and uploaded; dashed: the water's true value there 2 samples of aMussel 1"
-    assert oxygen == "Oxygen, mg/l: 8.00, true 8.10"
+    assert (
+        heading
+        == "Measured and uploaded; dashed: the water's true value there 2 samples of aMussel 1, the newest of 00:00:30"
+    )
+    assert oxygen == "Oxygen, mg/l: 8.00, true now 8.10"
     assert series[0] == [8.0, 7.5] and set(series[1]) == {8.1, None}
     browser.execute_script("select(1);")
     _, heading, oxygen, *_ = browser.execute_script(read)

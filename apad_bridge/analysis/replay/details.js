@@ -229,10 +229,12 @@ function showMeasured({ i }) {
     $("true-too").hidden = !shown.some((it) => it.water);
   }
   const told = measured.of.flatMap(([, samples]) => samples), newest = told.findLast((it) => it[0] <= nowMs);
-  put(count, shown.length ? `${told.length} samples${one ? ` of aMussel ${selected}` : ""}` : "select an aMussel");
+  // A sample may come long after it was taken: with the next docking.
+  const which = one ? ` of aMussel ${selected}${newest ? `, the newest of ${clock(newest[0])}` : ""}` : "";
+  put(count, shown.length ? `${told.length} samples${which}` : "select an aMussel");
   data.sensors.forEach((_, n) => {
-    const value = one && newest ? fixed(newest[n + 2], 2) : "", truth = one && one.water && one.water[i] ? `, true ${fixed(one.water[i][n], 2)}` : "";
-    put($("measured").children[n].querySelector("output"), value && value + truth);
+    const value = one && newest ? fixed(newest[n + 2], 2) : "", truth = one && one.water && one.water[i] ? `true now ${fixed(one.water[i][n], 2)}` : "";
+    put($("measured").children[n].querySelector("output"), [value, truth].filter(Boolean).join(", "));
     drawChart(`measured-${n}`, shape, key, () => measuredChart(n));
   });
 }
