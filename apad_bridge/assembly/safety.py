@@ -7,7 +7,7 @@ guarded, and that the position is known; nothing is watched between orders.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from apad_bridge.assembly.stacks import adrift_ms, stacks
@@ -15,6 +15,7 @@ from apad_bridge.events.guards import Reaction
 from apad_bridge.scenario.area.fence import fence_of
 from apad_bridge.scenario.guard_options import GuardOptions, WhenOutside, WhenUnwatched
 from apad_bridge.scenario.schema import APad, DockingProfile, Scenario
+from apad_bridge.scenario.starts import Start
 from apad_bridge.scenario.surface import (
     LegForecast,
     fastest_drift_m_s,
@@ -87,6 +88,19 @@ def safety_of(scenario: Scenario, *, needs_person: bool = False) -> Safety:
         drift_m_s=_drift_of(scenario),
         stopping=_coasting(options),
     )
+
+
+def unreachable_starts(scenario: Scenario, starts: Sequence[Start]) -> list[tuple[str, str]]:
+    """The fence and the zones between the aPad and aMussels at the start, round which it does not go, with a mend each."""
+    waters, found = _waters(scenario, scenario.guards or GuardOptions()), []
+    for it in starts:
+        place_m = it.north_m, it.east_m
+        if fault := waters.fault_of_place(place_m):
+            found.append((f"aMussel {it.agent_id} cannot be served: {fault}", "move it, or the fence"))
+        elif fault := waters.fault_of_way(scenario.apad.start_m, place_m):
+            mend = "move one of them, or serve it by a script with places on the way"
+            found.append((f"aMussel {it.agent_id} is out of the aPad's reach from its start: {fault}", mend))
+    return found
 
 
 def _coasting(options: GuardOptions) -> Stopping:

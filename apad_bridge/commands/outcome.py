@@ -125,7 +125,7 @@ def _print_next(console: Console, directory: RunDirectory, summary: dict[str, An
     lines = (
         f"Files: {directory.path}",
         "Next:",
-        f"  musselbed replay {quote(str(of_one))}",
+        f"  musselbed replay {quote(str(directory.path))}",
         f"  musselbed {second}",
     )
     for line in lines:

@@ -53,6 +53,7 @@ def _check_strategies(scenario: Scenario, trust: Trust | None) -> Iterator[Findi
 
 
 def _check_starts(scenario: Scenario) -> Iterator[Finding]:
+    from apad_bridge.assembly.safety import unreachable_starts
     from apad_bridge.scenario.starts import further_columns, starts_of
 
     try:
@@ -64,6 +65,7 @@ def _check_starts(scenario: Scenario) -> Iterator[Finding]:
         )
         further = further_columns(starts)
         yield ok(f"{found}; further columns are kept: {', '.join(further)}" if further else found)
+        yield from (warn(happens, mend) for happens, mend in unreachable_starts(scenario, starts))
     except ScenarioError as error:
         for line in error.lines:
             yield fail(line, "mend the file that fleet.start names")

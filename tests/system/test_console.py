@@ -176,6 +176,7 @@ def test_a_person_follows_a_run_stops_it_and_lets_it_go_on(browser: webdriver.Ch
         browser.execute_script(choose, "0")
         wait_until(lambda: "time stands still" in text(browser, "about"))
         press(browser, "#step")
+        wait_until(lambda: len(journalled(run_dir, "speed")) == 2)
         browser.execute_script(choose, "20")
         wait_until(lambda: "flying at 20 times real time" in text(browser, "about"))
         assert [line["times"] for line in journalled(run_dir, "speed")] == [0.0, 0.0, 20.0]

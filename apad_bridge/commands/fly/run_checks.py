@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from agents.mussel.board_link import serial_line
+from apad_bridge.assembly.safety import unreachable_starts
 from apad_bridge.doctor.finding import CheckStatus
 from apad_bridge.ros.system.route import somebodys_master
 from apad_bridge.ros_names.names import in_full
@@ -51,7 +52,7 @@ def check_run(options: RunOptions, scenario: Scenario, starts: Sequence[Start]) 
                 f"the stack {generation.value!r} brings no simulated aPad: fly its vehicle by --apad ros, or ours by "
                 "--generation a"
             )
-        for happens, mend in warnings(scenario):
+        for happens, mend in (*warnings(scenario), *unreachable_starts(scenario, starts)):
             print(f"musselbed: warning: {happens}: {mend}", file=sys.stderr)
         return None
     master_uri = somebodys_master()

@@ -54,7 +54,7 @@ class FencedWaters:
             return f"the goal {fault}"
         way = LineString([start_m, goal_m])
         if not self._waters.covers(way):
-            return "the way crosses the fence or a keep-out zone"
+            return self._crossing(way)
         if fault := self.fault_of_room(goal_m, self._clearance_m):
             return f"the goal {fault}"
         least_m = min(self._clearance_m, self._edge.distance(PlanePoint(start_m)))
@@ -62,6 +62,15 @@ class FencedWaters:
         if way_m < least_m - _EPSILON_M:
             return f"the way passes {way_m:.1f} m from the fence or a keep-out zone: the least is {self._clearance_m:g} m"
         return ""
+
+    def _crossing(self, way: LineString) -> str:
+        """The edge that a way crosses first, and where."""
+        beyond = shapely.get_coordinates(way.difference(self._waters))
+        along_m = min(way.project(PlanePoint(it)) for it in beyond)
+        at = way.interpolate(along_m)
+        leaves_fence = self._fence.exterior.distance(at) < _EPSILON_M
+        edge = "the fence" if leaves_fence else "a keep-out zone"
+        return f"the way crosses {edge} at {_text((at.x, at.y))}, and the aPad goes straight"
 
     def fault_of_room(self, place_m: Point, room_m: float) -> str:
         if fault := self.fault_of_place(place_m):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+import yaml
 from scenario_files import POOL_FILE
 
 from apad_bridge.doctor import scenario_check
@@ -71,3 +72,22 @@ def test_a_strategy_in_a_file_is_left_out_and_told_and_the_others_are_checked(tm
     assert not marks.exists()
     scenario_check.read(path, Trust())
     assert marks.exists()
+
+
+def test_aMussels_in_and_behind_a_keep_out_zone_are_named_with_the_place(tmp_path: Path) -> None:
+    """The aPad starts at (2, 2). By hand: the way to (12, 12) meets the zone of 6 to 8 m at (6, 6)."""
+    (tmp_path / "starts.csv").write_text("id,north,east,charge\n1,7,7,0.9\n2,12,12,0.9\n3,2,12,0.9\n")
+    data = yaml.safe_load(POOL_FILE.read_text())
+    data["area"]["fence"] = [[-2, -2], [30, -2], [30, 23], [-2, 23]]
+    data["area"]["keep_out"] = [[[6, 6], [8, 6], [8, 8], [6, 8]]]
+    data["fleet"].update(count=3, start="starts.csv")
+    data["apad"]["start_m"] = [2, 2]
+    path = tmp_path / "yacht.yaml"
+    path.write_text(yaml.safe_dump(data))
+    _, findings = scenario_check.read(path)
+    warned = [it.found for it in findings if it.status is CheckStatus.WARN]
+    assert warned == [
+        "aMussel 1 cannot be served: (7.0 m north, 7.0 m east) lies in a keep-out zone",
+        "aMussel 2 is out of the aPad's reach from its start: the way crosses a keep-out zone at "
+        "(6.0 m north, 6.0 m east), and the aPad goes straight",
+    ]

@@ -71,12 +71,12 @@ def is_allowed(point: Point) -> bool:
     [
         ((5.0, 5.0), (5.0, 35.0), ""),
         ((5.0, 5.0), (30.0, 5.0), ""),
-        ((30.0, 5.0), (30.0, 35.0), "crosses the fence"),  # both ends inside, the gap between them
-        ((10.0, 5.0), (10.0, 35.0), "crosses the fence or a keep-out zone"),
+        ((30.0, 5.0), (30.0, 35.0), "crosses the fence at (30.0 m north, 10.0 m east)"),
+        ((10.0, 5.0), (10.0, 35.0), "crosses a keep-out zone at (10.0 m north, 18.0 m east)"),
         ((5.0, 5.0), (10.0, 20.0), "lies in a keep-out zone"),
         ((5.0, 5.0), (45.0, 5.0), "5.0 m outside the fence"),
         ((5.0, 5.0), (0.5, 5.0), "0.5 m from the fence"),
-        ((5.0, 5.0), (12.5, 36.0), "crosses the fence or a keep-out zone"),
+        ((5.0, 5.0), (12.5, 36.0), "crosses a keep-out zone at (8.1 m north, 18.0 m east)"),
         ((5.0, 5.0), (7.9, 30.0), ""),
         ((7.5, 5.0), (7.5, 35.0), "passes 0.5 m from"),
         ((0.5, 5.0), (5.0, 5.0), ""),  # away from an edge that it is too near to
