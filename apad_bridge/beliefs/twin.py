@@ -319,6 +319,8 @@ class Twin:
         track = extended(None if reason else twin_state.track, stated)
         before, twin_state = twin_state, replace(twin_state, track=track, standing=standing)
         if reason is None and not (may_stand and checker.stands(standing)):
+            if suspicion is not None and standing.from_ms < stated.at_ms:
+                return self._weigher.unread(twin_state, schedule, reading)  # it repeats itself, and may stand
             weighed = self._weigher.weigh(twin_state, schedule, reading, may_rest=not stood)
             if weighed.gated == twin_state.gated:
                 return weighed

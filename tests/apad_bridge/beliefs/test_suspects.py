@@ -290,3 +290,12 @@ def test_a_codec_that_takes_0_3_off_stood_at_the_end_and_stays_suspect_when_it_m
     assert reason(released) == "its charge jumps"
     low, high = released.charge_interval()
     assert low < 0.96 < high
+
+
+def test_a_suspect_that_repeats_a_reading_is_not_read() -> None:
+    """Its first reading that stands looked like a jump. Truly it holds 0.9 - 13 * 0.012, and 0.2 more an hour in a dock."""
+    jumped = [*asleep(0.9, 0.012, 12), heard(12 * HOUR, 0.46), (Docked(), 13 * HOUR)]
+    repeated = [heard(13 * HOUR + n * 15 * MIN, 0.46, State.CHARGING) for n in range(1, 9)]
+    belief = told(*jumped, *repeated)
+    assert reason(belief) == "its charge jumps"
+    assert belief.charge_interval()[1] == 1.0
