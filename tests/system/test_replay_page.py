@@ -443,7 +443,7 @@ def test_the_legend_has_what_is_there_and_the_events_follow_the_time(
     ]
     # A suspect has its mark, and its reason, from its time on.
     suspected = """
-      data.suspects = [[50000, 3, "its charge rose in the water"]];
+      data.suspects = [[50000, 3, "its charge rose in the water", 55000]];
       showLegend(); show(1000 * arguments[0]);
       const item = document.querySelector("[data-agent='3']");
       const words = "suspect since 00:00:50: its charge rose in the water";
@@ -451,6 +451,7 @@ def test_the_legend_has_what_is_there_and_the_events_follow_the_time(
     """
     assert browser.execute_script(suspected, 49) == [False, False]
     assert browser.execute_script(suspected, 50) == [True, True]
+    assert browser.execute_script(suspected, 55) == [False, False]
     assert "suspect: its packets contradict physics" in browser.execute_script(listed)
     # A list that is higher than its window keeps the event of the time shown in sight.
     script = """

@@ -168,6 +168,13 @@ def test_a_lookout_stops_on_a_phone_and_hears_what_a_stop_comes_to(
         story.passes()
         wait_until(lambda: seen(phone, "heard"))
         assert "fence" not in phone.find_element(By.ID, "drift").text
+        says(phone, "primitive", "no thrust")
+        # Still water carries nothing away, and that alarms nobody.
+        tap(phone, "#heard")
+        story.writes("drift", speed_m_s=0.004, towards_rad=4.2, fence_s=None)
+        story.passes()
+        says(phone, "drift", "No drift is seen")
+        assert not seen(phone, "heard")
 
         tap(phone, "#off")
         wait_until(lambda: len(story.orders) == 3)

@@ -294,7 +294,7 @@ function drawStopped(ctx, [x, y], { stop, drift }) {
   ctx.beginPath();
   ctx.arc(x, y, 34, 0, 7);
   ctx.stroke();
-  if (!drift) return;
+  if (!moves(drift)) return;
   const { perMetre } = mapScale(sizeOf(ctx.canvas).width, sizeOf(ctx.canvas).height), long = Math.min(110, Math.max(26, 60 * drift.speed_m_s * perMetre));
   const [dx, dy] = [Math.sin(drift.towards_rad), -Math.cos(drift.towards_rad)], tip = [x + dx * (34 + long), y + dy * (34 + long)];
   stroke(ctx, PAINT.fence, [[x + dx * 34, y + dy * 34], tip]);

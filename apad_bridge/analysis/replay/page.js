@@ -125,7 +125,8 @@ function drawMaps(views) {
 
 function showWords({ stage, docks, agents, active, cost, apad }) {
   put($("phase"), stage.phase || "not begun");
-  put($("primitive"), stage.primitive || (stage.stop ? "stopped" : "no order under way"));
+  const isOff = stage.stop && stage.stop.mode === "off";
+  put($("primitive"), isOff ? "no thrust" : stage.primitive || (stage.stop ? "stopped" : "no order under way"));
   put($("docks"), docks.map((id) => (id === null ? "free" : id)).join(" · "));
   if (shownStage !== stage) { shownStage = stage; $("plan").replaceChildren(...planWords(stage.plan)); }
   const charges = agents.map((it) => it.charge).filter((it) => it !== null);

@@ -25,6 +25,9 @@ function statesWords(stop) {
   return `${number}by ${stop.by}: ${states.join(", ")}${stop.reason ? ` (${stop.reason})` : ""}${stands ? "; mission time waits for you" : ""}`;
 }
 
+// Less rounds to 0.00 m/s: the hull lies still without thrust.
+const moves = (drift) => Boolean(drift) && drift.speed_m_s >= 0.005;
+
 function driftWords({ speed_m_s: speed, towards_rad: towards, fence_s: fence, north_m: north, east_m: east, t }) {
   const degrees = (Math.round(towards * 180 / Math.PI) + 360) % 360;
   const place = north === undefined ? "" : `, at ${north.toFixed(1)} m north, ${east.toFixed(1)} m east`;
@@ -39,7 +42,7 @@ function showStop({ stage }) {
   if ($("stopped").hidden !== (heading === "")) $("stopped").hidden = heading === "";
   put($("stopped-what"), heading);
   put($("stopped-states"), stop ? statesWords(stop) : "");
-  put($("drift"), drift ? driftWords(drift) : "");
+  put($("drift"), moves(drift) ? driftWords(drift) : drift ? "No drift is seen" : "");
   put($("plan-stopped"), stop ? "stopped" : "");
 }
 
@@ -49,7 +52,8 @@ function interruptedSpans(run) {
 }
 
 // The alarm. A browser plays no sound before a person has touched the page, so the first touch prepares it.
-let sound = null, isMuted = false, alarmed = "", calmed = "", beeping = null;
+let sound = null, isMuted = false, alarmed = "", beeping = null;
+const calmed = new Set();
 
 function prepareSound() {
   if (!sound) {
@@ -87,14 +91,14 @@ function beep() {
 function alarmOf({ stop, drift, refused }, unheard) {
   if (refused) return `refused ${refused.number}`;
   if (stop && hasFailed(stop)) return `${lastState(stop)} ${stop.number}`;
-  if (drift) return `drift ${drift.t}`;
+  if (moves(drift)) return `drift ${drift.t}`;
   if (stop && isGuards(stop)) return `guard ${stop.number}`;
   return unheard;
 }
 
 function soundAlarm(stage, unheard) {
   alarmed = alarmOf(stage, unheard);
-  const rings = alarmed !== "" && alarmed !== calmed;
+  const rings = alarmed !== "" && !calmed.has(alarmed);
   if ($("heard").hidden === rings) $("heard").hidden = !rings;
   if (rings && beeping === null) {
     beep();
@@ -106,6 +110,8 @@ function soundAlarm(stage, unheard) {
 }
 
 function calm() {
-  calmed = alarmed;
-  soundAlarm(data.stages[data.stages.length - 1], alarmed);
+  const stage = data.stages[data.stages.length - 1];
+  calmed.add(alarmed);
+  if (stage.stop) calmed.add(`guard ${stage.stop.number}`);  // it was heard with its drift
+  soundAlarm(stage, alarmed);
 }

@@ -372,20 +372,15 @@ def test_the_end_of_a_run_fits_80_columns_and_names_each_failure_with_its_count(
 
 
 @pytest.mark.parametrize(
-    ("change", "of_one", "second"),
+    ("change", "second"),
     [
-        ({}, "", ["beliefs", "{run}"]),
-        ({"uptime_paper": None}, "", ["runs", "{folder}"]),
-        (
-            {"apads": {"apad1": {**SUMMARY, "end_reason": "mission time"}}},
-            "/apad1",
-            ["beliefs", "{run}/apad1"],
-        ),
+        ({}, ["beliefs", "{run}"]),
+        ({"uptime_paper": None}, ["runs", "{folder}"]),
+        ({"apads": {"apad1": {**SUMMARY, "end_reason": "mission time"}}}, ["beliefs", "{run}/apad1"]),
     ],
 )
 def test_a_run_ends_with_its_files_and_two_commands_that_parse(
     change: dict[str, object],
-    of_one: str,
     second: list[str],
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
@@ -400,7 +395,7 @@ def test_a_run_ends_with_its_files_and_two_commands_that_parse(
     files, title, *commands = capsys.readouterr().out.splitlines()[-4:]
     assert files == f"Files: {run.path}" and title == "Next:"
     assert [shlex.split(command) for command in commands] == [
-        ["musselbed", "replay", f"{run.path}{of_one}"],
+        ["musselbed", "replay", f"{run.path}"],
         ["musselbed", *(word.format(run=run.path, folder=run.path.parent) for word in second)],
     ]
 
