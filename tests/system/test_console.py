@@ -242,6 +242,7 @@ def test_a_person_orders_about_one_amussel(browser: webdriver.Chrome, shared_run
         load_page(browser, url)
         browser.find_element(By.CSS_SELECTOR, "#agents [data-agent='6']").click()
         # The pool has no water to ping by; the aPad is simulated, so there are faults.
+        assert text(browser, "whose") == "simulated aPad"
         assert not browser.find_element(By.CSS_SELECTOR, "[data-act=ping]").is_displayed()
 
         browser.execute_script("document.getElementById('fault').value = 'watchdog'")

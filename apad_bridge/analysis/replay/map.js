@@ -196,12 +196,11 @@ function drawTrack(ctx, canvas, key, run, nowMs, at) {
     stroke(inner, PAINT.track, trace.slice(Math.max(0, kept.drawn - 1), end).map(([, n, e]) => at([n, e])));
     kept.drawn = end;
   }
-  ctx.globalAlpha = 0.15;
+  ctx.globalAlpha = 0.5;
   ctx.drawImage(kept.own, 0, 0, canvas.width / ratio, canvas.height / ratio);
-  ctx.globalAlpha = 0.7;
+  ctx.globalAlpha = 1;
   ctx.lineWidth = 2;
   stroke(ctx, PAINT.track, trace.slice(recent, end).map(([, n, e]) => at([n, e])));
-  ctx.globalAlpha = 1;
 }
 
 // The index of the first row, by its time in the first column, that is later than a time.

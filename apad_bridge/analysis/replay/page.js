@@ -232,6 +232,7 @@ function flyingWords(speed) {
 // The name of the run, why it ended, and the figures of its summary.
 function showHeader() {
   $("name").textContent = data.name;
+  if (data.live) $("whose").textContent = data.live.is_real ? "REAL aPad" : "simulated aPad";
   const ended = data.ended_by === null ? (data.live ? flyingWords(data.live.speed) : "has not ended") : "ended by " + data.ended_by;
   $("about").textContent = [data.description, `${data.agents.length} aMussels, ${data.collection} / ${data.redeployment}, theta ${data.theta}, seed ${data.seed}; ${ended}`].filter(Boolean).join(" · ");
   const known = data.summary || {};
