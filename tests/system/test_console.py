@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import http.server
 import json
+import re
 import shlex
 import signal
 import subprocess
@@ -243,6 +244,7 @@ def test_a_person_orders_about_one_amussel(browser: webdriver.Chrome, shared_run
         browser.find_element(By.CSS_SELECTOR, "#agents [data-agent='6']").click()
         # The pool has no water to ping by; the aPad is simulated, so there are faults.
         assert text(browser, "whose") == "simulated aPad"
+        assert re.fullmatch(r".+ · all aMussels well · aPad \d+(\.\d)? %", text(browser, "now"))
         assert not browser.find_element(By.CSS_SELECTOR, "[data-act=ping]").is_displayed()
 
         browser.execute_script("document.getElementById('fault').value = 'watchdog'")

@@ -80,6 +80,7 @@ function wayOf({ phase, plan }, agents) {
 const PARTS = [
   showStop,
   showWords,
+  showNow,
   showAgents,
   showEventNow,
   showWhy,
@@ -139,6 +140,17 @@ function showWords({ stage, docks, agents, active, cost, apad }) {
   put($("apad-now"), apad && apad.battery !== null ? percent(apad.battery) : "unknown");
 }
 let shownStage;
+
+// For a first look: what the aPad does, whether all is well, and how long it can go on.
+function showNow({ stage, agents, apad }) {
+  const empty = agents.filter((it) => STATUSES[it.status] === "empty").length, lost = agents.filter((it) => STATUSES[it.status] === "lost").length;
+  const suspect = agents.filter((it) => it.suspicion).length;
+  const faults = [[empty, "empty"], [lost, "lost"], [suspect, "suspect"]].filter(([count]) => count).map(([count, what]) => `${count} ${what}`);
+  const well = stage.stop ? [] : [faults.length ? `aMussels: ${faults.join(", ")}` : "all aMussels well"];
+  const battery = apad && apad.battery !== null ? [`aPad ${percent(apad.battery)}`] : [];
+  put($("now"), [$("primitive").textContent, ...well, ...battery].join(" · "));
+  if ($("now").classList.contains("ill") !== faults.length > 0) $("now").classList.toggle("ill");
+}
 
 function chargeWords({ id, charge, believed, within }) {
   const words = [`${id}: ${charge === null ? "unknown" : percent(charge)}`];
