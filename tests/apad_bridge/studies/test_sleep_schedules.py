@@ -77,7 +77,7 @@ def test_the_command_prints_the_schedules_and_the_reason(
 
     monkeypatch.setattr(runner, "fly_study", fly_study)
     # Its twelve figures, twice, took longer than all the rest; other tests of studies draw theirs.
-    monkeypatch.setattr(report, "_figure", lambda *_: "")
+    monkeypatch.setattr(report, "_figures", lambda *_: iter(()))
     assert main(["study", "sleep", "--seeds", "2", "--out", str(tmp_path / "out")]) == 0
     recommended = "Recommended: a wake every 30 min, sensors on for 60 s"
     assert recommended in capsys.readouterr().out
