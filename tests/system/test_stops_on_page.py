@@ -121,6 +121,19 @@ def test_a_lookout_stops_on_a_phone_and_hears_what_a_stop_comes_to(
         assert not seen(phone, "stopped")
         assert phone.execute_script("return document.documentElement.scrollWidth") == PHONE["width"]
 
+        # Somebody heard that the link was lost. When it is lost again, that is news.
+        lost_twice = """
+          const stage = data.stages[data.stages.length - 1], rings = [];
+          for (const words of ["link lost", "", "link lost", ""]) {
+            soundAlarm(stage, words);
+            rings.push(beeping !== null);
+            if (words) calm();
+          }
+          delete document.body.dataset.beeps;
+          return rings;
+        """
+        assert phone.execute_script(lost_twice) == [True, False, True, False]
+
         tap(phone, "#stop")
         (asked,) = wait_until(lambda: story.orders)
         assert (asked["act"], asked["off"]) == ("stop", False)

@@ -124,10 +124,13 @@ function drawMaps(views) {
   drawMap($("map"), order.map((n) => runs[n]), order.map((n) => views[n]), marked(), packets);
 }
 
+function doingWords({ stop, primitive }) {
+  return stop && stop.mode === "off" ? "no thrust" : primitive || (stop ? "stopped" : "no order under way");
+}
+
 function showWords({ stage, docks, agents, active, cost, apad }) {
   put($("phase"), stage.phase || "not begun");
-  const isOff = stage.stop && stage.stop.mode === "off";
-  put($("primitive"), isOff ? "no thrust" : stage.primitive || (stage.stop ? "stopped" : "no order under way"));
+  put($("primitive"), doingWords(stage));
   put($("docks"), docks.map((id) => (id === null ? "free" : id)).join(" · "));
   if (shownStage !== stage) { shownStage = stage; $("plan").replaceChildren(...planWords(stage.plan)); }
   const charges = agents.map((it) => it.charge).filter((it) => it !== null);
@@ -143,12 +146,12 @@ let shownStage;
 
 // For a first look: what the aPad does, whether all is well, and how long it can go on.
 function showNow({ stage, agents, apad }) {
-  const empty = agents.filter((it) => STATUSES[it.status] === "empty").length, lost = agents.filter((it) => STATUSES[it.status] === "lost").length;
-  const suspect = agents.filter((it) => it.suspicion).length;
-  const faults = [[empty, "empty"], [lost, "lost"], [suspect, "suspect"]].filter(([count]) => count).map(([count, what]) => `${count} ${what}`);
+  const count = (what, is) => [agents.filter(is).length, what];
+  const found = [...["empty", "lost"].map((what) => count(what, (it) => STATUSES[it.status] === what)), count("suspect", (it) => it.suspicion)];
+  const faults = found.filter(([many]) => many).map(([many, what]) => `${many} ${what}`);
   const well = stage.stop ? [] : [faults.length ? `aMussels: ${faults.join(", ")}` : "all aMussels well"];
   const battery = apad && apad.battery !== null ? [`aPad ${percent(apad.battery)}`] : [];
-  put($("now"), [$("primitive").textContent, ...well, ...battery].join(" · "));
+  put($("now"), [doingWords(stage), ...well, ...battery].join(" · "));
   if ($("now").classList.contains("ill") !== faults.length > 0) $("now").classList.toggle("ill");
 }
 

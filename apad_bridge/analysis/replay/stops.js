@@ -98,6 +98,7 @@ function alarmOf({ stop, drift, refused }, unheard) {
 
 function soundAlarm(stage, unheard) {
   alarmed = alarmOf(stage, unheard);
+  if (alarmed === "") calmed.clear();  // the same cause is news when it comes again
   const rings = alarmed !== "" && !calmed.has(alarmed);
   if ($("heard").hidden === rings) $("heard").hidden = !rings;
   if (rings && beeping === null) {
