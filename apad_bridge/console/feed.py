@@ -55,7 +55,8 @@ class Feed:
             scenario = load(self._directory.scenario)
             options = RunOptions.load(run_dir)
             self._has_water = scenario.water is not None and options.part is not BenchPart.MISSION
-            self._is_real = options.has_real_vehicle
+            self._takes_faults = not options.has_real_vehicle
+            self._is_real = options.is_beside_real_vehicle
             self._stands = scenario.time_stands_while_stopped
             own_time = options.time is TimeSource.WALL and not options.has_real_vehicle
             self._begun_speed = self._speed = options.speed if own_time else None
@@ -91,7 +92,7 @@ class Feed:
     def page_data(self) -> dict[str, Any]:
         """The page's data at the last poll. `live` tells the page to follow, and from where."""
         state = self._told
-        orders = {"ping": self._has_water, "faults": [] if self._is_real else _FAULTS}
+        orders = {"ping": self._has_water, "faults": _FAULTS if self._takes_faults else []}
         live = {
             "orders": orders,
             "is_real": self._is_real,

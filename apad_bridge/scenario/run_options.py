@@ -88,12 +88,17 @@ class RunOptions:
         return self.manual or bool(self.script)
 
     @property
-    def has_real_vehicle(self) -> bool:
-        """True for an aPad that we did not start, and that this part of the bench commands.
+    def is_beside_real_vehicle(self) -> bool:
+        """True for an aPad that we did not start, whoever commands it.
 
         A simulated aPad of ours or of a launch file flies by a /clock, which a real one does not.
         """
-        return self.apad is APadKind.ROS and self.time is TimeSource.WALL and self.part is not BenchPart.FLEET
+        return self.apad is APadKind.ROS and self.time is TimeSource.WALL
+
+    @property
+    def has_real_vehicle(self) -> bool:
+        """True for such an aPad that this part of the bench commands."""
+        return self.is_beside_real_vehicle and self.part is not BenchPart.FLEET
 
     @property
     def is_resumed(self) -> bool:

@@ -106,3 +106,25 @@ def waiting(listener: socket.socket) -> int:
         except BlockingIOError:
             return count
         count += 1
+
+
+@pytest.mark.parametrize(
+    ("part", "apad", "is_real", "takes_faults"),
+    [
+        (BenchPart.WHOLE, APadKind.SIM, False, True),
+        (BenchPart.WHOLE, APadKind.ROS, True, False),
+        # Another part commands it. The fleet's own boards are simulated, and the hull beside them is none the less real.
+        (BenchPart.FLEET, APadKind.ROS, True, True),
+    ],
+)
+def test_a_page_says_whose_the_aPad_is(
+    run_dir: Path, part: BenchPart, apad: APadKind, is_real: bool, takes_faults: bool
+) -> None:
+    RunOptions(part, apad, TimeSource.WALL, 1.0, OnDeath.WAIT).save(run_dir)
+    feed = Feed(run_dir)
+    try:
+        feed.poll()
+        live = feed.page_data()["live"]
+        assert (live["is_real"], bool(live["orders"]["faults"])) == (is_real, takes_faults)
+    finally:
+        feed.close()
