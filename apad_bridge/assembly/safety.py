@@ -93,13 +93,16 @@ def safety_of(scenario: Scenario, *, needs_person: bool = False) -> Safety:
 def unreachable_starts(scenario: Scenario, starts: Sequence[Start]) -> list[tuple[str, str]]:
     """The fence and the zones between the aPad and aMussels at the start, round which it does not go, with a mend each."""
     waters, found = _waters(scenario, scenario.guards or GuardOptions()), []
+    apads_m = [scenario.apad.start_m, *(it.start_m for it in scenario.apads)]
     for it in starts:
         place_m = it.north_m, it.east_m
         if fault := waters.fault_of_place(place_m):
             found.append((f"aMussel {it.agent_id} cannot be served: {fault}", "move it, or the fence"))
-        elif fault := waters.fault_of_way(scenario.apad.start_m, place_m):
+        elif all(faults := [waters.fault_of_way(from_m, place_m) for from_m in apads_m]):
             mend = "move one of them, or serve it by a script with places on the way"
-            found.append((f"aMussel {it.agent_id} is out of the aPad's reach from its start: {fault}", mend))
+            found.append(
+                (f"aMussel {it.agent_id} is out of the aPad's reach from its start: {faults[0]}", mend)
+            )
     return found
 
 

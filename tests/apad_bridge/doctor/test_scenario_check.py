@@ -91,3 +91,8 @@ def test_aMussels_in_and_behind_a_keep_out_zone_are_named_with_the_place(tmp_pat
         "aMussel 2 is out of the aPad's reach from its start: the way crosses a keep-out zone at "
         "(6.0 m north, 6.0 m east), and the aPad goes straight",
     ]
+    # Another aPad reaches what lies behind the zone for the first one.
+    data["apads"] = [{"name": "apad2", "start_m": [20, 12]}]
+    path.write_text(yaml.safe_dump(data))
+    _, findings = scenario_check.read(path)
+    assert [it.found for it in findings if it.status is CheckStatus.WARN] == warned[:1]
