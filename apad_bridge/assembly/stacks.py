@@ -16,15 +16,20 @@ from typing import Any, cast
 
 from apad_bridge.planning.registry import A_USERS_ERROR
 from apad_bridge.scenario.choices import OWN_GENERATIONS, STACKS_GROUP, Generation
+from apad_bridge.scenario.errors import UserError
 from apad_bridge.vehicle.errors import VehicleNotReady
 from apad_bridge.vehicle.stack import Stack
 from firmware_model.entry_points import entry_points
 
 
+class StackNotLoaded(VehicleNotReady, UserError):
+    """A package's stack cannot be loaded. The one line names the package; a command that only looks ends with it, too."""
+
+
 def part_of(generation: Generation, module: str, name: str) -> Any:
     """Imports an object of a generation's folder, as `ros.link`, or of its package's module.
 
-    VehicleNotReady, in one line, if the stack has no such part, or if its package cannot be loaded.
+    VehicleNotReady, in one line, if the stack has no such part; StackNotLoaded if its package cannot be loaded.
     """
     if generation not in OWN_GENERATIONS:
         return _of_package(generation, name)
@@ -42,11 +47,11 @@ def _of_package(generation: Generation, name: str) -> Any:
     entries = [it for it in entry_points(STACKS_GROUP) if it.name == generation.value]
     packages = " and ".join(sorted({it.brought_by for it in entries}))
     if len(entries) > 1:
-        raise VehicleNotReady(f"stack {generation.value!r} is in {packages}: uninstall one of them")
+        raise StackNotLoaded(f"stack {generation.value!r} is in {packages}: uninstall one of them")
     try:
         return getattr(entries[0].load(), name)
     except A_USERS_ERROR as error:
-        raise VehicleNotReady(
+        raise StackNotLoaded(
             f"stack {generation.value!r} (from {packages}) has no {name} that can be loaded: "
             f"{type(error).__name__}: {error}"
         ) from error
@@ -54,7 +59,7 @@ def _of_package(generation: Generation, name: str) -> Any:
 
 @cache
 def stack_of(generation: Generation) -> Stack:
-    """The stack of a generation. AUTO gives A, the simulated aPad's default. VehicleNotReady for a broken package's."""
+    """The stack of a generation. AUTO gives A, the simulated aPad's default. StackNotLoaded for a broken package's."""
     known = Generation.A if generation is Generation.AUTO else generation
     return cast(Stack, part_of(known, "vehicle.stack", "STACK"))
 
@@ -72,7 +77,7 @@ def unloadable() -> dict[Generation, str]:
     for generation in (it for it in Generation if it not in OWN_GENERATIONS):
         try:
             stack_of(generation)
-        except VehicleNotReady as error:
+        except StackNotLoaded as error:
             lines[generation] = str(error)
     return lines
 

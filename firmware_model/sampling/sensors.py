@@ -69,17 +69,13 @@ def _of_packages() -> dict[str, Sensor]:
 
 def _fault(sensor: object, name: str, sources: dict[str, str]) -> str:
     """The reason why a board cannot have this sensor of a package; empty if it can."""
-    return (
-        f"is no Sensor but a {type(sensor).__name__}"
-        if not isinstance(sensor, Sensor)
-        else f"has the key {sensor.key!r}, which must be its entry's name and a unit in small letters"
-        if sensor.name != name or not re.fullmatch("[a-z][a-z0-9_]*", sensor.key)
-        else "has no value of a calm bay"
-        if sensor.calm is None
-        else f"has the name of one of {sources[name]}"
-        if name in sources
-        else ""
-    )
+    if not isinstance(sensor, Sensor):
+        return f"is no Sensor but a {type(sensor).__name__}"
+    if sensor.name != name or not re.fullmatch("[a-z][a-z0-9_]*", sensor.key):
+        return f"has the key {sensor.key!r}, which must be its entry's name and a unit in small letters"
+    if sensor.calm is None:
+        return "has no value of a calm bay"
+    return f"has the name of one of {sources[name]}" if name in sources else ""
 
 
 BROUGHT = _of_packages()

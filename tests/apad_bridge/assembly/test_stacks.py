@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from scenario_files import POOL_FILE
 
 from apad_bridge.assembly.stacks import part_of, stack_of, stacks
 from apad_bridge.ros_names.names import of_apad
@@ -100,3 +101,27 @@ def test_a_package_that_brings_none_leaves_ours_and_is_named(
     names, line = told_with(tmp_path, module, *packages)
     assert names == "auto a b lab / a b"
     assert line.startswith("stack 'lab'") and f"{packages[0]} 1.2" in line and line.endswith(why)
+
+
+def test_who_looks_at_a_run_of_a_package_that_broke_since_gets_one_line(tmp_path: Path) -> None:
+    told_with(tmp_path, A_STACK, "lab_stack")
+    text = POOL_FILE.read_text().replace("pool.csv", str(POOL_FILE.with_name("pool.csv")))
+    (tmp_path / "short.yaml").write_text(text.replace("duration_s: 2400", "duration_s: 5"))
+
+    def musselbed(*words: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            [sys.executable, "-m", "apad_bridge.commands.main", *words],
+            cwd=tmp_path,
+            env={**os.environ, "PYTHONPATH": str(tmp_path)},
+            capture_output=True,
+            text=True,
+            timeout=180,
+        )
+
+    flown = musselbed("run", "short.yaml", "--time", "asap", "--generation", "lab", "--out", "run")
+    assert flown.returncode == 0, flown.stderr
+    assert musselbed("replay", "run").returncode == 0
+    (tmp_path / "lab_stack.py").write_text("import no_such_module")
+    done = musselbed("replay", "run")
+    assert done.returncode == 2 and "Traceback" not in done.stderr
+    assert "stack 'lab' (from lab_stack 1.2)" in done.stderr.splitlines()[-1]
