@@ -28,7 +28,10 @@ from apad_bridge.planning.strategy import CollectionStrategy, collect_in_order, 
 
 
 class ChargeGroups(CollectionStrategy):
-    """Raises ValueError for a situation without an energy model."""
+    """Chooses neighbours in the order of charging times, as the group with the most worth in a second of its cycle.
+
+    Raises ValueError for a situation without an energy model.
+    """
 
     def __init__(self, scales: Scales) -> None:
         self._scales = scales

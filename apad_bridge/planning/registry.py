@@ -101,6 +101,12 @@ def label(name: str) -> str:
     return name if in_file is None else str(in_file._replace(path=Path(in_file.path).name))
 
 
+def rule_of(name: str) -> str:
+    """The rule of a built-in strategy in a sentence; empty for another one, whose code is not executed to be shown."""
+    strategy = _BUILT_IN.get(name) or _SCALED.get(name)
+    return "" if strategy is None else (inspect.getdoc(strategy) or "").partition("\n")[0]
+
+
 def words_of_package(name: str) -> str:
     """The words ` (from PACKAGE VERSION)` for a strategy of an installed package; empty for another one."""
     return next((f" (from {it.brought_by})" for it in _entries() if it.name == name), "")

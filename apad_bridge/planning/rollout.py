@@ -42,7 +42,10 @@ SOON = 2
 
 
 class Rollout(CollectionStrategy):
-    """Raises ValueError for a situation without an energy model."""
+    """Projects the mission behind each of many plans, and takes the plan with the most work and the least way.
+
+    Raises ValueError for a situation without an energy model.
+    """
 
     unfairness = 0.0
     """The worth of an aMussel's idle time falls with its square, so that nobody idles long; 0 counts idle time alike."""

@@ -39,7 +39,10 @@ SPARING_FLOOR_DISCHARGES = 8.0
 
 
 class Triage(CollectionStrategy):
-    """Raises ValueError for a situation without an energy model."""
+    """In overload serves those in whom a dock's time gives most charge, above a floor of unserved time; else as Cautious.
+
+    Raises ValueError for a situation without an energy model.
+    """
 
     floor_discharges = FLOOR_DISCHARGES
 

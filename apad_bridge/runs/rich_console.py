@@ -51,5 +51,5 @@ def table_of(title: str, headings: Sequence[str], left: Collection[str] = ("",),
     """An empty table; its columns stand on the right but for those of `left`. `style` is of rich's Table."""
     table = Table(title=title, **style)
     for heading in headings:
-        table.add_column(heading, justify="left" if heading in left else "right")
+        table.add_column(heading, justify="left" if heading in left else "right", overflow="fold")
     return table

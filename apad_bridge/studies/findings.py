@@ -24,6 +24,7 @@ from apad_bridge.studies.report import (
     difference_text,
     estimate_text,
     that_fit,
+    verdict,
     write_report,
 )
 from apad_bridge.studies.runner import Row
@@ -57,7 +58,9 @@ class Findings:
             yield from _comparison_lines(each, self.plan, width)
         if self.sweep is not None:
             head, *rows = self.sweep.cells()
-            table = table_of(f"over {self.sweep.key}, on the same configurations; p-values by Holm", head)
+            table = table_of(
+                f"over {self.sweep.key}, on the same configurations; p-values by Holm over this table", head
+            )
             for cells in rows:
                 table.add_row(*cells)
             yield table
@@ -79,11 +82,8 @@ def table_of(title: str, headings: Sequence[str]) -> Table:
 
 
 def _comparison_lines(found: Comparison, plan: StudyPlan, width: int) -> Iterator[Table | str]:
-    """A row for each column, so that the strategies fit beside each other on a narrow terminal.
-
-    The planned comparison, of the primary column, follows as a sentence for each strategy.
-    """
-    baseline, primary = plan.baseline, plan.study.primary
+    """A row for each column, so that the strategies fit beside each other on a narrow terminal; then the verdict."""
+    baseline = plan.baseline
     means = {it.strategy: [estimate_text(it.columns[column]) for column in COLUMNS] for it in found.standings}
     differences = {
         it.strategy: [difference_text(it.differences[column]) for column in COLUMNS]
@@ -97,10 +97,7 @@ def _comparison_lines(found: Comparison, plan: StudyPlan, width: int) -> Iterato
             for row, column in enumerate(COLUMNS):
                 table.add_row(HEADINGS[column], *(cells[it][row] for it in strategies))
             yield table
-    for it in found.standings:
-        if it.differences:
-            difference = difference_text(it.differences[primary])
-            yield f"{primary}, as planned: {it.strategy} {difference} against {baseline}."
+    yield verdict(found, plan)
     yield found.bounds.text
     if found.setting.theta != 1:
         yield f"{NO_ENERGY}."

@@ -78,6 +78,22 @@ def comparisons(plan: StudyPlan, rows: Sequence[Row]) -> list[Comparison]:
     ]
 
 
+def verdict(found: Comparison, plan: StudyPlan) -> str:
+    """Which strategies lie above and below the baseline in the primary figure, where their intervals leave out 0."""
+    sides: dict[str, list[str]] = {"above it": [], "below it": [], "not clearly different": []}
+    for each in found.standings:
+        if difference := each.differences.get(plan.study.primary):
+            low, high = difference.estimate.low, difference.estimate.high
+            side = "above it" if low > 0 else "below it" if high < 0 else "not clearly different"
+            sides[side].append(f"{each.strategy} {difference_text(difference)}")
+    known = [f"{side}: {', '.join(names)}" for side, names in sides.items() if names]
+    against = (
+        f"{HEADINGS[plan.study.primary]}, against {plan.baseline}: {'; '.join(known)}. " if known else ""
+    )
+    first = found.standings[0].strategy
+    return f"{against}First by aMussels lost, then samples, then way: {first}."
+
+
 def as_data(plan: StudyPlan, found: Sequence[Comparison]) -> dict[str, Any]:
     """The comparisons as plain data for `--json`; NaN becomes None."""
     return {
@@ -155,6 +171,7 @@ def write_report(
     for index, each in enumerate(found):
         parts += [
             f"<h2>{escape(each.setting.label)}</h2>",
+            f"<p><b>{escape(verdict(each, plan))}</b></p>",
             f"<p>{escape(each.bounds.text)}</p>",
             "<div class=pair>",
             _table("Means", each.standings, lambda it, column: estimate_text(it.columns[column])),

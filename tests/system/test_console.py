@@ -156,11 +156,11 @@ def test_a_person_follows_a_run_stops_it_and_lets_it_go_on(browser: webdriver.Ch
         assert browser.execute_script("return window.hurt === undefined")
 
         press(browser, "#stop")
-        # Done is what the hull obeys; the page shows it as stopped, and Continue in the place of Stop.
+        # Done is what the hull obeys; the page shows it as stopped, and Stop as pressed.
         wait_until(lambda: text(browser, "answer").startswith("stop: obeyed after"))
         wait_until(lambda: "taken by the vehicle" in text(browser, "stopped-states"))
         assert text(browser, "stopped-what") == "STOPPED: the aPad holds its place"
-        assert not browser.find_element(By.ID, "stop").is_displayed()
+        assert not browser.find_element(By.ID, "stop").is_enabled()
         pale = """
           const of = (it) => getComputedStyle(it).color, steps = [...document.querySelectorAll("#plan span")];
           return steps.length > 0 && steps.every((it) => of(it) === of(document.querySelector("h2")));
@@ -188,7 +188,7 @@ def test_a_person_follows_a_run_stops_it_and_lets_it_go_on(browser: webdriver.Ch
         press(browser, "#continue")
         press(browser, "#sure button[value=yes]")
         wait_until(lambda: text(browser, "answer") == "continue: done; the mission steers")
-        wait_until(lambda: browser.find_element(By.ID, "stop").is_displayed())
+        wait_until(lambda: browser.find_element(By.ID, "stop").is_enabled())
         assert not browser.find_element(By.ID, "stopped").is_displayed()
         assert not browser.execute_script(pale)
         wait_until(

@@ -146,7 +146,8 @@ def test_a_lookout_stops_on_a_phone_and_hears_what_a_stop_comes_to(
         story.stop(1, "hold", "console", "taken")
         says(phone, "stopped", "STOPPED: the aPad holds its place")
         says(phone, "stopped", "taken by the vehicle 00:01:43")
-        assert (seen(phone, "stop"), seen(phone, "continue")) == (False, True)
+        stop, off = (phone.find_element(By.ID, it) for it in ("stop", "off"))
+        assert (stop.is_enabled(), off.get_attribute("aria-pressed")) == (False, "false")
         assert "STOPPED" in phone.title
         assert (low_contrast(phone, "light"), low_contrast(phone, "dark")) == ([], [])
         # Of no alarm: a person ordered it.
@@ -158,12 +159,13 @@ def test_a_lookout_stops_on_a_phone_and_hears_what_a_stop_comes_to(
         assert (story.orders[1]["act"], story.orders[1]["stop"]) == ("continue", 1)
         story.writes("continued", number=1, by="console")
         story.passes()
-        wait_until(lambda: not seen(phone, "stopped") and seen(phone, "stop"))
+        wait_until(lambda: not seen(phone, "stopped") and stop.is_enabled())
 
         # A guard's stop without thrust: it drifts, and the alarm sounds until it was heard.
         story.stop(2, "off", "guard: frozen", "ordered", reason="the position stands still")
         story.stop(2, "off", "guard: frozen", "taken")
         says(phone, "stopped", "MOTORS OFF: the aPad has no thrust")
+        assert (stop.is_enabled(), off.get_attribute("aria-pressed")) == (False, "true")
         assert (low_contrast(phone, "light"), low_contrast(phone, "dark")) == ([], [])
         wait_until(lambda: int(phone.execute_script("return document.body.dataset.beeps || 0")) >= 2)
         story.writes("drift", north_m=5.0, east_m=20.0, speed_m_s=0.31, towards_rad=4.2, fence_s=75.0)
@@ -200,7 +202,7 @@ def test_a_lookout_stops_on_a_phone_and_hears_what_a_stop_comes_to(
         story.stop(3, "off", "console", "ordered")
         story.stop(3, "off", "console", "not taken", reason="no answer within 3 s")
         says(phone, "stopped", "STOP NOT TAKEN by the vehicle")
-        assert seen(phone, "stop")
+        assert stop.is_enabled() and off.get_attribute("aria-pressed") == "false"
         assert phone.execute_script("return document.documentElement.scrollWidth") == PHONE["width"]
     assert [it for it in phone.get_log("browser") if it["level"] == "SEVERE"] == []  # type: ignore[no-untyped-call]
 

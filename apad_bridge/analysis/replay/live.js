@@ -87,15 +87,20 @@ function showLink(supervisor) {
   $("warning").textContent = words;
   $("warning").hidden = words === "";
   $("follow").hidden = data.ended_by !== null;
+  document.body.classList.toggle("over", data.ended_by !== null);
   const takesOrders = supervisor && !silent && data.ended_by === null;
   for (const button of document.querySelectorAll(".order, #one-orders button")) button.disabled = !takesOrders;
   showStopLive(words);
 }
 
-// The order that is next takes the place of Stop: Continue, once a stop is under way. A stop that failed may be ordered again.
+// No order takes the place of another. The one that stands is shown pressed; a stop that failed may be ordered again.
 function showStopLive(unheard) {
   const stage = data.stages[data.stages.length - 1], stopped = Boolean(stage.stop) && !hasFailed(stage.stop);
   document.body.classList.toggle("stopped", stopped);
+  $("stop").disabled ||= stopped;
+  const pressed = stopped ? stage.stop.mode : null, under = pressed && ["ordered", "sent"].includes(lastState(stage.stop));
+  put($("stop"), pressed === "hold" ? (under ? "Stopping" : "Stopped") : "Stop: hold here");
+  $("off").setAttribute("aria-pressed", String(pressed === "off"));
   const state = stage.refused || (stage.stop && !stopped) ? "STOP FAILED: " : stopped ? (stage.stop.mode === "off" ? "OFF: " : "STOPPED: ") : "";
   document.title = `${state}${data.name} - live`;
   soundAlarm(stage, unheard);

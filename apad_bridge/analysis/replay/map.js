@@ -22,8 +22,9 @@ function drawMap(canvas, runs, views, marked, packets) {
   runs.forEach((run, n) => drawTrack(ctx, canvas, key, run, views[n].nowMs, at));
   // Below the aMussels, whose numbers stay readable where a packet begins and ends.
   drawPackets(ctx, packets, runs, views, at);
-  runs.forEach((run, n) => drawRun(ctx, views[n], at, marked));
+  // Hulls are drawn larger than they are: an aMussel in the water near one stays in sight.
   runs.forEach((run, n) => { if (views[n].apad) drawApad(ctx, at(views[n].apad.place), run, views[n], marked); });
+  runs.forEach((run, n) => drawRun(ctx, views[n], at, marked));
 }
 
 // The area, its shore and depths, and the fence with its keep-out zones.

@@ -124,8 +124,10 @@ function drawMaps(views) {
   drawMap($("map"), order.map((n) => runs[n]), order.map((n) => views[n]), marked(), packets);
 }
 
-function doingWords({ stop, primitive }) {
-  return stop && stop.mode === "off" ? "no thrust" : primitive || (stop ? "stopped" : "no order under way");
+// The last order of a mission is to hold.
+function doingWords({ stop, primitive, phase }) {
+  const idle = stop ? "stopped" : phase === "ended" ? "the last order was to hold the position" : "no order under way";
+  return stop && stop.mode === "off" ? "no thrust" : primitive || idle;
 }
 
 function showWords({ stage, docks, agents, active, cost, apad }) {

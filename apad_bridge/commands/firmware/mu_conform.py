@@ -236,7 +236,9 @@ def _waivers(path: Path, profile: str) -> dict[str, str]:
 def _show(results: list[CaseResult], console: Console) -> None:
     others = [it for it in results if it.verdict is not Verdict.PASSED]
     if others:
-        table = Table("case", "verdict", "requirement of", "requirement", "what happened")
+        table = Table()
+        for heading in ("case", "verdict", "requirement of", "requirement", "what happened"):
+            table.add_column(heading, overflow="fold")
         for it in others:
             table.add_row(it.case.name, it.verdict, it.case.source, it.case.requirement, it.reason)
         console.print(table)

@@ -8,6 +8,7 @@ from typing import Any
 
 from apad_bridge.commands.help_text import MISSION_TIME, ending, mission_seconds
 from apad_bridge.events.mission import PlanMade
+from apad_bridge.planning.registry import rule_of
 from apad_bridge.records.journal import Entry, read_journal
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.runs.progress import WorkProgress
@@ -62,6 +63,8 @@ def _show(at_ms: int, plan: PlanMade, console: Console) -> None:
     chosen = [step["agent"] for step in plan.steps]
     what = "to collect" if plan.what == "collect" else "to release"
     console.print(f"{at_ms / 1000:g} s: {plan.strategy} planned {what} {_ids(chosen)}", highlight=False)
+    if rule := rule_of(plan.strategy):
+        console.print(f"the rule of {plan.strategy}: {rule}", highlight=False)
     if plan.exchanged is not None:
         pairs = [f"{it['released']} takes the place of {it['collected']}" for it in plan.exchanged]
         console.print(f"on the same tour {', '.join(pairs)}", highlight=False)

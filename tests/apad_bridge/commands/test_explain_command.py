@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -56,6 +57,7 @@ def test_it_prints_the_plan_in_force_with_its_runner_up(
     assert command(tmp_path, "--at", 119) == 0
     shown = capsys.readouterr().out
     assert "60 s: mine planned to collect 1, 2" in shown and "runner-up" in shown and "+0.100" in shown
+    assert "the rule of" not in shown  # a strategy of a user's is not executed to be shown
 
 
 class Silent(CollectionStrategy):
@@ -136,3 +138,9 @@ def test_a_time_beyond_the_runs_end_is_told(tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     with pytest.raises(UserError, match=r"empty: no run: it has no journal\.jsonl"):
         command(tmp_path / "empty")
+
+
+def test_each_strategy_of_ours_has_a_rule_in_one_sentence() -> None:
+    rules = [registry.rule_of(name) for name in registry.known_names()]
+    assert len(set(rules)) == len(rules)
+    assert all(re.fullmatch(r"(?!Raises|Source)[A-Z].*\.", rule) for rule in rules), rules
