@@ -316,8 +316,8 @@ def test_the_page_of_commands_has_every_command_and_no_other() -> None:
     assert sorted(listed) == sorted(each.prog for each in PARSERS if each.prog != "musselbed")
 
 
-def test_the_page_of_commands_has_the_exit_codes_of_every_help() -> None:
-    page = (ROOT / "docs" / "commands.md").read_text()
+def test_the_page_of_trouble_has_the_exit_codes_of_every_help() -> None:
+    page = (ROOT / "docs" / "trouble.md").read_text()
     rows = dict(re.findall(r"^\| (\d+) \| (.*) \|$", page, re.MULTILINE))
     assert {int(code) for code in rows} == {int(code) for code in Exit}
     for code, meaning in rows.items():
