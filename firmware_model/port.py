@@ -53,15 +53,12 @@ class ClockChip(Protocol):
 
     def reading_at(self, now_ms: int) -> int:
         """The clock's reading in milliseconds."""
-        ...
 
     def when(self, reading_ms: int) -> int:
         """Sets an alarm: the time at which the clock will read so much or more."""
-        ...
 
     def doubt_ms(self, at_ms: int, bound_ppb: int) -> int:
         """The largest error of the clock at `at_ms`, if crystals of its kind drift by up to `bound_ppb` of 10^9."""
-        ...
 
     def set(self, reading_ms: int, now_ms: int) -> None: ...
 
@@ -72,28 +69,23 @@ class Hardware(Protocol):
     @property
     def pin_high(self) -> bool:
         """The level of the charger's pin, not debounced."""
-        ...
 
     @property
     def at_surface(self) -> bool:
         """True if the pressure sensor reads the surface."""
-        ...
 
     @property
     def feed(self) -> ActiveBattery:
         """The position of the switch between the batteries."""
-        ...
 
     def enter(self, state: State, rails: int, now_ms: int) -> Sequence[Action]:
         """Sets the switches for a state just entered; `rails` are its modules, as bits.
 
         A board with rails switches them. The worst case has one load: there the state arms the charger and the monitor.
         """
-        ...
 
     def run_motors(self, to: Buoyancy, depth_mm: int | None, now_ms: int) -> Action:
         """Starts a run of the buoyancy motors, or tells that no battery holds its charge."""
-        ...
 
 
 class WholeHardware(Hardware, Protocol):
@@ -105,30 +97,24 @@ class WholeHardware(Hardware, Protocol):
     @property
     def stored(self) -> Settings:
         """The settings in flash; as delivered, if nothing was ever stored."""
-        ...
 
     def store(self, settings: Settings) -> None: ...
 
     @property
     def is_at_safe_level(self) -> bool:
         """True while the backup battery feeds the board and is known to be at its safe level or below."""
-        ...
 
     def is_on(self, *rails: Rail) -> bool:
         """True if any of `rails` is on."""
-        ...
 
     def stay_awake(self, until_ms: int, now_ms: int) -> Sequence[Action]:
         """Keeps the microcontroller up until then, in a state that sleeps."""
-        ...
 
     def transmit(self, lasting_ms: int, now_ms: int) -> Sequence[Action]:
         """The modem transmits for so long; meanwhile it receives nothing."""
-        ...
 
     def watch_levels(self, levels: tuple[int, int, int], now_ms: int) -> None:
         """Sets the monitor's switch-back, safe and low levels, in grains."""
-        ...
 
 
 class FirmwareLike(Protocol):
@@ -142,42 +128,32 @@ class FirmwareLike(Protocol):
     @property
     def clock_offset_ms(self) -> int:
         """The clock minus the last beacon's time, as the firmware noted it then; within 32 bits."""
-        ...
 
     def next_timer(self) -> tuple[int | None, Timer]:
         """The firmware's next timer and its time; None for none."""
-        ...
 
     def fire(self, timer: Timer, now_ms: int) -> list[Action]:
         """Takes the timer that is due."""
-        ...
 
     def start(self, cause: ResetCause, now_ms: int) -> list[Action]:
         """The MCU left reset."""
-        ...
 
     def pin_changed(self, noticed: bool, now_ms: int) -> list[Action]:
         """The charger's pin has another level; `noticed` is False if the edge's interrupt was lost."""
-        ...
 
     def depth_changed(self, now_ms: int) -> list[Action]:
         """The pressure sensor noticed the surface or the bottom."""
-        ...
 
     def sound_received(self, data: bytes, now_ms: int) -> list[Action]:
         """The acoustic modem delivered bytes."""
-        ...
 
     def wifi_received(self, data: bytes, now_ms: int) -> list[Action]: ...
 
     def level_reached(self, level: Level | None, now_ms: int) -> list[Action]:
         """The battery monitor's interrupt; None for a check in between that found nothing."""
-        ...
 
     def power_changed(self, now_ms: int) -> None:
         """Rails or charger changed without the firmware."""
-        ...
 
     def clock_disturbed(self, now_ms: int) -> None:
         """The clock's reading or rate changed by itself."""
-        ...

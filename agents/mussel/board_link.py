@@ -30,15 +30,12 @@ class BoardLink(Protocol):
 
     def send(self, frames: Sequence[FrameToBoard], now_ms: int) -> None:
         """Sends frames, with the board's counter at agent time `now_ms`; HELLO or RUN at their head begins a turn."""
-        ...
 
     def receive(self) -> list[Frame]:
         """Waits for the next frames, up to the time that the turn may take."""
-        ...
 
     def close(self) -> None:
         """Ends the link, and the firmware's process."""
-        ...
 
 
 def serial_line(executable: str) -> tuple[str, int] | None:

@@ -57,11 +57,9 @@ class RunningFirmware(Protocol):
 
         Meanwhile it passes on what the program says to people.
         """
-        ...
 
     def end(self, patience_s: float = 0.0) -> int | None:
         """Ends it, after so long for it to end by itself: its wait status, or None if it has ended before."""
-        ...
 
 
 class FirmwareProcess:

@@ -27,7 +27,6 @@ _DEVIATION = (_SUMMED * (65536**2 - 1) / 12) ** 0.5
 class Field(Protocol):
     def value_at(self, north_um: int, east_um: int, depth_um: int, now_ms: int) -> float:
         """The value in the unit of its quantity, at agent time `now_ms`. Equal arguments always give equal values."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,19 +18,15 @@ class Estimator(Protocol):
 
     def predict(self, belief: Belief, to_ms: MissionMs) -> Belief:
         """The belief for mission time `to_ms` without new measurements (ValueError if that is before the belief's time)."""
-        ...
 
     def update(self, belief: Belief | None, measurement: Measurement, at_ms: MissionMs) -> Belief | None:
         """The belief with the `measurement` of `at_ms` taken in; None while nothing is known. Raises Rejected."""
-        ...
 
     def kept(self, belief: Belief) -> dict[str, Any]:
         """The whole belief except its id, as plain data of JSON's types."""
-        ...
 
     def restored(self, agent_id: int, data: dict[str, Any]) -> Belief:
         """The inverse of `kept`, exactly; KeyError, TypeError or ValueError for anything else."""
-        ...
 
 
 class BeliefLog(Protocol):
@@ -42,7 +38,6 @@ class BeliefLog(Protocol):
 
     def admitted(self, agent_id: int, kept: dict[str, Any]) -> None:
         """Another fleet's belief of this aMussel, as the estimator keeps it, holds from now on."""
-        ...
 
 
 class FleetBeliefs:

@@ -13,11 +13,9 @@ from apad_bridge.beliefs.questions import Question
 class PingPolicy(Protocol):
     def is_worth(self, belief: Belief, now_ms: int) -> bool:
         """True if the aMussel should be pinged at mission time `now_ms`."""
-        ...
 
     def urgency(self, belief: Belief) -> float:
         """Among the aMussels worth a ping, the most urgent is pinged first."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)

@@ -33,15 +33,12 @@ class Calls(Protocol):
 
     def serve(self, flown: FlightMission, manual: Callable[[], ManualMission | None]) -> None:
         """Runs the calls since the last tick; each may change who flies the aPad, so each asks `manual` again."""
-        ...
 
     def show(self, manual: ManualMission | None) -> None:
         """Ends the tick."""
-        ...
 
     def close(self, reason: str) -> None:
         """Takes no calls any more, for this reason."""
-        ...
 
 
 class FlightMission:

@@ -45,11 +45,9 @@ class CommandSource(Protocol):
 
     def act(self, mission: ManualMission, now_ms: MissionMs) -> None:
         """Gives orders, if there are any, by calling the mission's methods."""
-        ...
 
     def close(self, reason: str) -> None:
         """The mission is over."""
-        ...
 
 
 class ManualMission(OrderBook):

@@ -14,14 +14,12 @@ class BeliefSource(Protocol):
 
     def all(self) -> list[Belief]:
         """The beliefs about all known aMussels, by id."""
-        ...
 
 
 class PredictingBeliefSource(BeliefSource, Protocol):
     @property
     def estimator(self) -> Estimator:
         """The estimator, which predicts beliefs."""
-        ...
 
 
 class Allocation:

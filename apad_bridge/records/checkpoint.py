@@ -32,11 +32,9 @@ class CheckpointedState(Protocol):
 
     def full_state(self) -> dict[str, Any]:
         """The full state, as plain data."""
-        ...
 
     def updates(self) -> dict[str, Any] | None:
         """The changes since the last call of `full_state` or `updates`, as plain data; None if there are none."""
-        ...
 
     def restore(self, state: dict[str, Any]) -> None: ...
 

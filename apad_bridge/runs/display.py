@@ -22,7 +22,6 @@ class ProgressDisplay(Protocol):
 
     def show_status(self, now_ms: int, status: MakeStatus) -> None:
         """Called at every tick with its mission time."""
-        ...
 
 
 class ParentDisplay:

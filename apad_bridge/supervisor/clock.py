@@ -23,7 +23,6 @@ class StopFlag(Protocol):
 
     def wait(self, timeout_s: float, /) -> bool:
         """True if it was set within `timeout_s` wall seconds."""
-        ...
 
 
 class StopSign:
@@ -110,17 +109,14 @@ class Pace(Protocol):
 
         ClockLost, with the name, when a participant's confirmation does not come in the stated time.
         """
-        ...
 
     @property
     def speed(self) -> FlightSpeed | None:
         """The speed, if a person may change it: not where the vehicle, or another clock, has a time of its own."""
-        ...
 
     @property
     def behind_s(self) -> float:
         """The wall seconds that the flight is behind its time; 0 when it keeps up."""
-        ...
 
 
 class CommonClock(Pace, Protocol):
@@ -128,11 +124,9 @@ class CommonClock(Pace, Protocol):
 
     def clock_ms(self) -> int:
         """The clock now. ClockLost when there is none."""
-        ...
 
     def begin_at(self, clock_ms: int) -> None:
         """Mission time 0 is at this time of the clock. Call it before the first `reach`."""
-        ...
 
 
 class AsFastAsPossible:

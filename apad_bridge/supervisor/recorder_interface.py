@@ -21,7 +21,6 @@ class FlightRecorder(Protocol):
 
     def samples(self, agent_id: int, samples: Sequence[PlacedSample]) -> None:
         """The samples survive a power cut when this returns, because an acknowledgement follows."""
-        ...
 
     def tick(
         self,
@@ -34,4 +33,3 @@ class FlightRecorder(Protocol):
         dropped: Callable[[], Counter[str]],
     ) -> None:
         """Ends a tick; `dropped` returns the counts of the flight so far."""
-        ...

@@ -70,11 +70,9 @@ class VehicleLink(Protocol):
         The caller may repeat the call at the same time: after a command to a docking mechanism it waits a
         short, stated wall time for the answer.
         """
-        ...
 
     def command(self, cleared: Cleared[VehicleCommand], now_ms: int) -> None:
         """Passes the command on; a later `advance` returns its consequences."""
-        ...
 
     def close(self) -> None: ...
 

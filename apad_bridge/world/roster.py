@@ -91,13 +91,11 @@ class RosterRequests(Protocol):
 
     def ask(self, request: RosterRequest) -> str | None:
         """Waits for the answer, in any thread but the flight's: the reason for a refusal; None when it was done."""
-        ...
 
     def take(self) -> list[RosterRequest]: ...
 
     def answer(self, request: RosterRequest, refusal: str | None) -> None:
         """Answers a request with the reason for its refusal; None when it was done."""
-        ...
 
 
 class _Asked:

@@ -20,11 +20,9 @@ class Flash(Protocol):
 
     def read(self, at: int, size: int) -> bytes:
         """Reads bytes; zeros if nothing was programmed since the page was erased."""
-        ...
 
     def program(self, at: int, data: bytes) -> None:
         """Programs erased bytes of one page."""
-        ...
 
     def erase(self, page: int) -> None: ...
 

@@ -52,7 +52,6 @@ class LegacyCore(Protocol):
     @property
     def unacknowledged(self) -> list[str]:
         """Keys of orders that the vehicle has not acknowledged."""
-        ...
 
     def receive(self, heard: Any, now_ms: int) -> None: ...
 

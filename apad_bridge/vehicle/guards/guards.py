@@ -34,7 +34,6 @@ class Guard(Protocol):
 
     def refusal(self, order: GuardedOrder, situation: VehicleSituation) -> str:
         """The reason to refuse the order; empty to let it pass."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)
