@@ -17,8 +17,9 @@ from rosbags.typesys.store import Typestore
 from apad_bridge.records.bag import RecordedConnection, RecordedMessage
 from apad_bridge.records.bag_messages import typestore
 from apad_bridge.scenario.schema import APad
+from apad_bridge.vehicle.commands import GoTo, Hold
 from apad_bridge.vehicle.generation_a.messages import GO_TO, PERCH, RELEASE
-from apad_bridge.vehicle.generation_b.messages import DockingOrder, GoToOrder, PositionOrder, PrimitiveStatus
+from apad_bridge.vehicle.generation_b.messages import DockingOrder, PrimitiveStatus
 from apad_bridge.vehicle.stack_messages import BatteryReceived
 from apad_bridge.world.apad.apad import SimulatedAPad
 from apad_bridge.world.apad.misses import Misses
@@ -258,10 +259,10 @@ def of_generation_b(
                 return
 
     def hold() -> None:
-        recorder.take(apad.receive(PositionOrder(apad.pose.north_m, apad.pose.east_m), now_ms))
+        recorder.take(apad.receive(Hold(0, apad.pose.north_m, apad.pose.east_m), now_ms))
 
     for n in range(go_tos):
-        goal = GoToOrder(*_goal(draw, apad.pose.north_m, apad.pose.east_m), vehicle.speed_m_s, RADIUS_M)
+        goal = GoTo(0, *_goal(draw, apad.pose.north_m, apad.pose.east_m), vehicle.speed_m_s, RADIUS_M)
         recorder.take(apad.receive(goal, now_ms))
         until(False, 300)
         hold()

@@ -21,7 +21,16 @@ from apad_bridge.scenario.choices import Generation
 from apad_bridge.scenario.guard_options import GuardOptions
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.vehicle.commands import CloseDock, GoTo, Hold, OpenDock, Primitive, VehicleCommand
+from apad_bridge.vehicle.commands import (
+    CloseDock,
+    GoalOfOthers,
+    GoTo,
+    Hold,
+    OpenDock,
+    Primitive,
+    Stop,
+    VehicleCommand,
+)
 from apad_bridge.vehicle.docking_port import DockingPort
 from apad_bridge.vehicle.generation_a.core import GenerationACore
 from apad_bridge.vehicle.generation_a.docks import ReportedDocks
@@ -38,15 +47,11 @@ from apad_bridge.vehicle.generation_a.messages import (
 from apad_bridge.vehicle.generation_b.core import GenerationBCore
 from apad_bridge.vehicle.generation_b.messages import (
     ArmReceived,
-    Go2pointGoalSeen,
-    GoToOrder,
     ManualReceived,
-    PositionOrder,
     PrimitiveStatus,
     ServiceAnswered,
     ServiceOrder,
     StatusReceived,
-    StopOrder,
 )
 from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.guards.guarded_vehicle import GuardedVehicle
@@ -286,7 +291,7 @@ class LinkToB:
 
     @property
     def is_at_rest(self) -> bool:
-        return isinstance(self._last, StopOrder | PositionOrder)
+        return isinstance(self._last, Stop | Hold)
 
     def push(self, command: Coast | Steer) -> None:
         self._apad.receive(command, self._now_ms)
@@ -294,8 +299,8 @@ class LinkToB:
     def others_go(self, north_m: float, east_m: float) -> None:
         """Another client sends the vehicle there."""
         if self.shows_goals:
-            self._tell(Go2pointGoalSeen(self._now_ms, north_m, east_m, "/commander"), self._now_ms)
-        self._receive(self._vehicle.receive(GoToOrder(north_m, east_m, 0.5, 0.5), self._now_ms), self._now_ms)
+            self._tell(GoalOfOthers(self._now_ms, "/commander", north_m, east_m), self._now_ms)
+        self._receive(self._vehicle.receive(GoTo(0, north_m, east_m, 0.5, 0.5), self._now_ms), self._now_ms)
 
     def set_pilot(self, *, steers: bool) -> None:
         self.observer.pilot_steers = steers
@@ -322,11 +327,11 @@ class LinkToB:
             if self.is_lost:
                 continue
             match call.order:
-                case GoToOrder(north_m, east_m):
+                case GoTo(_, north_m, east_m):
                     self.observer.take_goal((north_m, east_m), now_ms, is_hold=False)
-                case PositionOrder(north_m, east_m):
+                case Hold(_, north_m, east_m):
                     self.observer.take_goal((north_m, east_m), now_ms, is_hold=True)
-                case StopOrder():
+                case Stop():
                     self.observer.take_stop(now_ms)
                 case docking:
                     self.observer.take_other(now_ms, f"dock {docking.dock_index}")
@@ -354,8 +359,8 @@ class LinkToB:
                 case shown_b.BatteryPublished(at_ms, percent):
                     self._tell(BatteryReceived(at_ms, percent), now_ms)
                 case shown_b.ArmPublished(at_ms, arm):
-                    dock_index = arm.is_open.index(True) if True in arm.is_open else None
-                    self._tell(ArmReceived(at_ms, dock_index), now_ms)
+                    if True in arm.is_open:
+                        self._tell(ArmReceived(at_ms, arm.is_open.index(True)), now_ms)
 
 
 class Bench:

@@ -16,7 +16,8 @@ from apad_bridge.ros.system.node import ned_frame
 from apad_bridge.ros.system.ros_time import to_ros
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_apad
-from apad_bridge.vehicle.generation_b.messages import GoToOrder, PrimitiveStatus
+from apad_bridge.vehicle.commands import GoTo
+from apad_bridge.vehicle.generation_b.messages import PrimitiveStatus
 from apad_bridge.world.generation_b import messages
 from apad_bridge.world.generation_b.messages import GoToBegun, GoToEnded, GoToLeft
 
@@ -24,7 +25,7 @@ use_generated_messages()
 
 from navcon_msgs.msg import GoToPointAction, GoToPointActionGoal, GoToPointFeedback, GoToPointResult  # noqa: E402
 
-TakeOrder = Callable[[GoToOrder], bool | None]
+TakeOrder = Callable[[GoTo], bool | None]
 """Passes an order to the vehicle, and its outcome to `show`. Returns the answer of a service, None for never."""
 
 
@@ -83,7 +84,7 @@ class Go2Point:
     def _commanders_key(self) -> str:
         return f"{self._commander}-{self._commanded}"
 
-    def _add_goal(self, order: GoToOrder) -> None:
+    def _add_goal(self, order: GoTo) -> None:
         """Makes a goal of a service's order, and shows it. `_take_goal` receives it and recognises it by its key.
 
         The server's own subscriber hears it a second time, and actionlib leaves out a goal whose key it knows.

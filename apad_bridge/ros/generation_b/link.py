@@ -18,7 +18,7 @@ from typing import Any
 
 import rosgraph
 import rospy
-from std_msgs.msg import Bool, Float32MultiArray, Int32, String
+from std_msgs.msg import Bool, Float32MultiArray, Int32
 from std_srvs.srv import Trigger
 
 from apad_bridge.assembly import parts
@@ -35,26 +35,28 @@ from apad_bridge.ros_names.names import of_apad
 from apad_bridge.scenario.lab_interface.fields import has, write
 from apad_bridge.scenario.lab_interface.messages import DockReport
 from apad_bridge.scenario.schema import DockingProfile, Scenario
-from apad_bridge.vehicle.commands import MoveArm, OrderCut, VehicleCommand
+from apad_bridge.vehicle.commands import (
+    GoalOfOthers,
+    GoTo,
+    Hold,
+    MoveArm,
+    OrderCut,
+    Stop,
+    VehicleCommand,
+)
 from apad_bridge.vehicle.errors import VehicleNotReady
 from apad_bridge.vehicle.generation_b.core import GenerationBCore
 from apad_bridge.vehicle.generation_b.docks import KeptDocks
 from apad_bridge.vehicle.generation_b.messages import (
-    PRIMITIVE_FINISHED,
     ArmReceived,
     DockingOrder,
-    FinishedReceived,
-    Go2pointGoalSeen,
-    GoToOrder,
     ManualReceived,
     NumberedOrder,
-    PositionOrder,
     PrimitiveName,
     PrimitiveStatus,
     Received,
     ServiceAnswered,
     StatusReceived,
-    StopOrder,
     arms,
 )
 from apad_bridge.vehicle.generation_b.stack import STACK
@@ -92,7 +94,6 @@ class Subscribers(LegacySubscribers):
         super().__init__(name, inbox, stamped=stamped)
         self._listen(of_apad(name, "goto_status"), Int32, _DATA, self._take_status, False)
         self._listen(of_apad(name, "docking_status"), Int32, _DATA, self._take_status, True)
-        self._listen(of_apad(name, "eventString"), String, _DATA, self._take_event)
         self._manual = self._listen(of_apad(name, "manual"), Bool, _DATA, self._take_manual)
         self._has_manual = False
         self._listen(of_apad(name, "dock_out"), Float32MultiArray, _DATA, self._take_arms)
@@ -113,23 +114,19 @@ class Subscribers(LegacySubscribers):
             return
         self._inbox.put(status, always=True)
 
-    def _take_event(self, message: Any) -> None:
-        if message.data == PRIMITIVE_FINISHED:
-            self._inbox.put(FinishedReceived(UNSTAMPED))
-
     def _take_manual(self, message: Any) -> None:
         self._inbox.put(ManualReceived(UNSTAMPED, bool(message.data)), always=True)
 
     def _take_goal(self, message: Any) -> None:
         """A goal on its way to the server. The commander sends those of its services, whoever called them."""
         place, client = message.goal.T2.point, publisher_of(message)
-        self._inbox.put(Go2pointGoalSeen(UNSTAMPED, place.x, place.y, client), always=True)
+        self._inbox.put(GoalOfOthers(UNSTAMPED, client, place.x, place.y), always=True)
 
     def _take_arms(self, message: Any) -> None:
-        dock_index = next(
-            (dock_index for dock_index, opening in enumerate(message.data) if opening > _OPEN), None
-        )
-        self._inbox.put(ArmReceived(UNSTAMPED, dock_index), always=True)
+        for dock_index, opening in enumerate(message.data):
+            if opening > _OPEN:
+                self._inbox.put(ArmReceived(UNSTAMPED, dock_index), always=True)
+                break
 
 
 SERVICES: dict[PrimitiveName, Any] = {
@@ -268,7 +265,7 @@ class GenerationBLink(LegacyLink[GenerationBCore]):
     def _send(self) -> None:
         for cleared in self._core.take_calls():
             call = cleared.order
-            if isinstance(call.order, StopOrder):
+            if isinstance(call.order, Stop):
                 request = Trigger._request_class()
                 self._sender.send(_OFF, Rank.OFF, cleared, request, self._answer_to(call))
                 continue
@@ -276,7 +273,7 @@ class GenerationBLink(LegacyLink[GenerationBCore]):
             request = self._services[primitive]._request_class()
             for path, value in fields.items():
                 write(request, path, value)
-            is_stop = isinstance(call.order, PositionOrder) and call.order.pre_empts
+            is_stop = isinstance(call.order, Hold) and call.order.pre_empts
             line, rank = (_HOLD, Rank.HOLD) if is_stop else (primitive.value, Rank.ORDER)
             self._sender.send(line, rank, cleared, request, self._answer_to(call))
 
@@ -285,7 +282,7 @@ class GenerationBLink(LegacyLink[GenerationBCore]):
             if was_cut:
                 self._inbox.put(OrderCut(UNSTAMPED), always=True)
             # The published commander leaves `success` of stop_mission false: any answer says that it took the order.
-            if refused is None and not (isinstance(call.order, StopOrder) or response.status):
+            if refused is None and not (isinstance(call.order, Stop) or response.status):
                 refused = "its service answered that it does not take the order"
             self._inbox.put(ServiceAnswered(UNSTAMPED, call.number, refused), always=True)
 
@@ -295,9 +292,9 @@ class GenerationBLink(LegacyLink[GenerationBCore]):
         return of_apad(self.name, f"commander/primitive/{primitive.value}")
 
 
-def _fields(order: GoToOrder | PositionOrder | DockingOrder) -> tuple[PrimitiveName, dict[str, Any]]:
+def _fields(order: GoTo | Hold | DockingOrder) -> tuple[PrimitiveName, dict[str, Any]]:
     match order:
-        case GoToOrder(north_m, east_m, speed_m_s, victory_radius_m):
+        case GoTo(_, north_m, east_m, speed_m_s, victory_radius_m):
             return PrimitiveName.GO_TO, {
                 "point.x": north_m,
                 "point.y": east_m,
@@ -306,7 +303,7 @@ def _fields(order: GoToOrder | PositionOrder | DockingOrder) -> tuple[PrimitiveN
                 "north_enable": True,
                 "east_enable": True,
             }
-        case PositionOrder(north_m, east_m, heading_rad):
+        case Hold(_, north_m, east_m, heading_rad):
             hold = {"north": north_m, "east": east_m, "north_enable": True, "east_enable": True}
             if heading_rad is not None:
                 hold |= {"heading": heading_rad, "heading_enable": True}
@@ -322,9 +319,9 @@ def _fields(order: GoToOrder | PositionOrder | DockingOrder) -> tuple[PrimitiveN
             }
 
 
-_ALL_ORDERS: tuple[GoToOrder | PositionOrder | DockingOrder, ...] = (
-    GoToOrder(0.0, 0.0, 1.0, 1.0),
-    PositionOrder(0.0, 0.0, 0.0),
+_ALL_ORDERS: tuple[GoTo | Hold | DockingOrder, ...] = (
+    GoTo(0, 0.0, 0.0, 1.0, 1.0),
+    Hold(0, 0.0, 0.0, 0.0),
     DockingOrder(True, 0, 0.0, 0.0, 0.0, 0.0),
 )
 _FIELDS = {primitive: tuple(fields) for primitive, fields in map(_fields, _ALL_ORDERS)}

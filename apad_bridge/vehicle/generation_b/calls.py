@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from apad_bridge.vehicle.commands import VehicleCommand
+from apad_bridge.vehicle.commands import Hold, Stop, VehicleCommand
 from apad_bridge.vehicle.generation_b.messages import (
     NumberedOrder,
-    PositionOrder,
     ServiceAnswered,
     ServiceOrder,
-    StopOrder,
 )
 from apad_bridge.vehicle.link import Cleared
 
@@ -55,7 +53,7 @@ class OrderCalls:
     def order(self, order: ServiceOrder, cleared: Cleared[VehicleCommand], now_ms: int) -> None:
         """Sends an order for the command `cleared`."""
         before, number = self.pending, self._send(order, cleared)
-        is_again = before is not None and before.order == order == StopOrder() and before.answered_ms is None
+        is_again = before is not None and before.order == order == Stop(0) and before.answered_ms is None
         first_number = before.first_number if is_again and before else number
         self.pending = PendingCall(order, cleared, number, now_ms, first_number)
 
@@ -88,7 +86,7 @@ class OrderCalls:
         if pending is None or pending.answered_ms is not None:
             return None
         order = pending.order
-        is_stop = isinstance(order, StopOrder) or (isinstance(order, PositionOrder) and order.pre_empts)
+        is_stop = isinstance(order, Stop) or (isinstance(order, Hold) and order.pre_empts)
         answer_ms = STOP_ANSWER_MS if is_stop else ANSWER_MS
         if pending.retry_ms is None and now_ms - pending.sent_ms >= answer_ms:
             self._refuse(pending, f"its service did not answer within {answer_ms / 1000:g} s", now_ms)

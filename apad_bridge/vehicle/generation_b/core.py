@@ -12,22 +12,24 @@ from collections import Counter, deque
 from apad_bridge.beliefs.input_ranges import out_of_range
 from apad_bridge.scenario.lab_interface.messages import DockReport
 from apad_bridge.scenario.schema import Docking
-from apad_bridge.vehicle.commands import CloseDock, GoTo, Hold, OpenDock, OrderCut, Stop, VehicleCommand
+from apad_bridge.vehicle.commands import (
+    CloseDock,
+    GoalOfOthers,
+    GoTo,
+    OpenDock,
+    OrderCut,
+    VehicleCommand,
+)
 from apad_bridge.vehicle.generation_b.docks import KeptDocks
 from apad_bridge.vehicle.generation_b.messages import (
     ArmReceived,
     DockingOrder,
-    FinishedReceived,
-    Go2pointGoalSeen,
-    GoToOrder,
     ManualReceived,
     NumberedOrder,
-    PositionOrder,
     Received,
     ServiceAnswered,
     ServiceOrder,
     StatusReceived,
-    StopOrder,
 )
 from apad_bridge.vehicle.generation_b.tasks import Tasks
 from apad_bridge.vehicle.guards.gate import Gate
@@ -92,7 +94,7 @@ class GenerationBCore:
             cleared = self._gate.clear_for_wire(call, _as_command(call.order), call.before, self._now_ms)
             if cleared is not None:
                 calls.append(cleared)
-                if isinstance(call.order, GoToOrder):
+                if isinstance(call.order, GoTo):
                     self._own_goals_m.append((call.order.north_m, call.order.east_m))
             else:
                 self._tasks.calls.receive(ServiceAnswered(self._now_ms, call.number, "a guard refused it"))
@@ -118,20 +120,17 @@ class GenerationBCore:
                 self._tasks.receive_status(docking, status, at_ms)
             case ManualReceived(at_ms, steers):
                 self._tasks.receive_pilot(steers, at_ms)
-            case Go2pointGoalSeen():
-                self._see_goal(message)
-            case ArmReceived(at_ms, dock_index) if dock_index is not None:
+            case GoalOfOthers(_, _, north_m, east_m) if north_m is not None and east_m is not None:
+                self._see_goal(message, (north_m, east_m))
+            case ArmReceived(at_ms, dock_index):
                 self._tasks.receive_arm(dock_index, at_ms)
-            case ArmReceived() | FinishedReceived():
-                pass  # a closed arm, or some primitive's end: the status topics give the result
 
-    def _see_goal(self, goal: Go2pointGoalSeen) -> None:
+    def _see_goal(self, goal: GoalOfOthers, place_m: tuple[float, float]) -> None:
         """Takes a goal on its way to the vehicle's server; another client's is for the guards to judge.
 
         A client that sends the vehicle to a place of ours sends it where the gate has let us go.
         """
-        place_m = goal.north_m, goal.east_m
-        if (reason := out_of_range(north_m=goal.north_m, east_m=goal.east_m)) is not None:
+        if (reason := out_of_range(north_m=place_m[0], east_m=place_m[1])) is not None:
             self.readings.dropped[f"go2point/goal: {reason}"] += 1
         elif not self._takes_back and all(math.dist(place_m, it) > SAME_PLACE_M for it in self._own_goals_m):
             self._tasks.receive_others_goal(goal)
@@ -156,13 +155,6 @@ class GenerationBCore:
 
 def _as_command(order: ServiceOrder) -> VehicleCommand:
     """The command that guards judge."""
-    match order:
-        case GoToOrder(north_m, east_m, speed_m_s, victory_radius_m):
-            return GoTo(0, north_m, east_m, speed_m_s, victory_radius_m)
-        case PositionOrder(north_m, east_m, heading_rad):
-            return Hold(0, north_m, east_m, heading_rad, order.pre_empts)
-        case DockingOrder():
-            kind = CloseDock if order.docks else OpenDock
-            return kind(0, order.dock_index, order.agent_id)
-        case StopOrder():
-            return Stop(0)
+    if not isinstance(order, DockingOrder):
+        return order
+    return (CloseDock if order.docks else OpenDock)(0, order.dock_index, order.agent_id)

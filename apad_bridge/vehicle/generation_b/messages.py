@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass, field
 from enum import IntEnum, StrEnum
 
-from apad_bridge.vehicle.commands import OrderCut, VehicleCommand
+from apad_bridge.vehicle.commands import GoalOfOthers, GoTo, Hold, OrderCut, Stop, VehicleCommand
 from apad_bridge.vehicle.link import Cleared
 from apad_bridge.vehicle.stack_messages import BatteryReceived, PoseReceived, StateRefReceived
 
@@ -52,25 +52,6 @@ class PrimitiveName(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class GoToOrder:
-    north_m: float
-    east_m: float
-    speed_m_s: float
-    victory_radius_m: float
-
-
-@dataclass(frozen=True, slots=True)
-class PositionOrder:
-    """Hold a position until the next order; no heading means any heading."""
-
-    north_m: float
-    east_m: float
-    heading_rad: float | None = None
-    pre_empts: bool = field(default=False, compare=False)
-    """A stop's: it takes the vehicle from every other client."""
-
-
-@dataclass(frozen=True, slots=True)
 class DockingOrder:
     """Dock or, without `docks`, undock by visual servoing. The order names a dock and no aMussel."""
 
@@ -84,12 +65,9 @@ class DockingOrder:
     """The aMussel in an order of ours, for the guards; the message has no field for it."""
 
 
-@dataclass(frozen=True, slots=True)
-class StopOrder:
-    """`commander/stop_mission`: the primitive ends, and with it the controllers."""
-
-
-ServiceOrder = GoToOrder | PositionOrder | DockingOrder | StopOrder
+ServiceOrder = GoTo | Hold | DockingOrder | Stop
+"""On the wire none has a command's id, which is 0. A stop is `commander/stop_mission`: the primitive ends, and with it the
+controllers."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,16 +81,6 @@ class NumberedOrder:
 
 
 # Messages from the aPad.
-
-
-@dataclass(frozen=True, slots=True)
-class Go2pointGoalSeen:
-    """A go-to on its way to the action server `go2point`, by whichever service or client, and the node that sent it."""
-
-    at_ms: int
-    north_m: float
-    east_m: float
-    client: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,13 +102,6 @@ class StatusReceived:
 
 
 @dataclass(frozen=True, slots=True)
-class FinishedReceived:
-    """Some primitive ended: its controllers are off now."""
-
-    at_ms: int
-
-
-@dataclass(frozen=True, slots=True)
 class ManualReceived:
     """`manual`: a person steers, or no longer does. None: the node that published it has left the graph."""
 
@@ -150,9 +111,10 @@ class ManualReceived:
 
 @dataclass(frozen=True, slots=True)
 class ArmReceived:
+    """The arm of this dock stands open."""
+
     at_ms: int
-    dock_index: int | None
-    """The dock whose arm stands open; None while all arms are closed."""
+    dock_index: int
 
 
 Received = (
@@ -162,11 +124,12 @@ Received = (
     | ServiceAnswered
     | OrderCut
     | StatusReceived
-    | FinishedReceived
     | ManualReceived
     | ArmReceived
-    | Go2pointGoalSeen
+    | GoalOfOthers
 )
+"""A `GoalOfOthers` is any go-to on its way to the action server `go2point`, by whichever service or client; the core tells
+ours apart."""
 
 
 @dataclass(frozen=True, slots=True)

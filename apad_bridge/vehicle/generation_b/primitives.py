@@ -13,8 +13,6 @@ from apad_bridge.scenario.schema import Servo
 from apad_bridge.vehicle.commands import CloseDock, GoTo, Hold, OpenDock, PoseReported, VehicleCommand
 from apad_bridge.vehicle.generation_b.messages import (
     DockingOrder,
-    GoToOrder,
-    PositionOrder,
     PrimitiveStatus,
     ServiceOrder,
     dock_direction_rad,
@@ -94,15 +92,6 @@ class GoToTask:
         self._watch = StatusWatch()
         self._near_since_ms: int | None = None
 
-    @property
-    def order(self) -> GoToOrder | None:
-        """None for a go-to that the vehicle would abort without a message."""
-        command = self.command
-        numbers = (command.north_m, command.east_m, command.speed_m_s, command.victory_radius_m)
-        if not all(map(math.isfinite, numbers)) or command.speed_m_s <= 0 or command.victory_radius_m <= 0:
-            return None
-        return GoToOrder(*numbers)
-
     def distance_m(self, pose: PoseReported | None) -> float:
         if pose is None:
             return math.inf
@@ -144,10 +133,9 @@ class HoldTask:
     again.
     """
 
-    order: PositionOrder
+    command: Hold
     ordered_ms: int
     """The time of the order; from the service's answer on, the time of that."""
-    command: Hold
     is_quiet: bool = False
     """After the order was taken, `goto_status` stated that no go-to runs: a later go-to is another party's."""
     is_lost: bool = False
@@ -172,23 +160,13 @@ class HoldTask:
     def is_left_alone(self, now_ms: int, timeout_s: float) -> bool:
         return self.others_since_ms is not None and now_ms - self.others_since_ms < timeout_s * 1000
 
-    def renew(self, now_ms: int) -> PositionOrder:
-        """The order to send again."""
-        self.ordered_ms, self.is_quiet, self.is_lost, self.others_since_ms = now_ms, False, False, None
-        return self.order
-
     def is_astray(self, pose: PoseReported | None, now_ms: int) -> bool:
         if now_ms - self.ordered_ms < ASTRAY_MS:
             return False
         if self.is_lost or pose is None:
             return self.is_lost
-        away_m = math.hypot(self.order.north_m - pose.north_m, self.order.east_m - pose.east_m)
+        away_m = math.hypot(self.command.north_m - pose.north_m, self.command.east_m - pose.east_m)
         return away_m > ASTRAY_M
-
-
-def hold_task_of(command: Hold, now_ms: int) -> HoldTask:
-    order = PositionOrder(command.north_m, command.east_m, command.heading_rad, command.pre_empts)
-    return HoldTask(order, now_ms, command)
 
 
 class ServoTask:
@@ -212,7 +190,7 @@ class ServoTask:
         """A command that came meanwhile and waits, because it would cut the pulling back short."""
         self._config = config
         self._watch = StatusWatch()
-        self._stand: PositionOrder | None = None
+        self._stand: Hold | None = None
         self._stand_until_ms = now_ms + STAND_OFF_MS
         if isinstance(command, CloseDock) and pose is not None and goal_m is not None:
             self._stand = _stand_off(goal_m, pose, command.dock_index)
@@ -263,7 +241,7 @@ class ServoTask:
         )
 
 
-def _stand_off(goal_m: tuple[float, float], pose: PoseReported, dock_index: int) -> PositionOrder | None:
+def _stand_off(goal_m: tuple[float, float], pose: PoseReported, dock_index: int) -> Hold | None:
     """The waiting place: off the aMussel, on the vehicle's side, dock towards it. None for a vehicle elsewhere."""
     north_m, east_m = pose.north_m - goal_m[0], pose.east_m - goal_m[1]
     distance_m = math.hypot(north_m, east_m)
@@ -271,14 +249,15 @@ def _stand_off(goal_m: tuple[float, float], pose: PoseReported, dock_index: int)
         return None
     away_rad = math.atan2(east_m, north_m) if distance_m > 0.05 else pose.heading_rad + math.pi
     heading_rad = math.remainder(away_rad + math.pi - dock_direction_rad(dock_index), math.tau)
-    return PositionOrder(
+    return Hold(
+        0,
         goal_m[0] + STAND_OFF_M * math.cos(away_rad),
         goal_m[1] + STAND_OFF_M * math.sin(away_rad),
         heading_rad,
     )
 
 
-def _is_there(stand: PositionOrder, pose: PoseReported) -> bool:
+def _is_there(stand: Hold, pose: PoseReported) -> bool:
     away_m = math.hypot(stand.north_m - pose.north_m, stand.east_m - pose.east_m)
     heading_rad = stand.heading_rad if stand.heading_rad is not None else pose.heading_rad
     off_rad = abs(math.remainder(heading_rad - pose.heading_rad, math.tau))

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
+from dataclasses import replace
 
 from apad_bridge.scenario.lab_interface.messages import DockReport
 from apad_bridge.scenario.schema import Docking, DockingProfile
@@ -33,13 +34,12 @@ from apad_bridge.vehicle.commands import (
 from apad_bridge.vehicle.generation_b.calls import OrderCalls
 from apad_bridge.vehicle.generation_b.docks import KeptDocks
 from apad_bridge.vehicle.generation_b.messages import (
-    Go2pointGoalSeen,
+    DockingOrder,
     PrimitiveStatus,
     ServiceAnswered,
     ServiceOrder,
-    StopOrder,
 )
-from apad_bridge.vehicle.generation_b.primitives import GoToTask, HoldTask, ServoTask, hold_task_of
+from apad_bridge.vehicle.generation_b.primitives import GoToTask, HoldTask, ServoTask
 from apad_bridge.vehicle.link import Cleared, LinkFact
 from apad_bridge.vehicle.telemetry import Readings
 
@@ -151,11 +151,11 @@ class Tasks:
                 self._goal_m = (north_m, east_m)
                 self._go(command, now_ms)
             case Hold():
-                self._hold(hold_task_of(command, now_ms))
+                self._hold(HoldTask(command, now_ms))
             case Stop():
                 self._clear()
                 self._stop, self._is_quiet = command, False
-                self._order(StopOrder(), now_ms)
+                self._order(command, now_ms)
             case CloseDock() | OpenDock() if self._is_servoed(command):
                 self._begin_servo(command, now_ms)
             case OpenDock():
@@ -233,13 +233,10 @@ class Tasks:
     def receive_dock_report(self, report: DockReport) -> None:
         self._facts += self._docks.apply_report(report, self._pose)
 
-    def receive_others_goal(self, goal: Go2pointGoalSeen) -> None:
+    def receive_others_goal(self, goal: GoalOfOthers) -> None:
         """Another client sends the vehicle away: a go-to of ours has ended there, and its status is not ours any more."""
         self._give_way(goal.at_ms)
-        self._facts += [
-            GoalOfOthers(goal.at_ms, goal.client, goal.north_m, goal.east_m),
-            CommandedByOthers(goal.at_ms, goal.client),
-        ]
+        self._facts += [goal, CommandedByOthers(goal.at_ms, goal.client)]
 
     def _give_way(self, at_ms: int) -> None:
         """A go-to of ours, if one is under way, has ended by another client's."""
@@ -344,6 +341,7 @@ class Tasks:
     def _order(self, order: ServiceOrder, now_ms: int) -> None:
         assert self._cleared is not None, "an order stands for a command"
         if not self.pilot_steers:
+            order = order if isinstance(order, DockingOrder) else replace(order, command_id=0)
             self.calls.order(order, self._cleared, now_ms)
 
     def _clear(self) -> None:
@@ -361,10 +359,10 @@ class Tasks:
     def _hold(self, task: HoldTask) -> None:
         self._clear()
         self._hold_task = task
-        self._order(task.order, task.ordered_ms)
+        self._order(task.command, task.ordered_ms)
 
     def _want_again(self, task: HoldTask, now_ms: int) -> None:
-        held = task.renew(now_ms)
+        self._hold_task, held = HoldTask(task.command, now_ms), task.command
         self._facts.append(HoldWanted(now_ms, held.north_m, held.east_m, held.heading_rad))
 
     def _hold_here(self, now_ms: int) -> None:
@@ -379,10 +377,7 @@ class Tasks:
     def _go(self, command: GoTo, now_ms: int) -> None:
         self._clear()
         self._go_to_task = GoToTask(command)
-        if (order := self._go_to_task.order) is None:
-            self._fail("the aPad aborts a go-to without a speed, a victory radius or a finite goal", now_ms)
-        else:
-            self._order(order, now_ms)
+        self._order(command, now_ms)
 
     def _watch_go_to(self, task: GoToTask, now_ms: int) -> None:
         if (why := task.why_lost(now_ms)) is not None:

@@ -12,11 +12,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
+from apad_bridge.vehicle.commands import GoTo, Hold
 from apad_bridge.vehicle.generation_b.messages import (
     Arm,
     DockingOrder,
-    GoToOrder,
-    PositionOrder,
     PrimitiveStatus,
 )
 from apad_bridge.world.apad.kinematics import Pose
@@ -28,14 +27,14 @@ _DOCKING = DockingOrder(True, 0, 0.2, 0.3, 0.15, 0.2)
 """A simple docking names no rates. Assumed, because the laboratory's own are not public."""
 
 
-def go_to(request: Any) -> GoToOrder:
+def go_to(request: Any) -> GoTo:
     """The primitive `go2point`."""
-    return GoToOrder(request.point.x, request.point.y, request.speed, request.victory_radius)
+    return GoTo(0, request.point.x, request.point.y, request.speed, request.victory_radius)
 
 
-def position(request: Any) -> PositionOrder:
+def position(request: Any) -> Hold:
     """The primitive `dynamic_positioning`."""
-    return PositionOrder(request.north, request.east, request.heading if request.heading_enable else None)
+    return Hold(0, request.north, request.east, request.heading if request.heading_enable else None)
 
 
 def docking(request: Any) -> DockingOrder:
@@ -50,9 +49,9 @@ def docking(request: Any) -> DockingOrder:
     )
 
 
-def simple_go_to(request: Any) -> GoToOrder:
+def simple_go_to(request: Any) -> GoTo:
     """The service `commander/go2point`."""
-    return GoToOrder(request.point.x, request.point.y, request.speed, SIMPLE_VICTORY_RADIUS_M)
+    return GoTo(0, request.point.x, request.point.y, request.speed, SIMPLE_VICTORY_RADIUS_M)
 
 
 def simple_docking(request: Any) -> DockingOrder:
@@ -60,7 +59,7 @@ def simple_docking(request: Any) -> DockingOrder:
     return replace(_DOCKING, docks=request.action, dock_index=request.slot)
 
 
-def goal(wanted: Any) -> GoToOrder:
+def goal(wanted: Any) -> GoTo:
     """A goal of the action `go2point`: to T2, in the local frame whatever its header names.
 
     The function ignores T1, where the line to be followed begins, because this vehicle goes straight from
@@ -68,7 +67,7 @@ def goal(wanted: Any) -> GoToOrder:
     because the vehicle moves in all directions and turns its bow towards T2. It ignores `ref_type` and
     `topics`, because nobody publishes references here and the goal's own speed holds.
     """
-    return GoToOrder(wanted.T2.point.x, wanted.T2.point.y, wanted.speed, wanted.victory_radius)
+    return GoTo(0, wanted.T2.point.x, wanted.T2.point.y, wanted.speed, wanted.victory_radius)
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +109,7 @@ class GoToBegun:
     """A go-to began below the services, whoever ordered it and whichever way the order came."""
 
     at_ms: int
-    order: GoToOrder
+    order: GoTo
 
 
 @dataclass(frozen=True, slots=True)

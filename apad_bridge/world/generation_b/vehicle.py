@@ -10,11 +10,11 @@ aMussel by itself: the stack never reports whether it caught one.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum, auto
 
 from apad_bridge.scenario.faults import Fault
-from apad_bridge.vehicle.commands import Arrived, CloseDock, CommandFailed, GoTo, Hold, OpenDock
+from apad_bridge.vehicle.commands import Arrived, CloseDock, CommandFailed, GoTo, Hold, OpenDock, Stop
 from apad_bridge.vehicle.generation_b.messages import (
     CAMERA_SERVO,
     DETECTION_MS,
@@ -22,11 +22,8 @@ from apad_bridge.vehicle.generation_b.messages import (
     PULL_BACK_MS,
     SERVO_MS,
     DockingOrder,
-    GoToOrder,
-    PositionOrder,
     PrimitiveStatus,
     ServiceOrder,
-    StopOrder,
     arms,
     dock_direction_rad,
 )
@@ -131,7 +128,7 @@ class GenerationBVehicle(SimulatedStack[Published]):
         self._end(PrimitiveStatus.PREEMPTED, published, finished=self._stage is not Stage.OFF)
         self._order = order
         match order:
-            case GoToOrder(north_m, east_m, speed_m_s, victory_radius_m):
+            case GoTo(_, _, _, speed_m_s, victory_radius_m):
                 self._enter(Stage.GOING)
                 self._publish(GoToBegun(self._now_ms, order), published)
                 self._publish_status(False, PrimitiveStatus.RUNNING, published)
@@ -141,15 +138,13 @@ class GenerationBVehicle(SimulatedStack[Published]):
                     self.dropped["go2point: speed or victory radius is not above 0"] += 1
                     self._end(PrimitiveStatus.IDLE, published, finished=True)
                 elif self._fault is not Fault.STUCK:
-                    self._command(
-                        GoTo(self._next_serial(), north_m, east_m, speed_m_s, victory_radius_m), published
-                    )
-            case PositionOrder(north_m, east_m, heading_rad):
+                    self._command(replace(order, command_id=self._next_serial()), published)
+            case Hold():
                 self._enter(Stage.POSITIONING)
-                self._command(Hold(self._next_serial(), north_m, east_m, heading_rad), published)
+                self._command(replace(order, command_id=self._next_serial()), published)
             case DockingOrder():
                 self._begin_docking(order, published)
-            case StopOrder():
+            case Stop():
                 self._order = None  # what it ends has ended above
         return published
 
@@ -225,7 +220,7 @@ class GenerationBVehicle(SimulatedStack[Published]):
             self._end(PrimitiveStatus.IDLE, published, finished=True)
         if isinstance(self._order, DockingOrder):
             self._servo(self._order, at_ms, published)
-        elif isinstance(self._order, GoToOrder):
+        elif isinstance(self._order, GoTo):
             self._publish(self._left(self._order), published)
         published.append(PosePublished(at_ms, self.pose))
         if (at_ms - self._start_ms) % SLOW_PERIOD_MS == 0:
@@ -257,7 +252,7 @@ class GenerationBVehicle(SimulatedStack[Published]):
         stage, order, self._order = self._stage, self._order, None
         self._enter(Stage.OFF)
         if stage is Stage.GOING:
-            if isinstance(order, GoToOrder):
+            if isinstance(order, GoTo):
                 self._publish(GoToEnded(status, self.pose, self._left(order)), published)
             self._publish_status(False, status, published)
         elif stage in (Stage.SERVO, Stage.SERVOING, Stage.PULLING):
@@ -288,6 +283,6 @@ class GenerationBVehicle(SimulatedStack[Published]):
         if self._fault is not Fault.SILENT:
             published.append(message)
 
-    def _left(self, order: GoToOrder) -> GoToLeft:
+    def _left(self, order: GoTo) -> GoToLeft:
         north_m, east_m = order.north_m - self.pose.north_m, order.east_m - self.pose.east_m
         return GoToLeft(self._now_ms, math.hypot(north_m, east_m), math.atan2(east_m, north_m))

@@ -19,12 +19,11 @@ from hypothesis import strategies as st
 
 from apad_bridge.scenario.choices import Generation
 from apad_bridge.scenario.schema import Docking, DockingProfile
-from apad_bridge.vehicle.commands import GoTo, Stop
+from apad_bridge.vehicle.commands import GoTo, Hold, Stop
 from apad_bridge.vehicle.generation_a.core import GenerationACore
 from apad_bridge.vehicle.generation_a.docks import ReportedDocks
 from apad_bridge.vehicle.generation_a.messages import GoalOrder
 from apad_bridge.vehicle.generation_b.core import GenerationBCore
-from apad_bridge.vehicle.generation_b.messages import PositionOrder, StopOrder
 from apad_bridge.vehicle.guards.gate import Gate, Safety
 from apad_bridge.vehicle.guards.guarded_vehicle import GuardedVehicle
 from apad_bridge.vehicle.guards.guards import Guard, unlimited_guards
@@ -85,9 +84,9 @@ class Link:
             return
         for call in self.core.take_calls():
             order = call.order.order
-            if isinstance(order, StopOrder):
+            if isinstance(order, Stop):
                 self._queue.append(Outgoing(call, Rank.OFF, "off"))
-            elif isinstance(order, PositionOrder) and order.pre_empts:
+            elif isinstance(order, Hold) and order.pre_empts:
                 self._queue.append(Outgoing(call, Rank.HOLD, "hold"))
             else:
                 self._queue.append(Outgoing(call, Rank.ORDER, "orders"))
@@ -161,7 +160,7 @@ def _what(outgoing: Outgoing) -> str:
         return OFF
     if isinstance(order, GoalOrder):
         return HOLDS if order.pre_empts else MOVES
-    return HOLDS if isinstance(order.order, PositionOrder) and order.order.pre_empts else MOVES
+    return HOLDS if isinstance(order.order, Hold) and order.order.pre_empts else MOVES
 
 
 def judge(wire: list[str]) -> None:

@@ -160,8 +160,8 @@ class WithB:
                 case shown_b.StatusPublished(at_ms, docking, status):
                     self.core.receive(StatusReceived(at_ms, docking, status), now_ms)
                 case shown_b.ArmPublished(at_ms, arm):
-                    dock_index = arm.is_open.index(True) if True in arm.is_open else None
-                    self.core.receive(ArmReceived(at_ms, dock_index), now_ms)
+                    if True in arm.is_open:
+                        self.core.receive(ArmReceived(at_ms, arm.is_open.index(True)), now_ms)
 
 
 class Bench:

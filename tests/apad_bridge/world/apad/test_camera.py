@@ -9,9 +9,9 @@ import pytest
 from scenario_files import POOL_FILE
 
 from apad_bridge.scenario.loader import load
+from apad_bridge.vehicle.commands import Hold
 from apad_bridge.vehicle.generation_b.messages import (
     DockingOrder,
-    PositionOrder,
     PrimitiveStatus,
     dock_direction_rad,
 )
@@ -62,7 +62,7 @@ def test_a_docking_by_the_fields_law_ends_at_the_amussel(
     target_m = (NORTH_M + 2.0, EAST_M + 0.3)
     apad = GenerationBVehicle(SimulatedAPad(replace(POOL.apad, drift_m_s=drift_m_s)))
     heading_rad = math.atan2(0.3, 2.0) - dock_direction_rad(dock_index)
-    apad.receive(PositionOrder(NORTH_M, EAST_M, heading_rad), 0)
+    apad.receive(Hold(0, NORTH_M, EAST_M, heading_rad), 0)
     apad.receive(DockingOrder(True, dock_index, 0.2, 0.3, 0.15, 0.2), 20_000)
     for now_ms in range(20_000, 140_000, 100):
         shown = apad.advance(now_ms)

@@ -13,7 +13,8 @@ from scenario_files import POOL_FILE
 
 from apad_bridge.scenario.faults import Fault
 from apad_bridge.scenario.loader import load
-from apad_bridge.vehicle.generation_b.messages import DockingOrder, GoToOrder, PositionOrder, PrimitiveStatus
+from apad_bridge.vehicle.commands import GoTo, Hold
+from apad_bridge.vehicle.generation_b.messages import DockingOrder, PrimitiveStatus
 from apad_bridge.world.apad.apad import SimulatedAPad
 from apad_bridge.world.generation_b import messages
 from apad_bridge.world.generation_b.messages import (
@@ -55,7 +56,7 @@ def status_changes(published: list[Published], docking: bool = False) -> list[tu
 
 def test_a_go_to_is_taken_at_once_and_its_end_told_by_topics() -> None:
     apad = vehicle()
-    published = apad.receive(GoToOrder(NORTH_M + 5, EAST_M, 0.5, 0.5), 0)
+    published = apad.receive(GoTo(0, NORTH_M + 5, EAST_M, 0.5, 0.5), 0)
     assert status_changes(published) == [(0, PrimitiveStatus.RUNNING)]
     published = apad.advance(30_000)
     (_, running), (done_ms, done) = status_changes(published)
@@ -67,7 +68,7 @@ def test_a_go_to_is_taken_at_once_and_its_end_told_by_topics() -> None:
 
 def test_after_the_end_of_a_primitive_the_water_takes_the_boat() -> None:
     apad = vehicle(drift_m_s=(0.1, -0.2))
-    apad.receive(GoToOrder(NORTH_M + 1, EAST_M, 0.5, 0.5), 0)
+    apad.receive(GoTo(0, NORTH_M + 1, EAST_M, 0.5, 0.5), 0)
     done_ms = status_changes(apad.advance(30_000))[-1][0]
     assert done_ms < 20_000
     before = apad.pose
@@ -79,7 +80,7 @@ def test_after_the_end_of_a_primitive_the_water_takes_the_boat() -> None:
 
 def test_dynamic_positioning_holds_against_the_water_and_never_ends() -> None:
     apad = vehicle(drift_m_s=(0.1, -0.2))
-    apad.receive(PositionOrder(NORTH_M, EAST_M + 1, 1.0), 0)
+    apad.receive(Hold(0, NORTH_M, EAST_M + 1, 1.0), 0)
     published = apad.advance(600_000)
     assert (apad.pose.north_m, apad.pose.east_m, apad.pose.heading_rad) == pytest.approx(
         (NORTH_M, EAST_M + 1, 1.0)
@@ -90,7 +91,7 @@ def test_dynamic_positioning_holds_against_the_water_and_never_ends() -> None:
 @pytest.mark.parametrize(("speed_m_s", "radius_m"), [(0.0, 0.5), (0.5, 0.0), (0.5, -1.0)])
 def test_without_a_speed_or_a_radius_a_go_to_aborts(speed_m_s: float, radius_m: float) -> None:
     apad = vehicle()
-    published = apad.receive(GoToOrder(NORTH_M + 5, EAST_M, speed_m_s, radius_m), 0)
+    published = apad.receive(GoTo(0, NORTH_M + 5, EAST_M, speed_m_s, radius_m), 0)
     assert status_changes(published) == [(0, PrimitiveStatus.RUNNING), (0, PrimitiveStatus.IDLE)]
     apad.advance(10_000)
     assert apad.pose.north_m == NORTH_M
@@ -98,8 +99,8 @@ def test_without_a_speed_or_a_radius_a_go_to_aborts(speed_m_s: float, radius_m: 
 
 def test_a_new_order_pre_empts() -> None:
     apad = vehicle()
-    apad.receive(GoToOrder(NORTH_M + 5, EAST_M, 0.5, 0.5), 0)
-    published = apad.receive(PositionOrder(NORTH_M, EAST_M), 2_000)
+    apad.receive(GoTo(0, NORTH_M + 5, EAST_M, 0.5, 0.5), 0)
+    published = apad.receive(Hold(0, NORTH_M, EAST_M), 2_000)
     assert status_changes(published)[-1] == (2_000, PrimitiveStatus.PREEMPTED)
 
 
@@ -161,15 +162,15 @@ def test_undocking_pulls_back_for_8_s() -> None:
 
 def test_a_pilot_pre_empts_and_nothing_is_begun_meanwhile() -> None:
     apad = vehicle()
-    apad.receive(GoToOrder(NORTH_M + 5, EAST_M, 0.5, 0.5), 0)
+    apad.receive(GoTo(0, NORTH_M + 5, EAST_M, 0.5, 0.5), 0)
     assert status_changes(apad.set_manual(True, 1_000))[-1][1] is PrimitiveStatus.PREEMPTED
     assert (
-        status_changes(apad.receive(GoToOrder(NORTH_M, EAST_M, 0.5, 0.5), 2_000))[-1][1]
+        status_changes(apad.receive(GoTo(0, NORTH_M, EAST_M, 0.5, 0.5), 2_000))[-1][1]
         is PrimitiveStatus.PREEMPTED
     )
     apad.set_manual(False, 3_000)
     assert (
-        status_changes(apad.receive(GoToOrder(NORTH_M, EAST_M, 0.5, 0.5), 3_000))[-1][1]
+        status_changes(apad.receive(GoTo(0, NORTH_M, EAST_M, 0.5, 0.5), 3_000))[-1][1]
         is PrimitiveStatus.RUNNING
     )
 
@@ -184,7 +185,7 @@ def test_stop_mission_ends_what_is_under_way() -> None:
 
 def test_a_paused_mission_goes_on_where_it_was() -> None:
     apad = vehicle()
-    apad.receive(GoToOrder(NORTH_M + 9, EAST_M, 0.5, 0.5), 0)
+    apad.receive(GoTo(0, NORTH_M + 9, EAST_M, 0.5, 0.5), 0)
     assert status_changes(apad.pause(4_000))[-1][1] is PrimitiveStatus.PREEMPTED
     apad.advance(60_000)
     assert apad.pose.north_m < NORTH_M + 6  # coasting only
@@ -210,7 +211,7 @@ def test_charging_what_the_bench_says_it_holds_costs_energy() -> None:
 
 def test_what_lies_below_the_services_tells_of_each_go_to_ten_times_a_second() -> None:
     apad = vehicle()
-    order = GoToOrder(NORTH_M, EAST_M - 4, 0.5, 0.5)
+    order = GoTo(0, NORTH_M, EAST_M - 4, 0.5, 0.5)
     assert apad.receive(order, 50)[0] == GoToBegun(50, order)
     published = apad.advance(30_000)
     (ended,) = [it for it in published if isinstance(it, GoToEnded)]
@@ -235,20 +236,20 @@ def test_a_fault_shows_below_the_services_as_it_does_on_the_topics(
     fault: Fault, ends: list[PrimitiveStatus]
 ) -> None:
     apad = GenerationBVehicle(SimulatedAPad(POOL.apad), 0, fault)
-    published = apad.receive(GoToOrder(NORTH_M + 2, EAST_M, 0.5, 0.5), 0) + apad.advance(20_000)
+    published = apad.receive(GoTo(0, NORTH_M + 2, EAST_M, 0.5, 0.5), 0) + apad.advance(20_000)
     assert [it.status for it in published if isinstance(it, GoToEnded)] == ends
     assert any(isinstance(it, GoToBegun) for it in published) is (fault is not Fault.SILENT)
 
 
 def test_requests_are_met_by_their_fields() -> None:
     point = SimpleNamespace(x=3.0, y=-4.0)
-    assert messages.simple_go_to(SimpleNamespace(point=point, speed=0.4)) == GoToOrder(3.0, -4.0, 0.4, 1.5)
+    assert messages.simple_go_to(SimpleNamespace(point=point, speed=0.4)) == GoTo(0, 3.0, -4.0, 0.4, 1.5)
     simple = messages.simple_docking(SimpleNamespace(action=False, slot=2))
     assert (simple.docks, simple.dock_index) == (False, 2) and simple.search_yaw_rate_rad_s > 0
     goal = SimpleNamespace(T2=SimpleNamespace(point=point), speed=0.4, victory_radius=0.7)
-    assert messages.goal(goal) == GoToOrder(3.0, -4.0, 0.4, 0.7)
+    assert messages.goal(goal) == GoTo(0, 3.0, -4.0, 0.4, 0.7)
     hold = SimpleNamespace(north=1.0, east=2.0, heading=0.5, heading_enable=False)
-    assert messages.position(hold) == PositionOrder(1.0, 2.0, None)
+    assert messages.position(hold) == Hold(0, 1.0, 2.0, None)
 
 
 @settings(max_examples=20, deadline=None)
@@ -256,7 +257,7 @@ def test_requests_are_met_by_their_fields() -> None:
 def test_however_time_is_cut_the_same_is_shown(cuts: list[int]) -> None:
     def flown(instants: list[int]) -> tuple[list[Published], tuple[float, float]]:
         apad = vehicle(drift_m_s=(0.05, 0.02))
-        published = apad.receive(GoToOrder(NORTH_M + 2, EAST_M + 1, 0.5, 0.5), 0)
+        published = apad.receive(GoTo(0, NORTH_M + 2, EAST_M + 1, 0.5, 0.5), 0)
         for at_ms in instants:
             published += apad.advance(at_ms)
         published += apad.receive(UNDOCK, 9_000) + apad.advance(50_000)
