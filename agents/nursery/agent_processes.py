@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import fcntl
 import gc
 import os
@@ -20,12 +21,36 @@ from agents.mussel.physical import Physical
 from agents.nursery.child import FIRMWARE_FAILED, FIRMWARE_HUNG, FIRMWARE_SPUN, live
 from agents.nursery.flash_file import FLASH_NAME, FlashRegion
 from agents.nursery.fleet_file import PHYSICAL_NAME, FleetFile
-from agents.nursery.memory_layout import offer_for_merging, return_freed_memory
 from agents.nursery.protocol import WATCHDOG_FIRED, Died
 from agents.nursery.state_file import RECORD_BYTES, RING_BYTES, RecordRing, StateRecord
 from agents.nursery.warm_up import warm_up, warm_up_port
 from firmware_model.packets.codec import load_codec
 from firmware_model.stimuli import ResetCause
+
+# Reduces the memory that forked agents copy, and lets the kernel share equal pages.
+_MERGEABLE = 12
+"""MADV_MERGEABLE of madvise(2)."""
+_LIBC = ctypes.CDLL(None)
+
+
+def return_freed_memory() -> None:
+    """Returns malloc's free pages to the system. A forked process would copy those that it touches."""
+    _LIBC.malloc_trim(0)
+
+
+def offer_for_merging() -> None:
+    """Lets the kernel keep equal pages once, those of this process and of its children.
+
+    Most of the pages that an agent copies equal another agent's, because reference counts rose and fell alike. A kernel
+    without merging, or with merging switched off, ignores the call.
+    """
+    with open("/proc/self/maps") as maps:
+        spans = [line.split()[0].split("-") for line in maps if " rw-p " in line and "[stack]" not in line]
+    for begin, end in spans:
+        _LIBC.madvise(
+            ctypes.c_void_p(int(begin, 16)), ctypes.c_size_t(int(end, 16) - int(begin, 16)), _MERGEABLE
+        )
+
 
 _TRUTH_ROOM_BYTES = 4 * 2**20
 _LOCK_TIMEOUT_S = 2.0

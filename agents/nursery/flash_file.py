@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import os
 
-from firmware_model.sampling.flash import PAGE_BYTES, PAGES, Ring
-from firmware_model.sampling.flash_recovery import first_in
+from firmware_model.sampling.flash import PAGE_BYTES, PAGES, Ring, first_in
 
 FLASH_NAME = "samples.flash"
 

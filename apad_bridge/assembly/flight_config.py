@@ -9,9 +9,8 @@ from agents.modem.frames import ModemGeneration
 from agents.mussel.body import BodyConfig
 from agents.mussel.reporter import ReportConfig
 from agents.water.sea import SeaConfig
-from apad_bridge.assembly.acoustics import AcousticsConfig, acoustics_config
 from apad_bridge.assembly.estimator import TwinConfig, twin_config
-from apad_bridge.assembly.water import leeway_um_s
+from apad_bridge.assembly.water import AcousticsConfig, acoustics_config, leeway_um_s
 from apad_bridge.planning.registry import Trust
 from apad_bridge.scenario.firmware_config import board_config, sinking_of
 from apad_bridge.scenario.schema import DriftMode, Hearing, HearingMode, Positioning, Scenario

@@ -44,8 +44,8 @@ from apad_bridge.vehicle.docking_port import DockingPort
 from apad_bridge.vehicle.guards.gate import Gate, Safety
 from apad_bridge.vehicle.guards.monitor import Monitor
 from apad_bridge.world.apad.apad import SimulatedAPad
+from apad_bridge.world.apad.docks import Misses
 from apad_bridge.world.apad.in_process import InProcessVehicle
-from apad_bridge.world.apad.misses import Misses
 from apad_bridge.world.fault_injection import FaultInjection, Ongoing
 from apad_bridge.world.fleet import FlightFleet, NoFleet
 from apad_bridge.world.world import World

@@ -18,11 +18,10 @@ from dataclasses import dataclass, replace
 from enum import Enum, auto
 
 from agents.time_scale import MissionMs
-from apad_bridge.beliefs.belief import Belief
+from apad_bridge.beliefs.belief import Belief, Source
 from apad_bridge.events.mission import AMusselReleased
 from apad_bridge.events.vehicle import DocksDisagree
 from apad_bridge.mission.charging_watch import is_charged
-from apad_bridge.mission.dock_witnesses import doubt
 from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.orders import PermitSurfacing, TellClear
 from apad_bridge.mission.pool import floats, is_surfacing_or_floating
@@ -30,6 +29,38 @@ from apad_bridge.mission.sources import BeliefSource
 from apad_bridge.scenario.schema import Mission
 from apad_bridge.vehicle.commands import DEFAULT_MANOEUVRE, CloseDock, GoTo, Manoeuvre, OpenDock
 from apad_bridge.vehicle.outcomes import NothingCaught, PrimitiveEnded, PrimitiveFailed, PrimitiveSucceeded
+from firmware_model.state_groups import AT_WORK, DOCKED, STRANDED
+
+# The witnesses of a docking: the vehicle's report, the aMussel's own packets, and the vehicle's service about its docks.
+#
+# The vehicle's report moves the mission on, but no witness counts alone: a charge in a dock counts when another one says so
+# too, and not as many deny it. So one false witness of three neither makes a service nor takes one away.
+ON_BOTTOM = AT_WORK | STRANDED
+"""An aMussel that a dock holds reports none of these."""
+
+
+def says_docked(belief: Belief | None) -> bool | None:
+    """The aMussel's own word, in its newest packet; None where it has not been heard since its docking, or floats."""
+    if belief is None or Source.DOCKING in belief.learned_from:
+        return None
+    if belief.state in DOCKED:
+        return True
+    return False if belief.state in ON_BOTTOM else None
+
+
+def doubt(belief: Belief | None, named: bool | None) -> str | None:
+    """The reason why the vehicle's report that a dock holds the aMussel does not count; None if it counts.
+
+    `named` is the word of the vehicle's service: it names the aMussel, or others alone; None where it knows nothing.
+    """
+    own = says_docked(belief)
+    agreeing = 1 + (own, named).count(True)
+    if agreeing >= 2 and agreeing > (own, named).count(False):
+        return None
+    reports = "is not heard in it" if own is None or belief is None else f"reports {belief.state.name}"
+    names = "" if named is None else ", and the docks' service names others"
+    return f"the vehicle reports it in a dock, the aMussel {reports}{names}: its charge is not counted"
+
 
 _DRIFT_MS = 60_000
 _FEWEST_REPORTS = 3

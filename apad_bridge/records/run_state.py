@@ -42,9 +42,8 @@ from apad_bridge.scenario.firmware_config import charge_models, works_on_seconda
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.core import PRIMITIVE_NAMES
 from apad_bridge.vehicle.commands import Hold
-from apad_bridge.vehicle.docks import after_report
 from apad_bridge.vehicle.guards.stops import NO_STOPS
-from apad_bridge.vehicle.outcomes import PrimitiveFailed
+from apad_bridge.vehicle.outcomes import PrimitiveFailed, after_report
 from apad_bridge.world.roster import PresenceChange
 
 _STEP_OF = {"collect": "collect", "redeploy": "deploy"}

@@ -37,8 +37,7 @@ from apad_bridge.ros.system.master_watch import MasterWatch
 from apad_bridge.ros.system.node import OrderedEnd
 from apad_bridge.ros.system.ros_pace import FollowedClock, OwnMasterClock, StampedByMaster
 from apad_bridge.ros.system.route import why_gone
-from apad_bridge.ros_names.names import in_full
-from apad_bridge.ros_names.namespaces import beside_others, is_one_of_several
+from apad_bridge.ros_names.names import beside_others, in_full, is_one_of_several
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.firmware_config import codec_of
 from apad_bridge.scenario.lab_interface.names import DEFAULT, load_names

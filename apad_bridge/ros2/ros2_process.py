@@ -13,8 +13,7 @@ from pathlib import Path
 from struct import Struct
 
 from agents.hosting.link_protocol import readable
-from apad_bridge.ros2.topics import Publication
-from apad_bridge.ros2.typed import hash_of
+from apad_bridge.ros2.topics import Publication, hash_of
 from apad_bridge.scenario.errors import UserError
 
 ENVIRONMENT = Path(sys.prefix).with_name(".venv-ros2")

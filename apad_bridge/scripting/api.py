@@ -23,9 +23,8 @@ from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.values import Refused, ScriptEvent, Status, dock_index_of, dock_of, manoeuvre_of
 from apad_bridge.planning.costs import CostBreakdown
 from apad_bridge.scripting import planned
-from apad_bridge.scripting.arguments import Flag, Point, checks_arguments
 from apad_bridge.scripting.planned import Plan
-from apad_bridge.scripting.queries import FOR_EVER_S, Queries
+from apad_bridge.scripting.queries import FOR_EVER_S, Flag, Point, Queries, checks_arguments
 from apad_bridge.scripting.rendezvous import Wait
 from apad_bridge.vehicle.commands import Manoeuvre
 

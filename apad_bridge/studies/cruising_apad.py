@@ -31,12 +31,10 @@ from apad_bridge.vehicle.commands import (
 )
 from apad_bridge.vehicle.link import Carried, Cleared, LetGo, LinkFact
 from apad_bridge.world.apad.apad import BATTERY_EMPTY, ArrivalWatch
-from apad_bridge.world.apad.docks import Docks
-from apad_bridge.world.apad.home_charger import Charger
+from apad_bridge.world.apad.docks import Docks, Misses
 from apad_bridge.world.apad.kinematics import STEP_MS, STEP_S, Pose
-from apad_bridge.world.apad.misses import Misses
 from apad_bridge.world.apad.motion import Motion
-from apad_bridge.world.apad.power import HullBattery, Ledger
+from apad_bridge.world.apad.power import Charger, HullBattery, Ledger
 
 _SECOND_MS = 1000
 _MS_PER_HOUR = 3_600_000

@@ -48,13 +48,15 @@ from apad_bridge.vehicle.commands import (
     VehicleCommand,
     VehicleFact,
 )
-from apad_bridge.vehicle.docks import Occupancy, after_report, dock_index_of
 from apad_bridge.vehicle.outcomes import (
     DockChanged,
     NothingCaught,
+    Occupancy,
     Outcome,
     PrimitiveFailed,
     PrimitiveSucceeded,
+    after_report,
+    dock_index_of,
 )
 
 PROGRESS_M = 0.5
@@ -215,7 +217,7 @@ class DockingPort:
         self._progress: GoToProgress | None = None
         self._pose: PoseReported | None = None
         self.docked = docked
-        """The supervisor's table of the docks; `vehicle/docks.py` states its sources and its rule."""
+        """The supervisor's table of the docks; `vehicle/outcomes.py` states its sources and its rule."""
         self.dropped: Counter[str] = Counter()
         """Unusable reports of the vehicle, by reason."""
         self.first_failure = first_failure

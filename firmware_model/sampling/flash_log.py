@@ -9,8 +9,7 @@ already: so a write that a reset undoes has destroyed no record that still count
 from __future__ import annotations
 
 from firmware_model.packets.sample_record import RECORD_BYTES, SampleRecord
-from firmware_model.sampling.flash import Flash, Ring
-from firmware_model.sampling.flash_recovery import recovered
+from firmware_model.sampling.flash import Flash, Ring, recovered
 
 
 class FlashLog:

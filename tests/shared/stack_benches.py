@@ -59,8 +59,8 @@ from apad_bridge.vehicle.link import Cleared, LinkFact
 from apad_bridge.vehicle.outcomes import Outcome, PrimitiveFailed
 from apad_bridge.vehicle.stack_messages import BatteryReceived, PoseReceived
 from apad_bridge.world.apad.apad import SimulatedAPad
+from apad_bridge.world.apad.docks import Misses
 from apad_bridge.world.apad.kinematics import Pose
-from apad_bridge.world.apad.misses import Misses
 from apad_bridge.world.apad.motion import Coast, Steer
 from apad_bridge.world.generation_a import messages as shown_a
 from apad_bridge.world.generation_a.vehicle import GenerationAVehicle

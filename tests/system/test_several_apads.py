@@ -22,7 +22,7 @@ from scenario_files import POOL_FILE, SOUND_FILE
 
 from apad_bridge.assembly.division import members
 from apad_bridge.runs.children import supervisor_of
-from apad_bridge.runs.several.in_memory import open_lockstep
+from apad_bridge.runs.in_memory import open_lockstep
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.viewers.layouts.fleet import layout_fleet

@@ -19,8 +19,7 @@ from apad_bridge.doctor.finding import Check, CheckStatus, Finding, key_among, r
 from apad_bridge.doctor.preflight import not_proven
 from apad_bridge.records.run_directory import RUNS
 from apad_bridge.ros.system.route import environment_for
-from apad_bridge.ros_names.names import in_full, plain
-from apad_bridge.ros_names.namespaces import is_one_of_several
+from apad_bridge.ros_names.names import in_full, is_one_of_several, plain
 from apad_bridge.scenario.errors import UserError
 from apad_bridge.scenario.run_options import BenchPart, RunOptions
 from apad_bridge.scenario.schema import Scenario

@@ -16,9 +16,8 @@ from typing import Any
 
 from apad_bridge.events.mission import AMusselReleased, MissionChanged
 from apad_bridge.events.run import RunEnded
-from apad_bridge.records.bag import recorded_messages
+from apad_bridge.records.bag import RecordedTypes, recorded_messages
 from apad_bridge.records.bag_messages import BELIEFS, EVENT, TRUTH
-from apad_bridge.records.recorded_types import RecordedTypes
 from firmware_model.state_groups import DOCKED
 
 _SAMPLES = {"truth": TRUTH, "beliefs": BELIEFS}

@@ -35,9 +35,8 @@ from apad_bridge.field.field_log.facts import (
     WorkBegan,
     WorkEnded,
 )
-from apad_bridge.records.bag import RecordedMessage, recorded_messages
+from apad_bridge.records.bag import RecordedMessage, RecordedTypes, recorded_messages
 from apad_bridge.records.bag_samples import BagUnreadable
-from apad_bridge.records.recorded_types import RecordedTypes
 from apad_bridge.ros_names.names import AMUSSEL, in_full, of_amussel, of_apad, ours
 from apad_bridge.vehicle.generation_a.messages import GO_TO, PERCH, RELEASE, GoalCode
 from apad_bridge.vehicle.generation_b.messages import PrimitiveStatus

@@ -25,8 +25,7 @@ from apad_bridge.assembly.division import with_apad
 from apad_bridge.assembly.stacks import part_of, stack_of
 from apad_bridge.ros.system.node import start_node
 from apad_bridge.ros.types.messages import MessagesUnusable, use_generated_messages
-from apad_bridge.ros_names.names import plain
-from apad_bridge.ros_names.namespaces import beside_others, is_one_of_several
+from apad_bridge.ros_names.names import beside_others, is_one_of_several, plain
 from apad_bridge.scenario.choices import OWN_GENERATIONS
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load, with_overrides

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 
 from apad_bridge.assembly.division import members
 from apad_bridge.ros_names.frames import Frames
-from apad_bridge.ros_names.names import of_amussel, ours
-from apad_bridge.ros_names.namespaces import below_apad, is_one_of_several
+from apad_bridge.ros_names.names import below_apad, is_one_of_several, of_amussel, ours
 from apad_bridge.scenario.area.polygon import bounding_box
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start

@@ -28,13 +28,10 @@ from apad_bridge.vehicle.commands import (
     VehicleCommand,
     VehicleFact,
 )
-from apad_bridge.world.apad.docks import Docks
-from apad_bridge.world.apad.home_charger import Charger
+from apad_bridge.world.apad.docks import Docks, Misses
 from apad_bridge.world.apad.kinematics import STEP_MS, Pose
-from apad_bridge.world.apad.misses import Misses
-from apad_bridge.world.apad.motion import Coast, Motion, Steer
-from apad_bridge.world.apad.power import HullBattery, Ledger
-from apad_bridge.world.apad.thrusters import Forces
+from apad_bridge.world.apad.motion import Coast, Forces, Motion, Steer
+from apad_bridge.world.apad.power import Charger, HullBattery, Ledger
 
 ARRIVAL_SAMPLES = 1000 // STEP_MS
 REPORT_MS = 1000

@@ -31,7 +31,7 @@ from apad_bridge.vehicle.commands import (
 )
 from apad_bridge.vehicle.generation_a.messages import GO_TO, OBJECT_PREFIX, PERCH, RELEASE
 from apad_bridge.world.apad.apad import SimulatedAPad
-from apad_bridge.world.apad.misses import MISSED, Misses
+from apad_bridge.world.apad.docks import MISSED, Misses
 from apad_bridge.world.apad.motion import Coast
 from apad_bridge.world.generation_a.messages import (
     ActionGoal,

@@ -16,8 +16,7 @@ from apad_bridge.scenario.lab_interface.messages import DockReport
 from apad_bridge.vehicle.commands import CloseDock, CommandFailed, DockOpened, OpenDock, PoseReported
 from apad_bridge.vehicle.generation_b.stack import dock_places
 from apad_bridge.vehicle.link import Carried, LetGo, LinkFact
-from apad_bridge.world.apad.docks import Docks
-from apad_bridge.world.apad.misses import MISSED, Misses
+from apad_bridge.world.apad.docks import MISSED, Docks, Misses
 from apad_bridge.world.contacts import FloatingPlaces, why_out_of_reach
 
 REACH_M = 1.5

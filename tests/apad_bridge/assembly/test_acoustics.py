@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from apad_bridge.assembly.acoustics import answer_charge, wrong_plan_charge
+from apad_bridge.assembly.water import answer_charge, wrong_plan_charge
 from firmware_model.bench import Bench
 from firmware_model.config import FullFirmware
 from firmware_model.packets import Kind

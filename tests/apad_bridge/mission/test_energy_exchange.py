@@ -28,8 +28,13 @@ from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Dispatch, DockedAtHome, Home, Places, Suspects, Unavailable
 from apad_bridge.scenario.schema import Mission as MissionConfig
 from apad_bridge.vehicle.commands import CloseDock, GoTo, Hold, OpenDock, Primitive
-from apad_bridge.vehicle.docks import after_report
-from apad_bridge.vehicle.outcomes import DockChanged, NothingCaught, PrimitiveFailed, PrimitiveSucceeded
+from apad_bridge.vehicle.outcomes import (
+    DockChanged,
+    NothingCaught,
+    PrimitiveFailed,
+    PrimitiveSucceeded,
+    after_report,
+)
 from firmware_model.states import State
 
 MISSION = load(POOL_FILE).mission

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from apad_bridge.ros2.typed import hash_of, make, serialized
+from apad_bridge.ros2.topics import hash_of, make, serialized
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,7 @@ from pathlib import Path
 import pytest
 
 from apad_bridge.ros_names.frames import Frames
-from apad_bridge.ros_names.names import in_full, of_amussel, of_apad, ours, ours_of_apad
-from apad_bridge.ros_names.namespaces import beside_others
+from apad_bridge.ros_names.names import beside_others, in_full, of_amussel, of_apad, ours, ours_of_apad
 from apad_bridge.ros_names.table import GLOBAL, SECTIONS
 
 ROOT = Path(__file__).parents[3]

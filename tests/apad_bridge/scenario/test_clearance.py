@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from apad_bridge.scenario.area.clearance import StoppingRoom, stopping_room
+from apad_bridge.doctor.limits import StoppingRoom, stopping_room
 from apad_bridge.scenario.guard_options import GuardOptions
 from apad_bridge.scenario.loader import load
 

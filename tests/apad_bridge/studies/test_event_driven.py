@@ -23,7 +23,7 @@ from apad_bridge.events.mission import Phase, PlanMade, StepGivenUp
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.orders import Order
 from apad_bridge.mission.plans import StrategyFailed
-from apad_bridge.runs.several.in_memory import open_lockstep
+from apad_bridge.runs.in_memory import open_lockstep
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Horizon, Scenario
 from apad_bridge.scenario.starts import starts_of

@@ -47,7 +47,7 @@ from apad_bridge.vehicle.sending_road import (
     Write,
 )
 from apad_bridge.vehicle.stack_messages import PoseReceived
-from apad_bridge.world.apad.misses import Misses
+from apad_bridge.world.apad.docks import Misses
 from apad_bridge.world.generation_b.docks import BenchDocks
 
 HERE_M = (30.0, 30.0)

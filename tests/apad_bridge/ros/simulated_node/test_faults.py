@@ -47,7 +47,7 @@ from apad_bridge.vehicle.link import Carried, LinkFact
 from apad_bridge.vehicle.outcomes import DockChanged, Outcome, PrimitiveFailed, PrimitiveSucceeded
 from apad_bridge.vehicle.stack_messages import PoseReceived
 from apad_bridge.world.apad.apad import SimulatedAPad
-from apad_bridge.world.apad.misses import Misses
+from apad_bridge.world.apad.docks import Misses
 from apad_bridge.world.apad.motion import Coast
 from apad_bridge.world.generation_a import messages as shown_a
 from apad_bridge.world.generation_a.vehicle import GenerationAVehicle

@@ -10,7 +10,7 @@ import pytest
 from scenario_files import WHOLE_FILE
 
 from apad_bridge.assembly.division import members
-from apad_bridge.runs.several.in_memory import OpenedLockstep, open_lockstep
+from apad_bridge.runs.in_memory import OpenedLockstep, open_lockstep
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start, save_starts, starts_of

@@ -19,8 +19,7 @@ from apad_bridge.assembly.division import Member, members
 from apad_bridge.commands.main import main
 from apad_bridge.records.bag import BagWriter
 from apad_bridge.records.bag_messages import typestore
-from apad_bridge.ros_names.names import in_full
-from apad_bridge.ros_names.namespaces import below_apad
+from apad_bridge.ros_names.names import below_apad, in_full
 from apad_bridge.ros_names.table import SECTIONS, NameKind
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
