@@ -84,7 +84,10 @@ class Vessel:
         """The heartbeat's number; None for no heartbeat."""
         self._beats = 2_000
 
-    def seconds(self, count: float) -> Vessel:
+    def seconds(self, count: float, **changes: Any) -> Vessel:
+        """So much time passes, with these attributes of the vessel and of its `orders` from now on."""
+        for name, value in changes.items():
+            setattr(self if hasattr(self, name) else self.orders, name, value)
         for _ in range(round(count / WATCHDOG.BEAT_S)):
             self._beats += 1
             self.each_beat()
@@ -118,124 +121,90 @@ def watched(**made: Any) -> Vessel:
 
 def test_it_waits_watches_and_holds_once_when_the_heartbeat_ends() -> None:
     vessel = Vessel()
-    vessel.age_s = None
-    vessel.seconds(60)
-    assert vessel.state == "WAITING" and not vessel.orders.tried
-    vessel.age_s = 0.5
-    vessel.seconds(60)
-    assert vessel.state == "WATCHING" and not vessel.orders.tried
-    vessel.age_s = None
-    vessel.seconds(60)
-    assert vessel.state == "HELD" and vessel.orders.tried == ["hold 10 10"]
+    assert vessel.seconds(60, age_s=None).state == "WAITING" and not vessel.orders.tried
+    assert vessel.seconds(60, age_s=0.5).state == "WATCHING" and not vessel.orders.tried
+    assert vessel.seconds(60, age_s=None).state == "HELD" and vessel.orders.tried == ["hold 10 10"]
 
 
 def test_a_watchdog_that_was_started_while_the_bench_is_silent_orders_nothing_whatever_happens() -> None:
     vessel = Vessel()
-    vessel.age_s = None
-    vessel.seconds(30)
-    vessel.position = Position(north_m=500.0)
-    vessel.seconds(30)
-    vessel.position = None
-    vessel.seconds(600)
-    assert vessel.state == "WAITING" and not vessel.orders.tried
+    vessel.seconds(30, age_s=None)
+    vessel.seconds(30, position=Position(north_m=500.0))
+    assert vessel.seconds(600, position=None).state == "WAITING" and not vessel.orders.tried
 
 
 @pytest.mark.parametrize("age_s", [3.1, math.inf, -math.inf, -0.5])
 def test_a_bench_that_has_no_fresh_position_counts_as_silent(age_s: float) -> None:
     vessel = watched()
-    vessel.age_s = age_s
-    assert vessel.seconds(8).state == "HELD"
+    assert vessel.seconds(8, age_s=age_s).state == "HELD"
 
 
 def test_a_bench_that_does_not_trust_the_position_makes_it_a_bad_one() -> None:
     vessel = watched()
-    vessel.age_s = math.nan
-    assert vessel.seconds(8).state == "OFF" and vessel.taken == ["off"]
+    assert vessel.seconds(8, age_s=math.nan).state == "OFF" and vessel.taken == ["off"]
 
 
 def test_after_an_off_of_the_bench_a_silence_means_off_too() -> None:
     vessel = watched()
-    vessel.age_s = -1.0
-    assert vessel.seconds(60).state == "WATCHING" and not vessel.orders.tried
-    vessel.age_s = None
-    assert vessel.seconds(60).state == "OFF" and vessel.taken == ["off"]
+    assert vessel.seconds(60, age_s=-1.0).state == "WATCHING" and not vessel.orders.tried
+    assert vessel.seconds(60, age_s=None).state == "OFF" and vessel.taken == ["off"]
     vessel.age_s = 0.1  # a person has continued
     vessel.seconds(10)
-    vessel.age_s = None
-    assert vessel.seconds(8).state == "HELD" and vessel.taken == ["off", "hold 10 10"]
+    assert vessel.seconds(8, age_s=None).state == "HELD" and vessel.taken == ["off", "hold 10 10"]
 
 
 def test_a_heartbeat_that_was_held_back_does_not_end_an_off() -> None:
     """Of two connections one may bring what the bench sent before its OFF, when the other has told of the OFF."""
     vessel = watched()
-    vessel.age_s = -1.0
-    vessel.seconds(3)
-    vessel.age_s = 0.1
-    vessel.seconds(2)
-    vessel.age_s = None
-    assert vessel.seconds(60).state == "OFF" and vessel.taken == ["off"]
+    vessel.seconds(3, age_s=-1.0)
+    vessel.seconds(2, age_s=0.1)
+    assert vessel.seconds(60, age_s=None).state == "OFF" and vessel.taken == ["off"]
 
 
 def test_a_way_that_somebody_ended_in_the_silence_is_not_followed_by_a_hold() -> None:
     """Over a poor link a person's OFF arrives, and the heartbeats that would tell of it do not."""
     vessel = watched()
-    vessel.age_s = None
-    vessel.seconds(3)
-    vessel.orders.is_cut = True
-    vessel.seconds(60)
-    assert vessel.state == "OFF" and set(vessel.taken) == {"off"}
+    vessel.seconds(3, age_s=None)
+    assert vessel.seconds(60, is_cut=True).state == "OFF" and set(vessel.taken) == {"off"}
     assert "somebody ended its way in the silence" in vessel.said[-1]
 
 
 def test_a_way_that_ended_before_a_heartbeat_is_judged_by_the_heartbeat() -> None:
     vessel = watched()
-    vessel.orders.is_cut = True
-    vessel.seconds(6)
-    vessel.age_s = None
-    vessel.seconds(30)
-    assert vessel.state == "HELD" and set(vessel.taken) == {"hold 10 10"}
+    vessel.seconds(6, is_cut=True)
+    assert vessel.seconds(30, age_s=None).state == "HELD" and set(vessel.taken) == {"hold 10 10"}
 
 
 def test_a_heartbeat_that_was_sent_before_an_off_does_not_excuse_the_end_of_the_way() -> None:
     """The OFF overtook it: the link may hold a heartbeat back for 3 s."""
     vessel = watched()
-    vessel.orders.is_cut = True
-    vessel.seconds(3)
-    vessel.age_s = None
-    vessel.seconds(30)
-    assert vessel.state == "OFF" and set(vessel.taken) == {"off"}
+    vessel.seconds(3, is_cut=True)
+    assert vessel.seconds(30, age_s=None).state == "OFF" and set(vessel.taken) == {"off"}
 
 
 def test_an_aPad_that_keeps_its_place_by_itself_is_left_as_it_is() -> None:
     """It may be off: the thrusters must not turn because heartbeats are lost."""
     vessel = watched(home=home())
-    vessel.orders.keeps_place, vessel.age_s = True, None
-    vessel.seconds(900)
-    assert vessel.state == "LEFT" and vessel.orders.tried == []
-    vessel.age_s = 0.1
-    assert vessel.seconds(3).state == "WATCHING"
+    assert vessel.seconds(900, keeps_place=True, age_s=None).state == "LEFT" and vessel.orders.tried == []
+    assert vessel.seconds(3, age_s=0.1).state == "WATCHING"
 
 
 def test_an_aPad_that_was_left_is_stopped_when_it_sets_out_and_off_when_its_position_turns_bad() -> None:
     vessel = watched()
-    vessel.orders.keeps_place, vessel.age_s = True, None
-    vessel.seconds(8)
-    vessel.orders.keeps_place, vessel.orders.is_told = False, True
-    assert vessel.seconds(3).state == "HELD" and set(vessel.taken) == {"hold 10 10"}
+    vessel.seconds(8, keeps_place=True, age_s=None)
+    assert vessel.seconds(3, keeps_place=False, is_told=True).state == "HELD" and set(vessel.taken) == {
+        "hold 10 10"
+    }
     vessel = watched()
-    vessel.orders.keeps_place, vessel.age_s = True, None
-    vessel.seconds(8)
-    vessel.position = Position(60.0)
-    assert vessel.seconds(3).state == "OFF" and set(vessel.taken) == {"off"}
+    vessel.seconds(8, keeps_place=True, age_s=None)
+    assert vessel.seconds(3, position=Position(60.0)).state == "OFF" and set(vessel.taken) == {"off"}
 
 
 def test_the_watchdog_s_own_hold_is_not_somebody_s_end_of_a_way() -> None:
     vessel = watched()
-    vessel.age_s = None
-    vessel.seconds(8)
+    vessel.seconds(8, age_s=None)
     vessel.orders.is_cut = True  # by the hold, which was given meanwhile
-    vessel.seconds(30)
-    assert vessel.state == "HELD" and set(vessel.taken) == {"hold 10 10"}
+    assert vessel.seconds(30).state == "HELD" and set(vessel.taken) == {"hold 10 10"}
 
 
 RUNNING, PREEMPTED, DONE = 1, 2, 3
@@ -269,93 +238,74 @@ def test_generation_b_tells_of_each_end_that_an_order_made(told: list[tuple[Any,
 def test_an_off_after_the_watchdog_s_own_hold_keeps_it_from_going_home() -> None:
     vessel = watched(home=home())
     vessel.watchdog.hear_battery(SimpleNamespace(data=80.0))
-    vessel.age_s = None
-    vessel.seconds(6)
+    vessel.seconds(6, age_s=None)
     vessel.orders.is_cut = True  # by the watchdog's own hold
-    vessel.seconds(30)
-    assert vessel.state == "HELD" and not vessel.orders.is_cut
+    assert vessel.seconds(30).state == "HELD" and not vessel.orders.is_cut
     vessel.orders.is_cut = True  # by somebody's order
-    vessel.seconds(120)
-    assert vessel.state == "HELD" and vessel.taken == ["hold 10 10"]
+    assert vessel.seconds(120).state == "HELD" and vessel.taken == ["hold 10 10"]
     assert "somebody ended its hold in the silence" in vessel.said[-1]
 
 
 def test_an_off_on_the_way_home_is_not_followed_by_a_hold() -> None:
     vessel = watched(home=home())
     vessel.watchdog.hear_battery(SimpleNamespace(data=80.0))
-    vessel.age_s = None
-    vessel.seconds(75)
-    assert vessel.state == "HOMEWARD"
-    vessel.orders.is_cut = True
-    vessel.seconds(3)
-    assert vessel.state == "OFF" and vessel.taken[-1] == "off"
+    assert vessel.seconds(75, age_s=None).state == "HOMEWARD"
+    assert vessel.seconds(3, is_cut=True).state == "OFF" and vessel.taken[-1] == "off"
 
 
 def test_a_heartbeat_of_an_off_trusts_no_position() -> None:
     vessel = watched()
-    vessel.age_s, vessel.position = -1.0, Position(60.0)
-    vessel.seconds(60)
-    vessel.age_s = 0.1
-    vessel.seconds(5)
+    vessel.seconds(60, age_s=-1.0, position=Position(60.0))
+    vessel.seconds(5, age_s=0.1)
     assert vessel.watchdog._position.fault() == ""
     vessel = watched()
-    vessel.age_s, vessel.position = -1.0, Position(60.0)
-    vessel.seconds(60)
+    vessel.seconds(60, age_s=-1.0, position=Position(60.0))
     assert "jumped" in vessel.watchdog._position.fault()
 
 
 def test_what_is_not_taken_is_ordered_again_each_second() -> None:
     vessel = watched()
-    vessel.orders.hold_tries = 60
-    vessel.age_s, vessel.orders.refuses = None, WATCHDOG.NotTaken("not now")
-    vessel.seconds(15)
-    assert vessel.state == "SILENT" and "not ordered yet: not now" in vessel.said
+    assert (
+        vessel.seconds(15, hold_tries=60, age_s=None, refuses=WATCHDOG.NotTaken("not now")).state == "SILENT"
+        and "not ordered yet: not now" in vessel.said
+    )
     assert len(vessel.orders.tried) == pytest.approx(10, abs=1)
-    vessel.orders.refuses = None
-    assert vessel.seconds(2).state == "HELD"
+    assert vessel.seconds(2, refuses=None).state == "HELD"
 
 
 @pytest.mark.parametrize(("tries", "is_refused"), [(3, False), (1, True)])
 def test_a_hold_that_nobody_takes_gives_way_to_off(tries: int, is_refused: bool) -> None:
     vessel = watched()
-    vessel.age_s, vessel.orders.refuses = None, WATCHDOG.NotTaken("no", is_refused=is_refused)
-    vessel.seconds(14)
+    vessel.seconds(14, age_s=None, refuses=WATCHDOG.NotTaken("no", is_refused=is_refused))
     assert vessel.orders.tried[: tries + 1] == ["hold 10 10"] * tries + ["off"]
     assert set(vessel.orders.tried[tries:]) == {"off"}
-    vessel.orders.refuses = None
-    assert vessel.seconds(2).state == "OFF"
+    assert vessel.seconds(2, refuses=None).state == "OFF"
 
 
 def test_after_an_order_that_nobody_answered_the_newest_is_given_twice() -> None:
     """The old one may be carried out later than the first that is taken."""
     vessel = watched()
-    vessel.age_s, vessel.orders.refuses = None, WATCHDOG.NotTaken("no answer", is_late=True)
-    vessel.seconds(6)
+    vessel.seconds(6, age_s=None, refuses=WATCHDOG.NotTaken("no answer", is_late=True))
     assert vessel.orders.tried
-    vessel.orders.refuses = None
-    vessel.seconds(1)
+    vessel.seconds(1, refuses=None)
     assert (vessel.state, vessel.taken) == ("SILENT", ["hold 10 10"])
-    vessel.position = Position(11.0)
-    vessel.seconds(1)
+    vessel.seconds(1, position=Position(11.0))
     assert (vessel.state, vessel.taken) == ("HELD", ["hold 10 10", "hold 11 10"])
 
 
 def test_three_heartbeats_and_not_a_burst_of_old_ones_end_a_silence() -> None:
     vessel = watched()
-    vessel.age_s = None
-    assert vessel.seconds(10).state == "HELD"
+    assert vessel.seconds(10, age_s=None).state == "HELD"
     for _ in range(50):
         vessel.watchdog.hear_heartbeat(SimpleNamespace(data=0.1))
     assert vessel.seconds(10).state == "HELD"
-    vessel.age_s = 0.1
-    assert vessel.seconds(3).state == "WATCHING"
+    assert vessel.seconds(3, age_s=0.1).state == "WATCHING"
     assert vessel.taken == ["hold 10 10"]
 
 
 def test_it_tells_beforehand_that_a_silence_would_mean_off() -> None:
     vessel = watched()
-    vessel.position = Position(60.0)
-    vessel.seconds(5)
+    vessel.seconds(5, position=Position(60.0))
     assert vessel.said[-1] == "a silence would mean OFF: the aPad's position has jumped"
     vessel.seconds(10)
     assert vessel.said[-1] == "a silence would mean HOLD" and not vessel.orders.tried
@@ -363,10 +313,8 @@ def test_it_tells_beforehand_that_a_silence_would_mean_off() -> None:
 
 def test_nothing_is_ordered_while_heartbeats_come_again() -> None:
     vessel = watched()
-    vessel.age_s, vessel.orders.refuses = None, WATCHDOG.NotTaken("not now")
-    vessel.seconds(6)
-    vessel.orders.refuses, vessel.age_s = None, 0.1
-    assert vessel.seconds(10).state == "WATCHING" and not vessel.taken
+    vessel.seconds(6, age_s=None, refuses=WATCHDOG.NotTaken("not now"))
+    assert vessel.seconds(10, refuses=None, age_s=0.1).state == "WATCHING" and not vessel.taken
 
 
 def spoiled(**changes: float) -> Callable[[Vessel], None]:
@@ -438,42 +386,32 @@ def test_a_bad_position_means_off_and_is_not_believed_again_before_heartbeats_co
     vessel.seconds(
         6
     )  # a bench needs 3 s; two of these heartbeats may be under way, and a frozen one shows after 5 s
-    vessel.age_s = None
-    vessel.seconds(8)
-    assert vessel.state == "OFF" and vessel.taken == ["off"]
+    assert vessel.seconds(8, age_s=None).state == "OFF" and vessel.taken == ["off"]
     assert why in vessel.said[-1]
-    vessel.each_beat, vessel.orders.is_told = lambda: None, False
-    vessel.position = Position(60.0)
-    vessel.seconds(900)  # all is well again, as far as the watchdog can see
+    vessel.seconds(
+        900, each_beat=lambda: None, is_told=False, position=Position(60.0)
+    )  # all is well again, as far as the watchdog can see
     assert vessel.state == "OFF" and vessel.taken == ["off"]
-    vessel.age_s = 0.1
-    assert vessel.seconds(4).state == "WATCHING"
-    vessel.age_s = None
-    assert vessel.seconds(8).state == "HELD" and vessel.taken == ["off", "hold 60 10"]
+    assert vessel.seconds(4, age_s=0.1).state == "WATCHING"
+    assert vessel.seconds(8, age_s=None).state == "HELD" and vessel.taken == ["off", "hold 60 10"]
 
 
 @pytest.mark.parametrize(("spoil", "why"), BAD)
 def test_of_a_position_that_turns_bad_the_hold_ends(spoil: Callable[[Vessel], None], why: str) -> None:
     vessel = watched()
-    vessel.age_s = None
-    assert vessel.seconds(8).state == "HELD"
+    assert vessel.seconds(8, age_s=None).state == "HELD"
     spoil(vessel)
-    vessel.seconds(10)
-    assert vessel.state == "OFF" and vessel.taken == ["hold 10 10", "off"]
+    assert vessel.seconds(10).state == "OFF" and vessel.taken == ["hold 10 10", "off"]
     assert any(why in it for it in vessel.said)
 
 
 def test_a_jump_just_before_the_silence_is_not_forgotten_with_a_heartbeat_that_was_under_way() -> None:
     vessel = watched()
-    vessel.position = Position(60.0)
-    vessel.seconds(1)
-    vessel.age_s = None
-    assert vessel.seconds(8).state == "OFF"
+    vessel.seconds(1, position=Position(60.0))
+    assert vessel.seconds(8, age_s=None).state == "OFF"
     vessel = watched()
-    vessel.position = Position(60.0)
-    vessel.seconds(15)  # the bench trusts it
-    vessel.age_s = None
-    assert vessel.seconds(8).state == "HELD"
+    vessel.seconds(15, position=Position(60.0))  # the bench trusts it
+    assert vessel.seconds(8, age_s=None).state == "HELD"
 
 
 @settings(deadline=None, max_examples=60)
@@ -498,29 +436,27 @@ def test_a_healthy_position_never_turns_bad(
         if int(t_s) % 40 == 30:
             vessel.position = None
 
-    vessel.each_beat, vessel.orders.is_told = sail, is_under_way and noise_m > 0.001
-    vessel.seconds(120)
+    vessel.seconds(120, each_beat=sail, is_told=is_under_way and noise_m > 0.001)
     assert vessel.watchdog._position.fault() == ""
 
 
 def test_a_clock_that_is_off_by_a_constant_is_none_of_its_business() -> None:
     vessel = Vessel()
-    vessel.position = Position(late_s=-3_600.0)
-    vessel.seconds(20)
-    vessel.age_s = None
-    assert vessel.seconds(8).state == "HELD"
+    vessel.seconds(20, position=Position(late_s=-3_600.0))
+    assert vessel.seconds(8, age_s=None).state == "HELD"
 
 
 def test_positions_without_stamps_are_judged_by_their_arrival() -> None:
     vessel = Vessel()
     made = vessel.position
     assert made is not None
-    vessel.each_beat = lambda: setattr(
-        vessel, "position", replace(made, late_s=(vessel._beats) * WATCHDOG.BEAT_S)
+    vessel.seconds(
+        20,
+        each_beat=lambda: setattr(
+            vessel, "position", replace(made, late_s=(vessel._beats) * WATCHDOG.BEAT_S)
+        ),
     )
-    vessel.seconds(20)
-    vessel.age_s = None
-    assert vessel.seconds(8).state == "HELD"
+    assert vessel.seconds(8, age_s=None).state == "HELD"
 
 
 def test_a_pilot_is_not_fought_before_the_heartbeat_is_back() -> None:
@@ -529,10 +465,8 @@ def test_a_pilot_is_not_fought_before_the_heartbeat_is_back() -> None:
     vessel.pilot(True)
     vessel.seconds(10)
     vessel.pilot(False)
-    vessel.seconds(600)
-    assert vessel.state == "PILOTED" and not vessel.orders.tried
-    vessel.age_s = 0.1
-    assert vessel.seconds(3).state == "WATCHING"
+    assert vessel.seconds(600).state == "PILOTED" and not vessel.orders.tried
+    assert vessel.seconds(3, age_s=0.1).state == "WATCHING"
 
 
 @pytest.mark.parametrize("spoil", [None, vanished])
@@ -548,10 +482,8 @@ def test_a_pilot_who_said_so_once_steers_until_he_says_otherwise(spoil: Any) -> 
 
 def test_a_flag_that_fell_silent_moves_nothing_and_leaves_the_off() -> None:
     vessel = Vessel()
-    vessel.each_beat = lambda: vessel.pilot(False)
-    vessel.seconds(20)
-    vessel.each_beat, vessel.age_s = lambda: None, None
-    assert vessel.seconds(10).state == "OFF" and vessel.taken == ["off"]
+    vessel.seconds(20, each_beat=lambda: vessel.pilot(False))
+    assert vessel.seconds(10, each_beat=lambda: None, age_s=None).state == "OFF" and vessel.taken == ["off"]
     assert "fell silent" in vessel.said[-1]
 
 
@@ -569,17 +501,14 @@ def test_a_flag_that_is_told_once_and_never_again_is_still_known_and_no_flag_is_
         vessel = Vessel().seconds(10)
         tell(vessel)
         vessel.seconds(60)
-        vessel.age_s = None
-        assert vessel.seconds(10).state == "HELD"
+        assert vessel.seconds(10, age_s=None).state == "HELD"
 
 
 def test_outside_the_fence_it_is_not_held() -> None:
     vessel = watched(corners=SQUARE)
-    vessel.age_s = None
-    assert vessel.seconds(8).state == "HELD"
+    assert vessel.seconds(8, age_s=None).state == "HELD"
     vessel = watched(corners=[(20.0, 0.0), (40.0, 0.0), (40.0, 40.0)])
-    vessel.age_s = None
-    assert vessel.seconds(8).state == "OFF" and "outside the fence" in vessel.said[-1]
+    assert vessel.seconds(8, age_s=None).state == "OFF" and "outside the fence" in vessel.said[-1]
 
 
 def home(place: tuple[float, float] = (30.0, 10.0), after_s: float = 60.0) -> Any:
@@ -591,8 +520,7 @@ def silent_with(percent: float | None, at: Any) -> Vessel:
     if percent is not None:
         vessel.watchdog.hear_battery(SimpleNamespace(data=percent))
     vessel.seconds(20)
-    vessel.age_s = None
-    assert vessel.seconds(20).state == "HELD"
+    assert vessel.seconds(20, age_s=None).state == "HELD"
     return vessel
 
 
@@ -600,15 +528,12 @@ def test_it_goes_home_once_after_the_stated_time_and_holds_there() -> None:
     vessel = silent_with(50.0, home())
     vessel.seconds(30)
     assert vessel.taken == ["hold 10 10"]
-    vessel.seconds(30)
-    assert vessel.state == "HOMEWARD" and vessel.taken[1:] == ["go 30 10"]
+    assert vessel.seconds(30).state == "HOMEWARD" and vessel.taken[1:] == ["go 30 10"]
     vessel.orders.is_told = True
     for north_m in range(10, 30):
-        vessel.position = Position(float(north_m), speed_m_s=1.0)
-        vessel.seconds(1)
+        vessel.seconds(1, position=Position(float(north_m), speed_m_s=1.0))
     assert vessel.state == "HOME" and vessel.taken[2:] == ["hold 28 10"]
-    vessel.orders.is_told, vessel.position = False, Position(29.0)
-    vessel.seconds(600)
+    vessel.seconds(600, is_told=False, position=Position(29.0))
     assert len(vessel.taken) == 3
 
 
@@ -623,8 +548,7 @@ def test_it_goes_home_once_after_the_stated_time_and_holds_there() -> None:
 )
 def test_it_stays_where_charge_or_fence_forbid_the_way(percent: float | None, at: Any, why: str) -> None:
     vessel = silent_with(percent, at)
-    vessel.seconds(300)
-    assert vessel.state == "HELD" and len(vessel.taken) == 1
+    assert vessel.seconds(300).state == "HELD" and len(vessel.taken) == 1
     assert any(why in it for it in vessel.said)
 
 
@@ -634,9 +558,9 @@ def test_a_bad_position_on_the_way_home_means_off(spoil: Callable[[Vessel], None
     assert vessel.state == "HOMEWARD"
     spoil(vessel)
     vessel.seconds(10)
-    vessel.each_beat, vessel.position, vessel.orders.is_told = lambda: None, Position(), False
-    vessel.seconds(300)
-    assert vessel.state == "OFF" and vessel.taken[1:] == ["go 30 10", "off"]
+    assert vessel.seconds(
+        300, each_beat=lambda: None, position=Position(), is_told=False
+    ).state == "OFF" and vessel.taken[1:] == ["go 30 10", "off"]
 
 
 def test_a_way_home_that_does_not_end_is_held() -> None:
@@ -678,8 +602,7 @@ def test_whatever_happens_it_moves_nothing_at_a_bad_position_under_a_pilot_or_wh
         elif kind == "refuses":
             vessel.orders.refuses = WATCHDOG.NotTaken(value, is_late=value == "late") if value else None
         elif kind == "spoil":
-            vessel.each_beat, vessel.position = lambda: None, Position(*value)
-            vessel.seconds(0.5)
+            vessel.seconds(0.5, each_beat=lambda: None, position=Position(*value))
             is_bad = True
         else:
             vessel.seconds(value)
