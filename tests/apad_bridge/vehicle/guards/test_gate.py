@@ -106,6 +106,7 @@ class Guarded:
         outside: Reaction = Reaction.HOLD,
         obeys_speed: bool = True,
         most_m_s: float = 2.0,
+        place: tuple[float, float] | None = (5.0, 5.0),
     ) -> None:
         guards = [*unlimited_guards(), InWaters(WATERS, outside is Reaction.RETURN)]
         checks = [
@@ -123,19 +124,32 @@ class Guarded:
         )
         self.vehicle = GuardedVehicle(self.wire, safety, obeys_speed=obeys_speed)
         self.now_ms = 0
+        if place is not None:
+            self.at(*place)
 
-    def at(self, north_m: float, east_m: float, *, after_ms: int = 1_000) -> list[LinkFact]:
-        """The facts of a tick at which the vehicle is there."""
-        self.now_ms += after_ms
-        self.wire.facts.append(PoseReported(self.now_ms, north_m, east_m, 0.0, self.now_ms))
-        return self.vehicle.advance(self.now_ms)
+    def at(
+        self, north_m: float, east_m: float, *heard: LinkFact, ticks: int = 1, after_ms: int = 1_000
+    ) -> list[LinkFact]:
+        """The facts of ticks at which the vehicle is there, and was heard to tell of the others before."""
+        self.wire.facts += heard
+        facts: list[LinkFact] = []
+        for _ in range(ticks):
+            self.now_ms += after_ms
+            self.wire.facts.append(PoseReported(self.now_ms, north_m, east_m, 0.0, self.now_ms))
+            facts += self.vehicle.advance(self.now_ms)
+            self.note()
+        return facts
 
     def silent(self, ticks: int) -> list[LinkFact]:
         facts: list[LinkFact] = []
         for _ in range(ticks):
             self.now_ms += 1_000
             facts += self.vehicle.advance(self.now_ms)
+            self.note()
         return facts
+
+    def note(self) -> None:
+        """Nothing, after each tick and each stop: a bench that keeps a journal has more to do."""
 
     def command(self, command: VehicleCommand) -> list[VehicleCommand]:
         """What goes out because of it."""
@@ -147,6 +161,7 @@ class Guarded:
         """What goes out because a person stops the vehicle."""
         self.wire.out = []
         self.vehicle.stop("Anna", self.now_ms, off=off, hands=hands)
+        self.note()
         return self.wire.out
 
     def events(self) -> list[tuple[str, str]]:
@@ -167,7 +182,6 @@ class Guarded:
 
 def test_a_refused_order_fails_with_its_reason_and_does_not_go_out() -> None:
     bench = Guarded()
-    bench.at(5.0, 5.0)
     assert bench.command(GoTo(1, 45.0, 5.0, 0.5, 0.5)) == []
     (failed,) = (it for it in bench.at(5.0, 5.0) if isinstance(it, CommandFailed))
     assert (
@@ -179,7 +193,6 @@ def test_a_refused_order_fails_with_its_reason_and_does_not_go_out() -> None:
 
 def test_a_refused_order_holds_a_vehicle_that_is_under_way() -> None:
     bench = Guarded()
-    bench.at(5.0, 5.0)
     go = GoTo(1, 30.0, 5.0, 0.5, 0.5)
     assert bench.command(go) == [go]
     bench.at(5.5, 5.0)
@@ -192,8 +205,7 @@ def test_a_refused_order_holds_a_vehicle_that_is_under_way() -> None:
 def test_a_persons_stop_holds_inside_the_waters_and_is_off_outside(
     place: tuple[float, float], kind: type
 ) -> None:
-    bench = Guarded(is_real=True)
-    bench.at(*place)
+    bench = Guarded(is_real=True, place=place)
     bench.at(*place)
     bench.vehicle.allow_motion("Anna", bench.now_ms)
     (sent,) = bench.stop()
@@ -203,7 +215,6 @@ def test_a_persons_stop_holds_inside_the_waters_and_is_off_outside(
 
 def test_a_stop_goes_through_its_states_and_only_then_is_the_vehicle_at_rest() -> None:
     bench = Guarded(is_real=True)
-    bench.at(5.0, 5.0)
     bench.command(GoTo(1, 30.0, 5.0, 0.5, 0.5))
     bench.at(6.0, 5.0)
     bench.vehicle.gate.take_events()
@@ -212,14 +223,12 @@ def test_a_stop_goes_through_its_states_and_only_then_is_the_vehicle_at_rest() -
     facts = bench.at(6.8, 5.0)
     assert [it.command_id for it in facts if isinstance(it, CommandFailed)] == [1]
     assert bench.states() == ["1 hold taken"]
-    for _ in range(3):
-        bench.at(7.0, 5.0)
+    bench.at(7.0, 5.0, ticks=3)
     assert bench.states() == ["1 hold obeyed", "1 hold at rest"]
 
 
 def test_a_second_stop_is_off_and_nothing_goes_out_until_a_person_continues() -> None:
     bench = Guarded(is_real=True)
-    bench.at(5.0, 5.0)
     bench.stop()
     bench.at(5.0, 5.0)
     assert [type(it) for it in bench.stop()] == [Stop]
@@ -236,7 +245,6 @@ def test_a_second_stop_is_off_and_nothing_goes_out_until_a_person_continues() ->
 
 def test_hands_at_the_docks_latch_off_and_no_other_word_than_continue_ends_that() -> None:
     bench = Guarded(is_real=True)
-    bench.at(5.0, 5.0)
     assert [type(it) for it in bench.stop(hands=True)] == [Stop]
     bench.vehicle.allow_motion("Anna", bench.now_ms, ends=StopsEnded.PERSONS_HOLD)
     bench.at(5.0, 5.0)
@@ -247,12 +255,10 @@ def test_hands_at_the_docks_latch_off_and_no_other_word_than_continue_ends_that(
 
 def test_a_hold_that_the_vehicle_does_not_take_becomes_off_and_the_operator_is_told() -> None:
     bench = Guarded(is_real=True)
-    bench.at(5.0, 5.0)
     bench.wire.takes = False
     bench.vehicle.gate.take_events()
     bench.stop()
-    for _ in range(6):
-        bench.at(5.0, 5.0)
+    bench.at(5.0, 5.0, ticks=6)
     assert [type(it) for it in bench.wire.out] == [Hold, Stop, Stop]
     assert bench.states() == [
         "1 hold ordered",
@@ -262,17 +268,14 @@ def test_a_hold_that_the_vehicle_does_not_take_becomes_off_and_the_operator_is_t
         "1 off sent",
         "1 off not taken",
     ]
-    bench.wire.facts.append(CommandAccepted(bench.now_ms, bench.wire.out[-1].command_id))
-    bench.at(5.0, 5.0)
+    bench.at(5.0, 5.0, CommandAccepted(bench.now_ms, bench.wire.out[-1].command_id))
     assert bench.states() == ["1 off taken", "1 off obeyed", "1 off at rest"]
 
 
 def test_while_a_pilot_steers_nothing_goes_out_and_a_stop_is_refused() -> None:
     bench = Guarded(is_real=True)
-    bench.at(5.0, 5.0)
     bench.command(GoTo(1, 30.0, 5.0, 0.5, 0.5))
-    bench.wire.facts.append(PilotReported(bench.now_ms, True))
-    facts = bench.at(5.5, 5.0)
+    facts = bench.at(5.5, 5.0, PilotReported(bench.now_ms, True))
     assert [it.command_id for it in facts if isinstance(it, CommandFailed)] == [1]
     bench.wire.out = []
     assert PilotTold(True) in bench.vehicle.gate.take_events()
@@ -282,17 +285,14 @@ def test_while_a_pilot_steers_nothing_goes_out_and_a_stop_is_refused() -> None:
     bench.silent(6)
     assert bench.wire.out == []
     assert "the pilot has it" in bench.vehicle.gate.why_not_continue(None, bench.now_ms)
-    bench.wire.facts.append(PilotReported(bench.now_ms, False))
-    bench.at(5.0, 5.0)
+    bench.at(5.0, 5.0, PilotReported(bench.now_ms, False))
     assert bench.command(GoTo(2, 6.0, 5.0, 0.5, 0.5)) == []  # a pilot who lets go gives no word
 
 
 def test_where_nobody_can_tell_of_a_pilot_nothing_moves_and_off_still_goes_out() -> None:
     bench = Guarded(is_real=True)
-    bench.at(5.0, 5.0)
     for _ in range(2):
-        bench.wire.facts.append(PilotReported(bench.now_ms, None))
-        bench.at(5.0, 5.0)
+        bench.at(5.0, 5.0, PilotReported(bench.now_ms, None))
     assert bench.vehicle.gate.take_events().count(PilotTold(None)) == 1
     assert bench.command(GoTo(1, 6.0, 5.0, 0.5, 0.5)) == []
     assert [type(it) for it in bench.stop(off=True)] == [Stop]
@@ -300,25 +300,21 @@ def test_where_nobody_can_tell_of_a_pilot_nothing_moves_and_off_still_goes_out()
 
 def test_a_bad_position_is_off_and_nothing_moves_when_it_is_back() -> None:
     bench = Guarded(is_real=True)
-    bench.at(5.0, 5.0)
     bench.command(GoTo(1, 30.0, 5.0, 0.5, 0.5))
     bench.wire.out = []
     facts = bench.silent(6)
     assert [it.command_id for it in facts if isinstance(it, CommandFailed)] == [1]
     assert [type(it) for it in bench.wire.out] == [Stop]
     bench.wire.out = []
-    for _ in range(30):
-        bench.at(5.0, 5.0)
+    bench.at(5.0, 5.0, ticks=30)
     assert bench.wire.out == []
     assert bench.command(Hold(2, 5.0, 5.0)) == [] and bench.command(GoTo(3, 6.0, 5.0, 0.5, 0.5)) == []
 
 
 def test_a_jump_is_believed_on_a_persons_word_alone() -> None:
     bench = Guarded(is_real=True)
-    bench.at(5.0, 5.0)
     bench.at(5.0, 25.0)
-    for _ in range(60):
-        bench.at(5.0, 25.0)
+    bench.at(5.0, 25.0, ticks=60)
     assert "has jumped by 20 m" in bench.vehicle.gate.situation(bench.now_ms).position_fault
     assert [type(it) for it in bench.stop()] == [Stop]
     assert bench.vehicle.gate.why_not_continue(None, bench.now_ms) == ""
@@ -328,7 +324,6 @@ def test_a_jump_is_believed_on_a_persons_word_alone() -> None:
 
 def test_a_simulated_vehicle_goes_on_when_its_position_is_back() -> None:
     bench = Guarded()
-    bench.at(5.0, 5.0)
     bench.command(GoTo(1, 30.0, 5.0, 0.5, 0.5))
     bench.wire.out = []
     bench.silent(6)
@@ -340,8 +335,7 @@ def test_a_simulated_vehicle_goes_on_when_its_position_is_back() -> None:
 
 
 def test_outside_the_fence_it_is_off_and_a_pilot_is_called_and_both_ends_are_told() -> None:
-    bench = Guarded()
-    bench.at(1.0, 5.0)
+    bench = Guarded(place=(1.0, 5.0))
     bench.at(-1.0, 5.0)
     assert bench.events() == [("guard", "outside the fence")]
     assert bench.wire.out == [Stop(-1)]
@@ -352,8 +346,7 @@ def test_outside_the_fence_it_is_off_and_a_pilot_is_called_and_both_ends_are_tol
 
 
 def test_just_outside_a_person_with_a_lookout_sends_it_back_in_where_it_holds() -> None:
-    bench = Guarded(is_real=True)
-    bench.at(1.0, 5.0)
+    bench = Guarded(is_real=True, place=(1.0, 5.0))
     bench.at(-0.03, 5.0)
     gate = bench.vehicle.gate
     assert "bring it back first" in gate.why_not_continue(None, bench.now_ms)
@@ -364,16 +357,14 @@ def test_just_outside_a_person_with_a_lookout_sends_it_back_in_where_it_holds() 
     (back,) = bench.wire.out
     assert isinstance(back, GoTo) and (back.north_m, back.east_m) == goal_m
     bench.at(0.4, 5.0)
-    bench.wire.facts.append(Arrived(bench.now_ms, back.command_id))
-    bench.at(*goal_m)
+    bench.at(*goal_m, Arrived(bench.now_ms, back.command_id))
     assert [type(it) for it in bench.wire.out] == [GoTo, Stop]  # the stop that was in force
     assert gate.why_not_continue(None, bench.now_ms) == "" and gate.awaits_person
 
 
 def test_an_aPad_far_outside_or_without_a_speed_is_brought_back_by_hand() -> None:
-    far, fast = Guarded(is_real=True), Guarded(is_real=True, obeys_speed=False)
-    far.at(-7.0, 5.0)
-    fast.at(-0.1, 5.0)
+    far = Guarded(is_real=True, place=(-7.0, 5.0))
+    fast = Guarded(is_real=True, obeys_speed=False, place=(-0.1, 5.0))
     assert "the longest is 5 m" in far.vehicle.gate.way_back(far.now_ms)[1]
     assert "by joystick" in fast.vehicle.gate.way_back(fast.now_ms)[1]
     for bench in (far, fast):
@@ -394,8 +385,7 @@ def test_the_way_back_in_crosses_no_keep_out_zone() -> None:
 
 def test_a_charge_that_was_told_more_than_30_s_ago_is_not_known() -> None:
     bench = Guarded()
-    bench.wire.facts.append(BatteryReported(0, 15.0, 0.9))
-    bench.at(5.0, 5.0)
+    bench.at(5.0, 5.0, BatteryReported(0, 15.0, 0.9))
     assert bench.vehicle.gate.situation(30_000).battery_fraction == 0.9
     assert bench.vehicle.gate.situation(30_001).battery_fraction is None
 
@@ -415,22 +405,17 @@ def test_a_sensor_that_says_nothing_is_left_once_refuses_no_leg() -> None:
 
 def test_off_tells_at_once_and_every_ten_seconds_where_the_vehicle_drifts() -> None:
     bench = Guarded(is_real=True)
-    for east_m in (5.0, 5.5):
-        bench.at(5.0, east_m)
+    bench.at(5.0, 5.5)
     bench.stop(off=True)
     for n in range(22):
         bench.at(5.0, 5.5 + 0.5 * n)
-    told = [it for it in bench.vehicle.gate.take_events() if isinstance(it, Drifting)]
-    assert len(told) == 3
-    assert told[1].speed_m_s == pytest.approx(0.5) and told[1].towards_rad == pytest.approx(
-        math.pi / 2, abs=1e-3
-    )
+    _, second, _ = (it for it in bench.vehicle.gate.take_events() if isinstance(it, Drifting))
+    assert (second.speed_m_s, second.towards_rad) == pytest.approx((0.5, math.pi / 2), abs=1e-3)
 
 
 def test_a_go_to_that_comes_no_nearer_is_held_and_not_switched_off() -> None:
     """A tether or weed: the position is good."""
     bench = Guarded(is_real=True)
-    bench.at(5.0, 5.0)
     bench.command(GoTo(1, 30.0, 5.0, 0.5, 0.5))
     noise = random.Random(1)
     begun_ms = bench.now_ms
@@ -443,12 +428,8 @@ def test_a_go_to_that_comes_no_nearer_is_held_and_not_switched_off() -> None:
 
 def test_another_clients_goal_outside_the_fence_is_ended_and_its_node_named() -> None:
     bench = Guarded(is_real=True)
-    bench.at(5.0, 5.0)
-    bench.wire.facts += [
-        CommandedByOthers(bench.now_ms, "/planner"),
-        GoalOfOthers(bench.now_ms, "/planner", 90.0, 5.0),
-    ]
-    bench.at(5.0, 5.0)
+    others = CommandedByOthers(bench.now_ms, "/planner"), GoalOfOthers(bench.now_ms, "/planner", 90.0, 5.0)
+    bench.at(5.0, 5.0, *others)
     (held,) = bench.wire.out
     assert isinstance(held, Hold) and held.pre_empts
     assert "/planner ordered a go-to that leaves the waters" in bench.vehicle.gate.awaits_person
@@ -458,9 +439,7 @@ def test_another_clients_goal_outside_the_fence_is_ended_and_its_node_named() ->
 def test_a_goal_that_nobody_heard_is_ended_because_nobody_can_tell_where_it_leads() -> None:
     bench, simulated = Guarded(is_real=True), Guarded()
     for it in (bench, simulated):
-        it.at(5.0, 5.0)
-        it.wire.facts += [GoalOfOthers(it.now_ms, "/planner", None, None)]
-        it.at(5.0, 5.0)
+        it.at(5.0, 5.0, GoalOfOthers(it.now_ms, "/planner", None, None))
     (held,) = bench.wire.out
     assert isinstance(held, Hold) and held.pre_empts
     assert "/planner sent a goal that was not heard" in bench.vehicle.gate.awaits_person
@@ -469,17 +448,14 @@ def test_a_goal_that_nobody_heard_is_ended_because_nobody_can_tell_where_it_lead
 
 def test_a_client_that_orders_again_after_a_persons_stop_is_stopped_again_and_named() -> None:
     bench = Guarded(is_real=True)
-    bench.at(5.0, 5.0)
     bench.stop()
     bench.wire.out = []
-    bench.wire.facts.append(CommandedByOthers(bench.now_ms, "/planner"))
-    bench.at(5.0, 5.0)
+    bench.at(5.0, 5.0, CommandedByOthers(bench.now_ms, "/planner"))
     assert [type(it) for it in bench.wire.out] == [Hold]
 
 
 def test_where_the_scenario_wants_it_it_returns_to_the_nearest_place_inside() -> None:
-    bench = Guarded(outside=Reaction.RETURN)
-    bench.at(1.0, 5.0)
+    bench = Guarded(outside=Reaction.RETURN, place=(1.0, 5.0))
     bench.at(-1.0, 5.0)
     (back,) = bench.wire.out
     assert isinstance(back, GoTo) and (back.north_m, back.east_m) == pytest.approx((1.0, 5.0))
@@ -509,7 +485,6 @@ def test_by_the_real_apad_s_limits_a_bad_position_ends_in_a_safe_state_within_3_
 
 def test_a_stop_that_was_lost_on_the_way_is_given_again_until_it_is_taken() -> None:
     bench = Guarded(is_real=True)
-    bench.at(5.0, 5.0)
     bench.command(GoTo(1, 30.0, 5.0, 0.5, 0.5))
     bench.wire.out, bench.wire.takes = [], False
     bench.silent(6)
@@ -517,19 +492,16 @@ def test_a_stop_that_was_lost_on_the_way_is_given_again_until_it_is_taken() -> N
         (off,) = bench.wire.out
         assert isinstance(off, Stop)
         bench.wire.out = []
-        bench.wire.facts.append(CommandFailed(bench.now_ms, off.command_id, "its service did not answer"))
-        bench.at(5.0, 5.0)
+        bench.at(5.0, 5.0, CommandFailed(bench.now_ms, off.command_id, "its service did not answer"))
     (off,) = bench.wire.out
     bench.wire.out = []
     assert isinstance(off, Stop)
-    bench.wire.facts.append(CommandAccepted(bench.now_ms, off.command_id))
-    bench.at(5.0, 5.3)
+    bench.at(5.0, 5.3, CommandAccepted(bench.now_ms, off.command_id))
     assert bench.wire.out == [] and bench.states()[-3:] == ["1 off taken", "1 off obeyed", "1 off at rest"]
 
 
 def test_a_real_vehicle_that_had_to_be_stopped_waits_for_a_person() -> None:
-    bench = Guarded(is_real=True)
-    bench.at(1.0, 5.0)
+    bench = Guarded(is_real=True, place=(1.0, 5.0))
     bench.at(-1.0, 5.0)
     bench.at(1.0, 5.0)
     bench.at(5.0, 5.0)
@@ -541,7 +513,7 @@ def test_a_real_vehicle_that_had_to_be_stopped_waits_for_a_person() -> None:
 @pytest.mark.parametrize(("north_m", "is_held"), [(2.2, False), (1.9, True)])
 def test_it_is_held_before_it_would_come_to_rest_outside(north_m: float, is_held: bool) -> None:
     """At 1 m/s it makes a metre before the order acts, and another while it brakes with 0.5 m/s^2."""
-    bench = Guarded()
+    bench = Guarded(place=None)
     for way_m in (2.0, 1.0, 0.0):
         bench.at(north_m + way_m, 5.0)
     assert bench.events() == ([("guard", "fence ahead")] if is_held else [])
@@ -549,14 +521,13 @@ def test_it_is_held_before_it_would_come_to_rest_outside(north_m: float, is_held
 
 def test_a_vehicle_that_obeys_no_speed_is_held_when_it_is_too_fast() -> None:
     bench = Guarded()
-    for east_m in (5.0, 7.5, 10.0):
+    for east_m in (7.5, 10.0):
         bench.at(5.0, east_m)
     assert ("guard", "speed") in bench.events()
 
 
 def test_a_leg_that_lasts_too_long_is_ended() -> None:
     bench = Guarded()
-    bench.at(5.0, 5.0)
     bench.command(GoTo(1, 5.0, 30.0, 0.5, 0.5))
     facts: list[LinkFact] = []
     for n in range(101):
@@ -829,7 +800,6 @@ def test_a_go_to_that_is_refused_fails_its_primitive_with_the_reason() -> None:
 
 def test_a_real_vehicle_whose_position_goes_silent_is_stopped_between_two_ticks() -> None:
     bench = Guarded(is_real=True)
-    bench.at(5.0, 5.0)
     bench.command(GoTo(1, 5.0, 8.0, 0.5, 0.5))
     bench.at(5.0, 5.5)
     bench.wire.out = []
@@ -846,7 +816,6 @@ def test_a_real_vehicle_whose_position_goes_silent_is_stopped_between_two_ticks(
 
 def test_facts_from_between_two_ticks_wait_for_the_next_and_of_positions_the_newest_counts() -> None:
     bench = Guarded(is_real=True)
-    bench.at(5.0, 5.0)
     for number in (1, 2):
         now_ms = bench.now_ms + 250 * number
         bench.wire.facts += [
@@ -861,7 +830,6 @@ def test_facts_from_between_two_ticks_wait_for_the_next_and_of_positions_the_new
 
 def test_a_simulated_vehicle_is_not_looked_at_between_two_ticks() -> None:
     bench = Guarded()
-    bench.at(5.0, 5.0)
     bench.wire.facts.append(CommandAccepted(bench.now_ms + 500, 11))
     bench.vehicle.look_between(bench.now_ms + 500)
     assert bench.wire.facts

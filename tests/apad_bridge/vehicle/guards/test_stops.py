@@ -17,12 +17,10 @@ from apad_bridge.vehicle.commands import (
     HoldWanted,
     OrderCut,
     Stop,
-    VehicleCommand,
 )
 from apad_bridge.vehicle.guards.guarded_vehicle import HOLD_AGAIN_MS
 from apad_bridge.vehicle.guards.stop_keeper import AFTER_CUT_MS, REPEAT_MS
 from apad_bridge.vehicle.guards.stops import NO_STOPS, RestoredStops, StopsEnded
-from apad_bridge.vehicle.link import LinkFact
 from tests.apad_bridge.vehicle.guards.test_gate import Guarded
 
 
@@ -32,27 +30,9 @@ class Journaled(Guarded):
     def __init__(self) -> None:
         self.lines: list[tuple[int, Event]] = []
         super().__init__(is_real=True)
-        self.at(5.0, 5.0)
 
     def note(self) -> None:
         self.lines += [(self.now_ms, it) for it in self.vehicle.gate.take_events()]
-
-    def at(self, north_m: float, east_m: float, *, after_ms: int = 1_000) -> list[LinkFact]:
-        facts = super().at(north_m, east_m, after_ms=after_ms)
-        self.note()
-        return facts
-
-    def silent(self, ticks: int) -> list[LinkFact]:
-        facts: list[LinkFact] = []
-        for _ in range(ticks):
-            facts += super().silent(1)
-            self.note()
-        return facts
-
-    def stop(self, *, off: bool = False, hands: bool = False) -> list[VehicleCommand]:
-        sent = super().stop(off=off, hands=hands)
-        self.note()
-        return sent
 
     @property
     def restored(self) -> RestoredStops:
@@ -65,7 +45,7 @@ class Journaled(Guarded):
 
 def resumed(restored: RestoredStops) -> Guarded:
     """A new supervisor, which has heard nothing yet."""
-    bench = Guarded(is_real=True)
+    bench = Guarded(is_real=True, place=None)
     bench.vehicle.gate.stops.restore(restored)
     vehicle = type(bench.vehicle)(bench.wire, bench.vehicle._safety)
     bench.vehicle = vehicle
@@ -99,12 +79,10 @@ def test_a_persons_stop_keeps_still_once_its_hull_rests_and_until_it_may_move() 
     bench.vehicle.allow_motion("Anna", bench.now_ms)
 
     bench.at(-0.03, 5.0)  # outside the fence: the guard's stop
-    for _ in range(5):
-        bench.at(-0.03, 5.0)
+    bench.at(-0.03, 5.0, ticks=5)
     assert stops.in_force is not None and not stops.keeps_still
     bench.stop()
-    for _ in range(5):
-        bench.at(-0.03, 5.0)
+    bench.at(-0.03, 5.0, ticks=5)
     assert stops.keeps_still
     bench.vehicle.go_back_in("Anna", "Bo", bench.now_ms)
     assert not stops.keeps_still
@@ -145,8 +123,7 @@ def crashed(*, off: bool = False, hands: bool = False, takes: bool = True) -> Re
     bench.wire.takes = takes
     bench.stop(off=off, hands=hands)
     if takes:
-        for _ in range(4):
-            bench.at(5.0, 5.0)
+        bench.at(5.0, 5.0, ticks=4)
     return bench.restored
 
 
@@ -165,14 +142,12 @@ def test_a_resumed_run_sends_an_off_again_a_hold_that_was_not_taken_and_nothing_
     how: dict[str, bool], sent: list[type]
 ) -> None:
     bench = resumed(crashed(**how))
-    for _ in range(4):
-        bench.at(5.0, 5.0)
+    bench.at(5.0, 5.0, ticks=4)
     assert [type(it) for it in bench.wire.out[:1]] == sent
     bench.wire.out = []
     for order in (GoTo(1, 9.0, 5.0, 0.5, 0.5), Hold(2, 5.0, 5.0)):
         bench.vehicle.command(order, bench.now_ms)
-    bench.wire.facts.append(HoldWanted(bench.now_ms, 9.0, 5.0))
-    bench.at(5.0, 5.0)
+    bench.at(5.0, 5.0, HoldWanted(bench.now_ms, 9.0, 5.0))
     assert not any(isinstance(it, GoTo | Hold) for it in bench.wire.out)
     bench.vehicle.allow_motion("Anna", bench.now_ms, ends=StopsEnded.PERSONS_HOLD)
     assert bench.vehicle.gate.awaits_person, "another order of a person is no word to continue after a crash"
@@ -185,8 +160,7 @@ def test_a_resumed_run_sends_an_off_again_a_hold_that_was_not_taken_and_nothing_
 def test_a_hull_that_has_left_the_place_of_a_hold_not_taken_gets_off(away_m: float, sent: type) -> None:
     """A watchdog may have switched it off meanwhile, and it drifts: a way back would be a motion that nobody ordered."""
     bench = resumed(crashed(takes=False))
-    for _ in range(3):
-        bench.at(5.0 + away_m, 5.0)
+    bench.at(5.0 + away_m, 5.0, ticks=3)
     assert type(bench.wire.out[0]) is sent
     assert sent is Stop or all(isinstance(it, Hold) and it.north_m == 5.0 for it in bench.wire.out)
 
@@ -261,7 +235,7 @@ def test_a_deaf_hull_gets_off_in_place_of_a_hold_and_the_alarm() -> None:
 
 def test_a_guards_finding_gives_a_hull_that_does_not_obey_no_new_time() -> None:
     """Reversed thrusters drive it ever faster, so that the speed guard speaks before the hull is judged."""
-    bench, north_m = Guarded(is_real=True, most_m_s=0.8), 5.0
+    bench, north_m = Guarded(is_real=True, most_m_s=0.8, place=None), 5.0
     for _ in range(5):
         north_m += 0.6
         bench.at(north_m, 5.0)
