@@ -93,58 +93,59 @@ def test_a_broadcast_reaches_everyone_but_its_sender_and_is_told_whole_at_the_la
     assert isinstance(results[-1], PacketEnded) and len(results[-1].receptions) == 3
 
 
-def test_two_that_overlap_at_the_receiver_destroy_each_other() -> None:
-    """From 150 m on either side, the second begins 504 ms after the first, which lasts 505: the last millisecond."""
-    for later_ms, expected in ((504, PacketOutcome.COLLIDED), (505, PacketOutcome.RECEIVED)):
-        water = medium(0, 150, 300)
-        water.receive(Began(0, unicast(0, 1)), 0)
-        water.receive(Began(2, unicast(2, 1)), later_ms)
-        assert outcomes(water.advance(9000)) == {(0, 1): expected, (2, 1): expected}
+ECHOING = Sound(noise_db_per_hz=-100, reverberation_s=0.2, reverberation_db=4)
+WITHOUT_ABSORPTION = Sound(noise_db_per_hz=-100, absorption_db_per_km=0, capture_db=6)
+LOST, HEARD, TALKING = PacketOutcome.COLLIDED, PacketOutcome.RECEIVED, PacketOutcome.TRANSMITTING
 
 
-def test_what_overlaps_at_the_senders_may_not_at_the_receiver() -> None:
-    """1500 m away a packet arrives 1000 ms later than it was sent: both begin at once, and do not meet at node 1."""
-    water = medium(0, 1500, 1501)
-    water.receive(Began(0, unicast(0, 1)), 0)
-    water.receive(Began(2, unicast(2, 1)), 0)
-    assert set(outcomes(water.advance(9000)).values()) == {PacketOutcome.RECEIVED}
+def sent(water: WaterMedium, *packets: tuple[int, int, int]) -> dict[tuple[int, int], PacketOutcome]:
+    """The outcomes of packets of 505 ms, each with its begin, sender and receiver."""
+    results: list[MediumResult] = []
+    for at_ms, sender, receiver in packets:
+        results += water.receive(Began(sender, unicast(sender, receiver)), at_ms)
+    return outcomes(results + water.advance(packets[-1][0] + 8000))
 
 
-@pytest.mark.parametrize(("far_m", "near"), [(39.0, PacketOutcome.COLLIDED), (41.0, PacketOutcome.RECEIVED)])
-def test_the_louder_by_the_capture_ratio_survives(far_m: float, near: PacketOutcome) -> None:
-    """Without absorption 6 dB is a ratio of 10^(6/20) = 1.995 in distance: 20 m against 39.9 m."""
-    water = medium(0, 20, 20 + far_m, sound=Sound(noise_db_per_hz=-100, absorption_db_per_km=0, capture_db=6))
-    water.receive(Began(0, unicast(0, 1)), 0)
-    water.receive(Began(2, unicast(2, 1)), 10)
-    assert outcomes(water.advance(9000)) == {(0, 1): near, (2, 1): PacketOutcome.COLLIDED}
+@pytest.mark.parametrize(
+    ("water", "later_ms", "first", "second"),
+    [
+        # From 150 m on either side, the second begins 504 ms after the first, which lasts 505: the last millisecond.
+        (medium(0, 150, 300), 504, LOST, LOST),
+        (medium(0, 150, 300), 505, HEARD, HEARD),
+        # 1500 m away a packet arrives 1000 ms later than it was sent: both begin at once, and do not meet at node 1.
+        (medium(0, 1500, 1501), 0, HEARD, HEARD),
+        # Without absorption 6 dB is a ratio of 10^(6/20) = 1.995 in distance: 20 m against 39.9 m.
+        (medium(0, 20, 59, sound=WITHOUT_ABSORPTION), 10, LOST, LOST),
+        (medium(0, 20, 61, sound=WITHOUT_ABSORPTION), 10, HEARD, LOST),
+        # Echoes 4 dB down for 200 ms: within the capture ratio of 6 dB they destroy a packet that begins 199 ms later.
+        (medium(0, 150, 300, sound=ECHOING), 505 + 199, HEARD, LOST),
+        (medium(0, 150, 300, sound=ECHOING), 505 + 200, HEARD, HEARD),
+    ],
+)
+def test_packets_that_overlap_at_the_receiver_destroy_each_other(
+    water: WaterMedium, later_ms: int, first: PacketOutcome, second: PacketOutcome
+) -> None:
+    assert sent(water, (0, 0, 1), (later_ms, 2, 1)) == {(0, 1): first, (2, 1): second}
 
 
 def test_two_weak_ones_together_may_be_too_loud() -> None:
     """Each 41 m away is 6.2 dB weaker than the one at 20 m, both together 3.2 dB."""
-    water = WaterMedium(Sound(noise_db_per_hz=-100, absorption_db_per_km=0), 1, [(n, n) for n in range(4)])
+    water = WaterMedium(WITHOUT_ABSORPTION, 1, [(n, n) for n in range(4)])
     for node, (north_m, east_m) in enumerate(((0.0, 0.0), (20.0, 0.0), (-41.0, 0.0), (0.0, 41.0))):
         water.receive(ModemMoved(node, under_water(north_m, east_m)), 0)
-    for node in (1, 2, 3):
-        water.receive(Began(node, unicast(node, 0)), 0)
-    assert outcomes(water.advance(9000))[1, 0] is PacketOutcome.COLLIDED
+    assert sent(water, (0, 1, 0), (0, 2, 0), (0, 3, 0))[1, 0] is LOST
 
 
 def test_a_transmitting_modem_hears_nothing() -> None:
-    water = medium(0, 150)
-    water.receive(Began(0, unicast(0, 1)), 0)  # at node 1 from 100 to 605 ms
-    water.receive(Began(1, unicast(1, 0)), 600)  # at node 0 from 700 on: it has long finished
-    assert outcomes(water.advance(9000)) == {
-        (0, 1): PacketOutcome.TRANSMITTING,
-        (1, 0): PacketOutcome.RECEIVED,
-    }
+    """At node 1 from 100 to 605 ms; at node 0 from 700 on, where it has long finished."""
+    assert sent(medium(0, 150), (0, 0, 1), (600, 1, 0)) == {(0, 1): TALKING, (1, 0): HEARD}
 
 
-def test_turning_round_takes_its_time() -> None:
-    for turnaround_ms, expected in ((94, PacketOutcome.RECEIVED), (96, PacketOutcome.TRANSMITTING)):
-        water = medium(0, 150, sound=Sound(noise_db_per_hz=-100, turnaround_s=turnaround_ms / 1000))
-        water.receive(Began(1, unicast(1, 0)), 0)  # ends at 505
-        water.receive(Began(0, unicast(0, 1)), 500)  # arrives from 600 on
-        assert outcomes(water.advance(9000))[0, 1] is expected
+@pytest.mark.parametrize(("turnaround_ms", "expected"), [(94, HEARD), (96, TALKING)])
+def test_turning_round_takes_its_time(turnaround_ms: int, expected: PacketOutcome) -> None:
+    """The own packet ends at 505 ms, the other one arrives from 600 ms on."""
+    water = medium(0, 150, sound=Sound(noise_db_per_hz=-100, turnaround_s=turnaround_ms / 1000))
+    assert sent(water, (0, 1, 0), (500, 0, 1))[0, 1] is expected
 
 
 def test_a_modem_that_is_still_sending_sends_nothing_else() -> None:
@@ -160,29 +161,22 @@ def test_in_air_nothing_is_sent_and_nothing_is_heard() -> None:
     water.receive(ModemMoved(1, under_water(150, depth_m=0)), 0)
     (ended,) = water.receive(Began(1, unicast(1, 0)), 10)
     assert isinstance(ended, PacketEnded) and ended.unsent == "the modem is not in the water"
-    water.receive(Began(0, unicast(0, 1)), 20)
-    assert outcomes(water.advance(9000)) == {(0, 1): PacketOutcome.IN_AIR}
+    assert sent(water, (20, 0, 1)) == {(0, 1): PacketOutcome.IN_AIR}
 
 
 def test_one_that_comes_up_during_a_packet_loses_it() -> None:
     """3 m down it rises 1 m a second; a packet is at it from 100 to 605 ms after it began."""
-    for began_ms, expected in (
-        (2000, PacketOutcome.RECEIVED),
-        (2395, PacketOutcome.IN_AIR),
-        (2500, PacketOutcome.IN_AIR),
-    ):
+    for began_ms, expected in ((2000, HEARD), (2395, PacketOutcome.IN_AIR), (2500, PacketOutcome.IN_AIR)):
         water = WaterMedium(FAR, 1, [(0, 0), (1, 1)])
         water.receive(ModemMoved(0, under_water(0, depth_m=3)), 0)
         water.receive(ModemMoved(1, ModemPlace(150_000_000, 0, 3_000_000, 0, -1_000_000, 1000, 3_000_000)), 0)
-        water.receive(Began(0, unicast(0, 1)), began_ms)
-        assert outcomes(water.advance(9000)) == {(0, 1): expected}
+        assert sent(water, (began_ms, 0, 1)) == {(0, 1): expected}
 
 
 def test_a_keel_hears_at_depth_nought() -> None:
     water = medium(0, 150)
     water.receive(ModemMoved(1, ModemPlace(150_000_000, 0, 0, in_water=True)), 0)
-    water.receive(Began(0, unicast(0, 1)), 0)
-    assert outcomes(water.advance(9000)) == {(0, 1): PacketOutcome.RECEIVED}
+    assert sent(water, (0, 0, 1)) == {(0, 1): HEARD}
 
 
 def test_one_that_left_the_water_neither_hears_nor_sends() -> None:
@@ -190,18 +184,7 @@ def test_one_that_left_the_water_neither_hears_nor_sends() -> None:
     water.receive(Began(0, unicast(0, 1)), 0)
     water.receive(ModemMoved(1, None), 200)
     assert outcomes(water.advance(9000)) == {(0, 1): PacketOutcome.IN_AIR}
-    water.receive(Began(0, unicast(0, 1)), 9000)
-    assert outcomes(water.advance(20_000)) == {}
-
-
-def test_reverberation_disturbs_after_the_end() -> None:
-    """Echoes 4 dB down for 200 ms: within the capture ratio of 6 dB they destroy a packet that begins 199 ms later."""
-    echoing = Sound(noise_db_per_hz=-100, reverberation_s=0.2, reverberation_db=4)
-    for later_ms, expected in ((199, PacketOutcome.COLLIDED), (200, PacketOutcome.RECEIVED)):
-        water = medium(0, 150, 300, sound=echoing)
-        water.receive(Began(0, unicast(0, 1)), 0)
-        told = water.receive(Began(2, unicast(2, 1)), 505 + later_ms)
-        assert outcomes(told + water.advance(9000)) == {(0, 1): PacketOutcome.RECEIVED, (2, 1): expected}
+    assert sent(water, (9000, 0, 1)) == {}
 
 
 def test_running_thrusters_mask_their_own_modem_only() -> None:
@@ -211,22 +194,17 @@ def test_running_thrusters_mask_their_own_modem_only() -> None:
     water.receive(Began(1, unicast(1, 0)), 0)
     water.receive(ThrustersRan(1, False), 1)
     assert outcomes(water.advance(9000)) == {(1, 0): PacketOutcome.NOISE}
-    water.receive(Began(0, unicast(0, 1)), 9000)
-    assert outcomes(water.advance(18_000)) == {(0, 1): PacketOutcome.RECEIVED}
+    assert sent(water, (9000, 0, 1)) == {(0, 1): HEARD}
     water.receive(ThrustersRan(0, False), 18_000)
-    water.receive(Began(1, unicast(1, 0)), 18_000)
-    assert outcomes(water.advance(27_000)) == {(1, 0): PacketOutcome.RECEIVED}
+    assert sent(water, (18_000, 1, 0)) == {(1, 0): HEARD}
 
 
 def test_a_cut_link_carries_neither_packets_nor_disturbance() -> None:
     water = medium(0, 150, 300)
     water.receive(LinksChanged(Topology([LinkRule(0, 1, 1.0)])), 0)
-    water.receive(Began(0, unicast(0, 1)), 0)
-    water.receive(Began(2, unicast(2, 1)), 0)
-    assert outcomes(water.advance(9000)) == {(0, 1): PacketOutcome.CUT, (2, 1): PacketOutcome.RECEIVED}
+    assert sent(water, (0, 0, 1), (0, 2, 1)) == {(0, 1): PacketOutcome.CUT, (2, 1): HEARD}
     water.receive(LinksChanged(Topology()), 9000)
-    water.receive(Began(0, unicast(0, 1)), 9000)
-    assert outcomes(water.advance(18_000)) == {(0, 1): PacketOutcome.RECEIVED}
+    assert sent(water, (9000, 0, 1)) == {(0, 1): HEARD}
 
 
 def test_beyond_the_range_limit_the_addressee_is_named_and_others_are_not() -> None:

@@ -26,7 +26,6 @@ from agents.water.sea_events import (
     StimulusDelivered,
     address_of,
 )
-from agents.water.topology import LinkRule, Topology
 from agents.water.wifi import Wifi
 from firmware_model.packets import AcousticStatus, CommandPacket, Kind, ShortStatus
 from firmware_model.packets.codec import MusselbedCodec
@@ -100,28 +99,6 @@ def test_a_permission_is_met_at_its_end_and_wakes_a_sleeper() -> None:
     assert bench.state(1) is State.SURFACING
 
 
-def test_beyond_the_range_nobody_surfaces() -> None:
-    bench = Bench(750, sea=replace(SEA, sound=replace(SEA.sound, noise_db_per_hz=50.0, range_limit_m=700)))
-    bench.run(100_000)
-    bench.sea.send_sound(1, command(Kind.PERMISSION, 1))
-    (packet,) = of(PacketEnded, bench.run(110_000))
-    assert isinstance(packet, PacketEnded) and packet.receptions[0].outcome is PacketOutcome.OUT_OF_RANGE
-    assert bench.state(1) is State.SLEEPING
-
-
-def test_one_word_reaches_everyone() -> None:
-    bench = Bench(150, 300, 450)
-    bench.run(100_000)
-    bench.sea.send_sound(None, command(Kind.HOVER, 2))
-    told = [
-        (it.agent_id, it.agent_ms)
-        for it in of(StimulusDelivered, bench.run(110_000))
-        if isinstance(it, StimulusDelivered)
-    ]
-    assert told == [(1, 100_480), (2, 100_580), (3, 100_680)]
-    assert [bench.state(n) for n in (1, 2, 3)] == [State.SLEEPING, State.HOVERING, State.SLEEPING]
-
-
 def test_a_sleeper_that_is_asked_answers_half_a_second_later_and_sleeps_on() -> None:
     """The question lasts 105 + 22 * 12.5 = 380 ms, the answer of 7 bytes 105 + 23 * 12.5 = 392.5; 100 ms under way."""
     bench = Bench(150)
@@ -187,27 +164,6 @@ def test_range_noise_has_the_stated_spread() -> None:
     # Four standard errors: of the mean 0.5 / sqrt(200), of the deviation 0.5 / sqrt(400).
     assert mean == pytest.approx(240, abs=0.142)
     assert (sum((it - mean) ** 2 for it in ranges) / 199) ** 0.5 == pytest.approx(0.5, abs=0.1)
-
-
-def test_what_two_say_at_once_is_lost_to_both() -> None:
-    """The aPad sends in an aMussel's timeslot: neither receives the other."""
-    bench = Bench(150)
-    bench.run(3_900_000)
-    bench.sea.send_sound(1, command(Kind.PING, 1))
-    ended = [it for it in bench.run(3_910_000) if isinstance(it, PacketEnded)]
-    assert {(it.sender, it.receptions[0].outcome) for it in ended} == {
-        (0, PacketOutcome.TRANSMITTING),
-        (1, PacketOutcome.TRANSMITTING),
-    }
-
-
-def test_a_blackout_of_one_link_one_way() -> None:
-    bench = Bench(150, 300)
-    bench.sea.set_topology(Topology([LinkRule(1, 0, 1.0)]))
-    results = bench.run(2 * HOUR_MS)
-    assert [it.agent_id for it in results if isinstance(it, SoundReached)] == [2]
-    bench.sea.send_sound(1, command(Kind.PING, 1))
-    assert len(of(StimulusDelivered, bench.run(2 * HOUR_MS + 10_000))) == 1
 
 
 def test_wifi_reaches_as_far_as_its_model_says() -> None:
