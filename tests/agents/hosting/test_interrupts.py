@@ -135,8 +135,7 @@ def test_a_child_that_is_not_ready_ends_with_its_starter(outlives: bool, tmp_pat
     starter.wait(60)
     starter.stdin.close()
     starter.stdout.close()
-    ended = bool(poll.poll(1_000 if outlives else 60_000))
-    assert ended is not outlives
+    assert bool(poll.poll(1_000 if outlives else 60_000)) is not outlives
     if outlives:
         signal.pidfd_send_signal(child, signal.SIGKILL)
     os.close(child)

@@ -124,8 +124,7 @@ def test_a_report_tells_the_clock_minus_the_beacon(name: str, offset_ms: int) ->
         for it in shown(CASES[f"reports-a-clock-{name}"]).events
         if " by " in it.what
     )
-    offsets = [it.clock_offset_ms for it in sent if isinstance(it, WifiStatus)]
-    assert offsets == [offset_ms, 0]
+    assert [it.clock_offset_ms for it in sent if isinstance(it, WifiStatus)] == [offset_ms, 0]
 
 
 def test_a_dock_below_is_a_pin_that_rises_without_a_charger() -> None:

@@ -198,8 +198,7 @@ def test_what_a_program_says_is_passed_on_up_to_a_bound(
 ) -> None:
     says = "os.write(2, b'\\x1b[2Jready\\n'); os.write(2, b'.' * 1_000_000)"
     answer = encoded(HELLO, (FromBoard.SLEEP, 0, b""))
-    on = bench(CONFIG, script(tmp_path, f"{says}; port.sendall({answer!r}); time.sleep(60)"))
-    on.run(ms=1)
+    bench(CONFIG, script(tmp_path, f"{says}; port.sendall({answer!r}); time.sleep(60)")).run(ms=1)
     told = capfd.readouterr().err
     assert told.startswith("\\x1b[2Jready\n....") and len(told) < 70_000
     assert told.endswith(".\nthe rest of what this program writes to its stderr is left out\n")

@@ -89,8 +89,7 @@ def test_an_address_set_by_a_driver_is_the_one_that_the_water_knows() -> None:
     bench.sea.send_sound(2, b"hello")
     bench.sea.send_sound(3, b"hello")
     bench.run(3000)
-    told = {it.agent_id for it in bench.came if isinstance(it, StimulusDelivered)}
-    assert told == {3}
+    assert {it.agent_id for it in bench.came if isinstance(it, StimulusDelivered)} == {3}
     assert bench.ask(2, b"$B02ab").startswith(b"$B02")
     assert bench.ask(1, b"$E04202ab") == b"$E04202\r\n#B04202ab\r\n"
 

@@ -100,9 +100,7 @@ def _same_elsewhere(asked: Asked) -> list[Flown]:
     with served() as sea:
         elsewhere = both(sea, lambda number: flown_from(sea, number, asked))
     for one, other in zip(beside, elsewhere, strict=True):
-        assert one.came == other.came
-        assert one.truths == other.truths
-        assert one.reached == other.reached
+        assert (one.came, one.truths, one.reached) == (other.came, other.truths, other.reached)
         assert one.station.all_dropped == other.station.all_dropped
     return beside
 

@@ -167,8 +167,7 @@ def test_a_codec_that_takes_0_3_off_is_told_when_its_aMussel_is_full_and_its_int
     low, high = full.charge_interval()
     assert low < 1.0 <= high
     # Further readings at rest tell how far it is off.
-    later = told(*docked(0.6, 0.2, 14, bias=-0.3))
-    assert later.primary == pytest.approx(1.0, abs=0.03)
+    assert told(*docked(0.6, 0.2, 14, bias=-0.3)).primary == pytest.approx(1.0, abs=0.03)
 
 
 def test_no_charge_that_a_suspect_states_is_believed() -> None:

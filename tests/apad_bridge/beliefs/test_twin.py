@@ -266,8 +266,7 @@ def test_one_that_did_not_obey_is_known_when_it_is_heard() -> None:
 def test_silence_from_the_surface_says_that_it_stayed_below() -> None:
     twin = Twin(replace(KNOWLEDGE, calls=CallParameters(30_000, 0.1)), ALWAYS_ASLEEP)
     told_up = told(twin, heard(0, State.SLEEPING, 0.5), (Permitted(), HOUR))
-    on_its_way = twin.predict(told_up, HOUR + 59_000)
-    assert on_its_way.probability_of(Mode.SURFACING) == pytest.approx(0.9)
+    assert twin.predict(told_up, HOUR + 59_000).probability_of(Mode.SURFACING) == pytest.approx(0.9)
     # Bayes: 0.09 / (0.09 + 0.1) when the first call is due and not received, 0.009 / (0.009 + 0.1) after the second.
     assert twin.predict(told_up, HOUR + 60_000).probability_of(Mode.FLOATING) == pytest.approx(
         0.4737, abs=1e-4
@@ -608,13 +607,11 @@ GPS = replace(KNOWLEDGE, water=WaterParameters(0.0, 0.1, 3600.0, 0.5, is_ground_
 
 
 def from_below(at_ms: int, sequence: int, north_m: float = 3.0) -> _Stamped:
-    status = StatusPacket(1, sequence, State.SLEEPING, 0.9, 1.0, north_m, 4.0, 3.0, at_ms)
-    return status, at_ms
+    return StatusPacket(1, sequence, State.SLEEPING, 0.9, 1.0, north_m, 4.0, 3.0, at_ms), at_ms
 
 
 def from_the_surface(at_ms: int, sequence: int, north_m: float = 3.0) -> _Stamped:
-    status = StatusPacket(1, sequence, State.FLOATING, 0.9, 1.0, north_m, 4.0, 0.0, at_ms)
-    return status, at_ms
+    return StatusPacket(1, sequence, State.FLOATING, 0.9, 1.0, north_m, 4.0, 0.0, at_ms), at_ms
 
 
 def test_a_place_repeated_from_below_makes_nobody_surer() -> None:
@@ -629,11 +626,9 @@ def test_a_place_repeated_from_below_makes_nobody_surer() -> None:
 def test_fixes_at_the_surface_make_surer_and_the_way_down_does_not() -> None:
     twin = Twin(GPS, ALWAYS_ASLEEP)
     reports = [from_the_surface(n * 10_000, n) for n in range(5)]
-    afloat = told(twin, *reports)
-    assert afloat.place_cov[0] < 0.5**2
+    assert told(twin, *reports).place_cov[0] < 0.5**2
     # The fix as it left the surface, which no packet had stated.
-    below = told(twin, *reports, from_below(120_000, 5, north_m=3.4))
-    assert 3.0 < below.north_m < 3.4
+    assert 3.0 < told(twin, *reports, from_below(120_000, 5, north_m=3.4)).north_m < 3.4
     released = told(twin, from_the_surface(0, 0), (Docked(), 1000), (Released(3.0, 4.0), HOUR))
     assert released.place_cov[0] == pytest.approx(1.0 + 6.0**2)
 

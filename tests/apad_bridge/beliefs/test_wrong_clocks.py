@@ -145,8 +145,7 @@ def test_after_three_true_packets_a_board_is_heard_whatever_came_before(
         at_ms += 1000
         said(fleet, at_ms, honest_ahead_ms if wrong is None else wrong - THETA * at_ms)
     at_ms += 3 * MINUTE
-    heard = [said(fleet, at_ms + 1000 * n, honest_ahead_ms) for n in range(3)]
-    assert heard[-1] is None
+    assert [said(fleet, at_ms + 1000 * n, honest_ahead_ms) for n in range(3)][-1] is None
 
 
 def test_to_a_twins_batteries_no_time_has_passed_when_its_clock_is_set() -> None:
@@ -167,8 +166,7 @@ def test_to_a_twins_batteries_no_time_has_passed_when_its_clock_is_set() -> None
 
 @both
 def test_a_clock_that_was_set_is_in_the_notebook(made: Made, tmp_path: Path) -> None:
-    row = measurement_row(5, ClockSet(9), 7)
-    assert measurement_of(row) == (5, ClockSet(9), 7)
+    assert measurement_of(measurement_row(5, ClockSet(9), 7)) == (5, ClockSet(9), 7)
     fleet, resumed = made(), made()
     book = Checkpoint(tmp_path / "checkpoint.jsonl", fleet, 0)
     for at_ms, ahead_ms in ((60, 0), (61, -60 * MINUTE * THETA), (62, -60 * MINUTE * THETA)):

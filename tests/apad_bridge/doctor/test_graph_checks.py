@@ -59,8 +59,7 @@ def test_a_master_is_read() -> None:
         getSystemState=[1, "", state], getTopicTypes=[1, "", [["/chatter", "std_msgs/String"]]]
     ) as uri:
         found = Graph.read(uri)
-    assert found.nodes == ["/listener", "/talker"]
-    assert found.types == {"/chatter": "std_msgs/String"}
+    assert (found.nodes, found.types) == (["/listener", "/talker"], {"/chatter": "std_msgs/String"})
 
 
 def test_a_node_that_was_killed_publishes_nothing_though_the_master_names_it(closed: str) -> None:

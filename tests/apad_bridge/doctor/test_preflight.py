@@ -67,8 +67,7 @@ def test_missing_and_late_positions_are_told() -> None:
     assert status(check_loss(STEADY[::2], 3.0)) == "FAIL"
     late = [*STEADY[:10], *(replace(it, at_s=it.at_s + 2.0) for it in STEADY[10:])]
     assert status(check_loss(late, 5.0)) == "FAIL"
-    unnumbered = [replace(it, sequence=0) for it in STEADY]
-    assert "not numbered" in check_loss(unnumbered, 3.0).found
+    assert "not numbered" in check_loss([replace(it, sequence=0) for it in STEADY], 3.0).found
     assert status(check_loss(STEADY[:1], 3.0)) == "FAIL"
 
 

@@ -268,8 +268,7 @@ def test_each_shown_system_answers_for_its_entities_to_the_console_that_asked(
             (console, amussels + 7),
             (stranger, amussels + 4),
         ):
-            query = codec.make("EntityList", op=1)
-            link.sendto(codec.pack(query, 0x4001, asked), gateway.address)
+            link.sendto(codec.pack(codec.make("EntityList", op=1), 0x4001, asked), gateway.address)
         # The run has ended, and the gateway with it: what it hears is given to it by hand.
         for _ in range(4):
             for received in gateway._wire.receive(1.0):

@@ -165,8 +165,7 @@ def test_it_goes_to_the_lowest_first_and_permits_it_to_surface_on_the_way() -> N
     bench = Bench()
     bench.tick()
     goto = next(order for order in bench.orders if isinstance(order, GoTo))
-    assert (goto.north_m, goto.east_m) == (10.0, 0.0)
-    assert goto.speed_m_s == 0.5
+    assert (goto.north_m, goto.east_m, goto.speed_m_s) == (10.0, 0.0, 0.5)
     assert PermitSurfacing(1) in bench.orders
     assert (bench.mission.state.cost_m, bench.mission.state.planned_m) == (0.0, 10.0)
     bench.succeed()
@@ -298,8 +297,7 @@ def test_one_that_is_tried_in_vain_is_left_alone_and_the_others_are_served() -> 
     bench.tick(int(MISSION.silence_timeout_s) + 1)
     assert PermitSurfacing(2) in bench.orders
     # Another supervisor of the run leaves it alone as well; a person who gives the aPad back does not.
-    state = journaled(bench.mission.state)
-    assert dict(state.failed_tries) == {1: MISSION.collection_attempts}
+    assert dict(journaled(bench.mission.state).failed_tries) == {1: MISSION.collection_attempts}
 
 
 def bring_home(bench: Bench, agent_ids: tuple[int, ...], charge: float) -> None:
@@ -445,8 +443,7 @@ def test_a_docking_that_missed_is_tried_again_at_once() -> None:
         bench.tick()
         assert isinstance(bench.primitive(), CloseDock)
     bench.succeed()
-    assert dict(bench.mission.state.docked) == {0: 1}
-    assert bench.mission.state.failed_tries == ()
+    assert (dict(bench.mission.state.docked), bench.mission.state.failed_tries) == ({0: 1}, ())
 
 
 def test_one_that_the_catch_radius_does_not_hold_is_searched_for_and_docked() -> None:
@@ -464,8 +461,7 @@ def test_one_that_the_catch_radius_does_not_hold_is_searched_for_and_docked() ->
         )
         assert isinstance(bench.primitive(), CloseDock)
     bench.succeed()
-    assert dict(bench.mission.state.docked) == {0: 1}
-    assert bench.mission.state.plan[0].agent_id == 2
+    assert (dict(bench.mission.state.docked), bench.mission.state.plan[0].agent_id) == ({0: 1}, 2)
 
 
 def test_a_search_in_vain_is_a_failed_docking() -> None:
@@ -776,8 +772,7 @@ def ready_state() -> MissionState:
 def test_nothing_is_ordered_before_the_aPad_s_place_is_known() -> None:
     told = Told()
     told.say(1, 0, State.ACTIVE, 0.1)
-    mission = EnergyExchange(rules(registry.collection("greedy")), told)
-    assert mission.advance(0) == []
+    assert EnergyExchange(rules(registry.collection("greedy")), told).advance(0) == []
 
 
 ASYNCHRONOUS = replace(MISSION, dispatch=Dispatch.ASYNCHRONOUS)

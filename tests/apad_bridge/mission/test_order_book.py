@@ -45,8 +45,7 @@ def test_a_leg_counts_where_the_aPad_has_been() -> None:
     goto = go(book)
     for place in ((3.0, 0.0), (3.0, 0.2), (3.0, 4.0)):
         book.moved(*place)
-    assert book.state.cost_m == pytest.approx(7.0)
-    assert book.state.planned_m == 50.0
+    assert (book.state.cost_m, book.state.planned_m) == (pytest.approx(7.0), 50.0)
     book.note_outcome(PrimitiveSucceeded(0, goto))
     book.moved(8.0, 4.0)
     assert (book.state.cost_m, book.state.planned_m, book.state.leg) == (pytest.approx(7.0), 50.0, None)

@@ -120,8 +120,7 @@ def test_a_report_from_elsewhere_moves_the_search_there() -> None:
     world.carry_out()  # the go-to that was under way
     world.carry_out()
     assert world.run() is Progress.ENDED
-    assert world.tried[-1] == (6.2, 0.0)
-    assert len(world.tried) == 3
+    assert (world.tried[-1], len(world.tried)) == ((6.2, 0.0), 3)
 
 
 def test_one_that_is_known_to_sink_is_not_searched_for() -> None:

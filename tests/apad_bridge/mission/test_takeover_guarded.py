@@ -72,11 +72,9 @@ def test_the_mission_calls_up_and_fetches_nobody_outside_the_fence(pool: Scenari
     )
     flying = Flying(fenced_off)
     flying.until(lambda: flying.phase is Phase.ENDED)
-    refused = {it["order"] for it in flying.events("refused")}
-    assert refused == {"go to point", "permit to surface"}
+    assert {it["order"] for it in flying.events("refused")} == {"go to point", "permit to surface"}
     assert flying.flight.supervisor.mission.state.services > 0
-    wire = [data for _, kind, data in facts_of(flying.records) if kind == "dock" and data["closed"]]
-    assert wire
+    assert [data for _, kind, data in facts_of(flying.records) if kind == "dock" and data["closed"]]
 
 
 def continue_by_command(flying: Flying) -> None:
@@ -168,8 +166,7 @@ def test_without_a_mission_of_ours_a_person_s_word_lets_a_stopped_apad_move(
     """By hand and beside a script: a call is refused until a person has said so."""
     flying = Flying.by_calls(fenced)
     flying.seconds(3)
-    gate = flying.flight._vehicle.gate
-    gate.note_others("a person must let the aPad go on")
+    flying.flight._vehicle.gate.note_others("a person must let the aPad go on")
     flying.seconds(1)
     with pytest.raises(Refused, match="a person must let the aPad go on"):
         flying.call(lambda hand: hand.go_to(20.0, 12.0))

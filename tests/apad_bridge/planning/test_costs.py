@@ -52,8 +52,7 @@ class Southerly:
 
 def test_a_way_costs_by_the_sea_and_is_as_long_as_before() -> None:
     cost = cost_of(COLLECTION, replace(SITUATION, sea=Southerly()), CostScales(distance_per_m=2.0))
-    assert cost.distance_m == 18.0
-    assert cost.distance_cost == pytest.approx(2 * 18 / 3)
+    assert (cost.distance_m, cost.distance_cost) == (18.0, pytest.approx(2 * 18 / 3))
 
 
 @pytest.mark.parametrize("strategy", [Blend(CostScales(1.0, 1.0)), Exact(CostScales()), BestOfPool()])

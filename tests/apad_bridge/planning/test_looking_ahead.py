@@ -196,8 +196,7 @@ def test_a_released_one_takes_the_place_of_the_collected_one_in_a_projection(
         else Situation(0, 0, (), (), (other, held), model)
     )
     outcome = Projection(situation, model, released_s + 50, 60.0).of([0] if is_planned else [])
-    assert outcome.metres == 30.0
-    assert outcome.active_s == pytest.approx((collected_s, 50.0))
+    assert (outcome.metres, outcome.active_s) == (30.0, pytest.approx((collected_s, 50.0)))
 
 
 @pytest.mark.parametrize("is_asynchronous", [True, False])
@@ -289,8 +288,7 @@ def test_in_heavy_overload_the_core_refuses_the_empty_while_enough_are_alive() -
     alive = [swimming(k, k, 0, 0.9) for k in (11, 12, 13)]
     assert collected(empty, alive) == []
     assert collected(empty, alive[:2]) == [5]  # the nearest to those that are alive
-    docked = replace(alive[2], dock_index=1)
-    assert collected(empty, [*alive[:2], docked]) == []
+    assert collected(empty, [*alive[:2], replace(alive[2], dock_index=1)]) == []
 
 
 @settings(max_examples=200, deadline=None)

@@ -54,8 +54,7 @@ def test_all_of_a_belief_comes_back(tmp_path: Path) -> None:
     bag.close()
     assert why_no_deviations(bag.path) is None
     (instant,) = instants([bag.path], 500)
-    assert (instant.at_ms, instant.agent_ms) == (61_500, THETA * 61_500)
-    assert instant.truths == (TRUTH,)
+    assert (instant.at_ms, instant.agent_ms, instant.truths) == (61_500, THETA * 61_500, (TRUTH,))
     (it,) = instant.beliefs
     assert (it.agent_id, it.state, it.charge, it.secondary) == (7, State.ACTIVE, 0.5, 0.875)
     assert (it.north_m, it.east_m, it.age_s) == (10.0, 20.0, 1.5)
@@ -119,8 +118,7 @@ def test_an_unclosed_bag_of_means_is_repaired_and_stays_one(
     with pytest.raises(BagUnreadable, match=r"run\.bag: not a bag"):
         list(instants([path], 1000))
     assert str(why_no_deviations(path)).startswith(f"{path}: not a bag that can be read")
-    whole = path.read_bytes()
-    path.write_bytes(whole[:-250])
+    path.write_bytes(path.read_bytes()[:-250])
     repair = repair_bag(path)
     assert repair is not None and (repair.messages, repair.last_ms) == (9, 4000)
     assert [it.at_ms for it in instants([path], 1000)] == [0, 1000, 2000, 3000]

@@ -135,8 +135,7 @@ def test_a_watchdog_that_was_started_while_the_bench_is_silent_orders_nothing_wh
 
 @pytest.mark.parametrize("age_s", [3.1, math.inf, -math.inf, -0.5])
 def test_a_bench_that_has_no_fresh_position_counts_as_silent(age_s: float) -> None:
-    vessel = watched()
-    assert vessel.seconds(8, age_s=age_s).state == "HELD"
+    assert watched().seconds(8, age_s=age_s).state == "HELD"
 
 
 def test_a_bench_that_does_not_trust_the_position_makes_it_a_bad_one() -> None:

@@ -173,5 +173,4 @@ def test_after_its_end_a_run_goes_on_by_the_wall(story: Any, wall: SimpleNamespa
     story.poll()
     wall.now_s += 2.5
     story.poll()
-    assert story.run.now_ms == 6500
-    assert story.run.state.ended_by == "mission time"
+    assert (story.run.now_ms, story.run.state.ended_by) == (6500, "mission time")

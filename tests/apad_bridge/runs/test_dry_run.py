@@ -31,5 +31,4 @@ def test_it_is_the_plan_that_a_flight_makes(name: str, duration_s: float) -> Non
 
 
 def test_none_is_made_before_there_are_candidates() -> None:
-    scenario = shipped("whole-board-12", 60.0)
-    assert first_plan(scenario) is None
+    assert first_plan(shipped("whole-board-12", 60.0)) is None

@@ -35,8 +35,7 @@ def test_listing_1_runs_as_the_paper_prints_it() -> None:
     flight = fly_script(load(ROOT / "launch_scripts/scenarios/bay-24.yaml"), EXAMPLES / "listing_1.py")
     assert (flight.ended_by, flight.error) == (EndReason.SCRIPT_ENDED, None)
     # The second docking mechanism is dock 1 on the wire.
-    assert flight.state.docked == ((1, 24),)
-    assert flight.said[-1] == "Goal reached. Docking start."
+    assert (flight.state.docked, flight.said[-1]) == (((1, 24),), "Goal reached. Docking start.")
     # It lies 26.6 m from (30, 20); at 0.5 m/s, with some acceleration, the script prints a line each second of the way.
     assert flight.said.count("GoTo in progress.") == pytest.approx(26.6 / 0.5, abs=4)
 

@@ -152,8 +152,7 @@ def test_what_guards_refuse_is_told_and_counted(pool: Scenario, tmp_path: Path) 
     )
     directory, summary, lines = flown(fenced, tmp_path)
     refused = [line for line in lines_in(directory.journal) if line["kind"] == "refused"]
-    orders = {line["order"] for line in refused}
-    assert orders == {"go to point", "permit to surface"}
+    assert {line["order"] for line in refused} == {"go to point", "permit to surface"}
     assert any("failed: refused: the goal (" in line and "outside the fence" in line for line in lines)
     assert any("is not permitted to surface: aMussel" in line for line in lines)
     assert any(cause.startswith("refused: the goal (") for cause in summary["causes"])

@@ -36,8 +36,7 @@ def test_its_scenario_s_blocks_can_be_flown() -> None:
             block["water"]["current"].pop("file")
         data = resolve(load(SOUND_FILE))
         data["water"].update(block["water"])
-        flown = resolve(from_data(data, "page"))["water"]
-        check_holds(flown, block["water"])
+        check_holds(resolve(from_data(data, "page"))["water"], block["water"])
 
 
 def test_its_links_are_links() -> None:

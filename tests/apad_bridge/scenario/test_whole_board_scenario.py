@@ -45,8 +45,7 @@ def power_with(keys: str) -> tuple[str, str]:
 def test_the_profiles_are_table_one_to_the_grain() -> None:
     whole = board_config(SHIPPED.board).whole
     assert whole is not None
-    assert whole.power == table_one.power(LastResort.CALL)
-    assert whole.cycle == table_one.FIELD
+    assert (whole.power, whole.cycle) == (table_one.power(LastResort.CALL), table_one.FIELD)
     assert charge_model(SHIPPED.board) == table_one.MODEL
     hourly = board_config(changed((CYCLE_LINE, "cycle: hourly")).board).whole
     assert hourly is not None and hourly.cycle == replace(table_one.HOURLY, report_ms=60_000)

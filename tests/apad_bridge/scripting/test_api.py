@@ -74,8 +74,7 @@ def test_a_go_to_runs_and_ends_and_another_pre_empts_it(pool: Scenario) -> None:
         found.append(api.goto_status(api.id_self))
         found.append(api.wait_goto(timeout=2))
         found.append(api.wait_goto())
-        place = api.get_location(api.id_self)
-        found.append(abs(place.east_m - 15.5) <= 0.3)
+        found.append(abs(api.get_location(api.id_self).east_m - 15.5) <= 0.3)
         api.go_to_local(0.0, 0.0)
         api.sleep(2)
         api.go_to_local(14.0, 14.0)
@@ -270,8 +269,7 @@ def test_a_dock_that_is_taken_is_refused(pool: Scenario) -> None:
         with pytest.raises(Refused, match="dock 1 holds aMussel 10, not 4"):
             api.docking(False, 1, 4)
 
-    flight = fly_script(pool, script)
-    assert flight.error is None
+    assert fly_script(pool, script).error is None
 
 
 def failed(flight: ScriptFlight) -> str:

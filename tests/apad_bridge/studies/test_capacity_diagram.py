@@ -94,8 +94,7 @@ def test_a_border_is_the_least_charge_from_which_on_every_flight_is_held() -> No
     found = {amussels: least for strategy, amussels, least in borders_of(phases) if "batch" in strategy}
     assert (found[9], found[12], found[16]) == (0.2, 0.5, None)
     own = [it for it in phases if it.amussels == 12 and "batch" in it.strategy]
-    with_an_exception = [replace(it, held=1) if it.start_charge == 0.7 else it for it in own]
-    assert held_from(with_an_exception) == 0.8
+    assert held_from([replace(it, held=1) if it.start_charge == 0.7 else it for it in own]) == 0.8
 
 
 def test_the_command_prints_both_states_and_draws_them(

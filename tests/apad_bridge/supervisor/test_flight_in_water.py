@@ -85,8 +85,7 @@ def test_the_mission_is_flown_by_sound_alone() -> None:
     """Hours of sleep, permissions that wake, Wi-Fi only from the surface: four aMussels are charged and brought back."""
     figures, recorder = fly_in_memory(in_water(3600, {"wifi": {}}))
     assert figures["services"] >= 4 and figures["amussels_lost"] == 0
-    outcomes = {row[1] for packet in packets(recorder) for row in packet["heard"]}
-    assert "received" in outcomes
+    assert "received" in {row[1] for packet in packets(recorder) for row in packet["heard"]}
     assert any(packet["from"] == 0 for packet in packets(recorder))
 
 

@@ -282,8 +282,7 @@ def test_a_report_that_makes_no_sense_is_dropped_and_counted(fact, reason):
     port = DockingPort(VISUAL)
     port.receive(CloseDock(2, 0, 9), 0)
     assert port.receive(fact, 10) == []
-    assert port.dropped == {reason: 1}
-    assert port.running == CloseDock(2, 0, 9)
+    assert (port.dropped, port.running) == ({reason: 1}, CloseDock(2, 0, 9))
 
 
 def test_battery_reports_are_none_of_its_business():

@@ -13,6 +13,5 @@ def test_a_dock_closes_once_moves_when_it_moves_and_opens_once() -> None:
 
 
 def test_what_was_held_before_is_not_closed_around_again() -> None:
-    contacts = Contacts(held=[3])
-    assert contacts.take(Carried(0, 3, 1.0, 2.0)) == DockMoved(1_000_000, 2_000_000)
+    assert Contacts(held=[3]).take(Carried(0, 3, 1.0, 2.0)) == DockMoved(1_000_000, 2_000_000)
     assert Contacts(held=[3]).take(LetGo(0, 3)) == ContactOpened()

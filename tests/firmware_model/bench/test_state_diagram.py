@@ -30,5 +30,4 @@ def test_the_page_has_the_numbers_of_states_and_the_bits_of_rails() -> None:
 
 def test_the_page_explains_every_state() -> None:
     text = PAGE.read_text()
-    explained = set(re.findall(r"^- `(\w+)`", text, re.MULTILINE))
-    assert explained == {state.name for state in State}
+    assert set(re.findall(r"^- `(\w+)`", text, re.MULTILINE)) == {state.name for state in State}

@@ -79,8 +79,7 @@ def test_a_charger_that_touched_for_a_moment_fills_no_battery(metering: Metering
     )
     assert path.feed is ActiveBattery.SECONDARY
     path.set(True, 1, 1000)
-    found = list(levels(path, 31_000))
-    assert (found == [(1500, Level.SWITCH_BACK)]) is switches
+    assert (list(levels(path, 31_000)) == [(1500, Level.SWITCH_BACK)]) is switches
     path.set(False, 1, 31_000)
     assert path.feed is (ActiveBattery.PRIMARY if switches else ActiveBattery.SECONDARY)
 

@@ -79,8 +79,7 @@ def test_a_wake_under_way_is_neither_broken_off_nor_made_longer() -> None:
     for it in (bench, other):
         it.run_until(4_000_000)
     assert [it.at_ms for it in bench.did(SendAnswer)] == [3_605_500, 3_650_500, 3_700_500]
-    changes = [it for it in bench.did(StateChanged) if it.old is not it.new]
-    assert changes == other.did(StateChanged)
+    assert [it for it in bench.did(StateChanged) if it.old is not it.new] == other.did(StateChanged)
     assert bench.did(SendStatus) == other.did(SendStatus) != []
 
 

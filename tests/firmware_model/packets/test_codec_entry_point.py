@@ -83,8 +83,7 @@ def test_a_fleet_that_speaks_it_is_heard_and_obeys(lines: Codec) -> None:
     assert {belief.state for belief in supervisor.beliefs.all()} == {State.ACTIVE}
     assert supervisor.dropped == {}
 
-    permission = lines.encode(CommandPacket(Kind.PERMISSION, 3))
-    fleet.receive(3, SoundArrived(permission), 2000)
+    fleet.receive(3, SoundArrived(lines.encode(CommandPacket(Kind.PERMISSION, 3))), 2000)
     for heard in fleet.advance(3000):
         assert isinstance(heard, WifiSent)
         supervisor.receive(WifiHeard(fleet.scale.mission_ms(heard.at_ms), heard.data))

@@ -88,8 +88,7 @@ def test_falls_to_and_reaches_are_the_first_milliseconds_that_do(battery: Batter
 
 def test_a_load_above_the_charger_s_upper_rate_holds_the_charge_at_the_breakpoint() -> None:
     # 1/77 a millisecond up to one half, and then 1/200 less a load of 1/100: it neither rises nor falls there.
-    battery = Battery(0, FULL // 4, Flow.CHARGING, FULL // 100)
-    assert TAPERED.charge_at(battery, 10_000) == FULL // 2
+    assert TAPERED.charge_at(Battery(0, FULL // 4, Flow.CHARGING, FULL // 100), 10_000) == FULL // 2
     assert TAPERED.charge_at(Battery(0, FULL, Flow.CHARGING, FULL // 100), 10_000) == FULL // 2
 
 

@@ -99,8 +99,7 @@ def test_a_torn_last_write_is_dropped_and_counted(count: int, kept: int) -> None
     used = any(data)  # a torn record keeps its sequence, also at the begin of a page
 
     again = FlashLog(flash, count, 0)
-    assert again.torn == any(data)
-    assert again.next_sequence == count + used
+    assert (again.torn, again.next_sequence) == (any(data), count + used)
     held = [n for n in range(count) if n >= again.ring.oldest(count + used)]
     assert sequences(again) == held
     for sequence in range(again.next_sequence, again.next_sequence + 20):

@@ -64,8 +64,7 @@ def test_it_asks_who_is_there_and_never_sets_an_address() -> None:
 
 def test_one_packet_at_a_time_with_its_id_and_commands_first() -> None:
     queue = ready()
-    first = queue.send(report(7), Priority.REPORT, 100)
-    assert written(first) == b"$B09\xb1\x07\x00status"
+    assert written(queue.send(report(7), Priority.REPORT, 100)) == b"$B09\xb1\x07\x00status"
     assert queue.send(report(8), Priority.REPORT, 110) == []
     assert queue.send(command(300), Priority.COMMAND, 120) == []
     assert queue.read(b"$B09\r\n", 130) == []

@@ -75,8 +75,7 @@ def test_an_mcap_in_ros_2_s_form_is_read_byte_by_byte_as_cdr(pool_run, tmp_path)
         schema, channel, message = list(reader.iter_messages(topics="/musselbed/apad"))[-1]
         assert (schema.name, schema.encoding) == ("musselbed_msgs/msg/APadStatus", "ros2msg")
         assert channel.message_encoding == "cdr" and rows["/musselbed/apad"] == 601
-        names = [it.name for it in reader.iter_attachments()]
-        assert names == ["scenario.yaml", "summary.json"]
+        assert [it.name for it in reader.iter_attachments()] == ["scenario.yaml", "summary.json"]
         text = schema.data.decode()
         assert "builtin_interfaces/Time" in text and "uint32 seq" not in text
     data, at = message.data[4:], 0
@@ -171,8 +170,7 @@ def test_a_run_that_was_killed_is_exported_and_left_as_it_is(pool_run, tmp_path)
     at = torn.index(b"index_pos=") + len(b"index_pos=")
     torn[at : at + 8] = bytes(8)
     bag.write_bytes(torn)
-    rows = export(copy, Format.MCAP, tmp_path / "run.mcap")
-    assert 100 < rows["/musselbed/truth"] < 601
+    assert 100 < export(copy, Format.MCAP, tmp_path / "run.mcap")["/musselbed/truth"] < 601
     assert bag.read_bytes() == torn
 
 

@@ -102,8 +102,7 @@ def test_colours_say_what_a_threshold_a_dock_and_two_batteries_say():
     }
     # In 4 ticks 1 and 2 are always active, 3 until it is docked at the second tick, 4 and 5 never.
     assert [agent["uptime"][-1] for agent in data["agents"]] == [100, 100, 25, 0, 0, 0]
-    assert data["active"] == [3, 3, 2, 2, 2]
-    assert data["ended_by"] == "mission time"
+    assert (data["active"], data["ended_by"]) == ([3, 3, 2, 2, 2], "mission time")
 
 
 def test_charge_follows_equation_1_between_truths():
@@ -126,8 +125,7 @@ def test_a_docked_one_is_where_the_aPad_is():
     ]
     data = data_of(run_line(1), *lines)
     assert data["agents"][0]["north"] == [7.0, 7.0, 3.0, 12.0, 12.0]
-    assert data["docks"][-1] == [None, 1, None, None]
-    assert data["apad"][0] == [3.0, 0.0, 0.5, 0.9]
+    assert (data["docks"][-1], data["apad"][0]) == ([None, 1, None, None], [3.0, 0.0, 0.5, 0.9])
     assert data["trace"] == [[0, 3.0, 0.0], [3000, 12.0, 0.0]]
 
 
@@ -199,8 +197,7 @@ def test_texts_and_cost_follow_the_mission():
         "done": 0,
     }
     assert stages[3]["plan"]["done"] == 1 and stages[3]["phase"] == "dock"
-    assert data["cost"] == [0, 2.5, 2.5, 3.5]
-    assert data["docks"][3] == [4, None, None, None]
+    assert (data["cost"], data["docks"][3]) == ([0, 2.5, 2.5, 3.5], [4, None, None, None])
 
 
 def test_a_plan_goes_to_the_places_that_are_the_aMussels_then_and_counts_its_own_steps():
@@ -313,8 +310,7 @@ def test_an_estimate_stands_beside_the_truth_with_its_interval():
         {"t": 4000, "kind": "end", "reason": "mission time"},
     ]
     agents = {agent["id"]: agent for agent in data_of(run_line(1, 2, 3), *lines)["agents"]}
-    assert agents[1]["charge"] == [0.8] * 5
-    assert agents[1]["believed"] == [None, 0.75, 0.75, 0.7, 0.7]
+    assert (agents[1]["charge"], agents[1]["believed"]) == ([0.8] * 5, [None, 0.75, 0.75, 0.7, 0.7])
     assert agents[1]["low"] == [None, 0.71, 0.71, 0.66, 0.66]
     assert agents[1]["high"] == [None, 0.79, 0.79, 0.74, 0.74]
     # The second has no interval; the third has no truth.

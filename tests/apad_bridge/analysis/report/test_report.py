@@ -104,8 +104,7 @@ def test_batteries_of_the_paper_s_worst_case_lie_on_the_model(report):
         at, curve = model.get_xdata(), model.get_ydata()
         for course in courses:
             for minute, charge in zip(course.get_xdata(), course.get_ydata(), strict=True):
-                below = min(int(minute), len(at) - 1)
-                assert charge == pytest.approx(curve[below], abs=2 * slope)
+                assert charge == pytest.approx(curve[min(int(minute), len(at) - 1)], abs=2 * slope)
 
 
 def test_a_fault_is_told_with_what_followed_for_its_amussel():

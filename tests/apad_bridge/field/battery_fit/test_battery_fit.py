@@ -91,8 +91,7 @@ def test_gaps_are_told_and_fitted_across() -> None:
     curve = charged(EQUATION_2, 1.0)
     keep = np.concatenate((np.arange(0, 90), np.arange(140, len(curve))))
     fitted = fit_log(BatteryLog("a.csv", keep.astype(float), curve[keep], 7))
-    assert fitted.gaps == ((89.0, 140.0),)
-    assert fitted.left_out == 7
+    assert (fitted.gaps, fitted.left_out) == (((89.0, 140.0),), 7)
     assert at(fitted) == pytest.approx([0.16197, 0.001045, 0.5634, 0.00223, 1.0, 0.002911], rel=0.02)
 
 

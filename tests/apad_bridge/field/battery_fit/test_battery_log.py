@@ -33,8 +33,7 @@ def read(tmp_path: Path, text: str, **how: object) -> BatteryLog:
 )  # fmt: skip
 def test_every_form_of_a_log_says_the_same(tmp_path: Path, text: str, how: dict[str, object]) -> None:
     log = read(tmp_path, text, **how)
-    assert log.minutes == pytest.approx([0, 1, 2.5])
-    assert log.scaled == pytest.approx([0, 0.5, 1])
+    assert (log.minutes, log.scaled) == (pytest.approx([0, 1, 2.5]), pytest.approx([0, 0.5, 1]))
     assert log.left_out == text.count("no reading")
 
 

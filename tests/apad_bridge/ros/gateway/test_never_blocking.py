@@ -95,8 +95,7 @@ def test_a_reader_that_takes_nothing_for_the_stated_time_is_disconnected_and_cou
         now_s = STALLED_S
         with pytest.raises(TransportTerminated):
             connection.write_data(message(3, 1000))
-        assert stalls.disconnected == {READER: 1}
-        assert stalls.longest_s == STALLED_S
+        assert (stalls.disconnected, stalls.longest_s) == ({READER: 1}, STALLED_S)
 
 
 def test_a_reader_that_reads_again_in_time_stays() -> None:

@@ -98,8 +98,7 @@ def test_who_does_not_come_along_is_named(topics: list[Topic]) -> None:
 
 
 def test_an_answer_that_was_lost_is_asked_for_again_at_the_same_time(topics: list[Topic]) -> None:
-    clock = ros_pace.OwnMasterClock(None, Vehicle(lost=2))
-    clock.reach(1_000, threading.Event())
+    ros_pace.OwnMasterClock(None, Vehicle(lost=2)).reach(1_000, threading.Event())
     assert topics[0].published_ms == [1_000] * 3
 
 

@@ -262,8 +262,7 @@ def test_a_vehicle_comes_to_rest_before_it_is_too_near_to_another_apad(
     other = BodyInWater("apad2", (5.0, 0.0), agent_id=None)
     situation = VehicleSituation(place, velocity, bodies=(other,))
     assert (check.look(situation, None, 0) is not None) is is_held
-    amussel = replace(other, agent_id=7)
-    assert check.look(replace(situation, bodies=(amussel,)), None, 0) is None
+    assert check.look(replace(situation, bodies=(replace(other, agent_id=7),)), None, 0) is None
 
 
 STOPPING = Stopping(0.1, coasting_m=4.2, coasting_speed_m_s=0.6)

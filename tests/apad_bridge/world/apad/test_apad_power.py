@@ -112,14 +112,12 @@ def test_an_empty_battery_stops_thrusters_and_mechanisms_and_says_so(small_batte
     failures = [fact for fact in facts if isinstance(fact, CommandFailed)]
     assert [failure.command_id for failure in failures] == [2]
     assert "battery" in failures[0].reason
-    assert apad.battery_fraction == 0.0
-    assert apad.battery_voltage_v == 10.5
+    assert (apad.battery_fraction, apad.battery_voltage_v) == (0.0, 10.5)
     assert apad.thruster_forces_n == (0.0, 0.0, 0.0, 0.0)
     # it coasted to a stop; the dock stays closed, and every command fails
     stopped = [fact for fact in facts if isinstance(fact, PoseReported)]
     assert stopped[-1].north_m > next(p.north_m for p in stopped if p.at_ms == failures[0].at_ms)
-    assert apad.pose.speed_m_s == 0.0
-    assert dict(apad.docked) == {0: 5}
+    assert (apad.pose.speed_m_s, dict(apad.docked)) == (0.0, {0: 5})
     for command in (OpenDock(3, 0, 5), CloseDock(4, 1, 6), Hold(5, 0.0, 0.0), GoTo(6, 0.0, 0.0, 0.5, 0.5)):
         [fact] = apad.receive(command, 120_000)
         assert isinstance(fact, CommandFailed)

@@ -83,8 +83,7 @@ def test_a_cancelled_go_to_is_pre_empted_and_keeps_moving() -> None:
     apad = vehicle()
     apad.receive(go_to("there", NORTH_M + 5), 0)
     assert ends(apad.cancel("there", 2_000)) == [("there", GoalOutcome.PREEMPTED)]
-    published = apad.advance(30_000)
-    assert ends(published) == []
+    assert ends(apad.advance(30_000)) == []
     assert apad.pose.north_m == pytest.approx(NORTH_M + 5)
 
 

@@ -69,8 +69,7 @@ def test_a_go_to_is_taken_at_once_and_its_end_told_by_topics() -> None:
 def test_after_the_end_of_a_primitive_the_water_takes_the_boat() -> None:
     apad = vehicle(drift_m_s=(0.1, -0.2))
     apad.receive(GoTo(0, NORTH_M + 1, EAST_M, 0.5, 0.5), 0)
-    done_ms = status_changes(apad.advance(30_000))[-1][0]
-    assert done_ms < 20_000
+    assert status_changes(apad.advance(30_000))[-1][0] < 20_000
     before = apad.pose
     apad.advance(40_000)
     assert apad.stage is Stage.OFF
@@ -178,8 +177,7 @@ def test_a_pilot_pre_empts_and_nothing_is_begun_meanwhile() -> None:
 def test_stop_mission_ends_what_is_under_way() -> None:
     apad = vehicle()
     apad.receive(DOCK, 0)
-    published = apad.stop(5_000)
-    assert status_changes(published, docking=True)[-1] == (5_000, PrimitiveStatus.PREEMPTED)
+    assert status_changes(apad.stop(5_000), docking=True)[-1] == (5_000, PrimitiveStatus.PREEMPTED)
     assert apad.stage is Stage.OFF
 
 
