@@ -81,11 +81,9 @@ def test_one_that_has_no_timeslot_is_refused() -> None:
 def test_boards_of_a_spread_differ_in_what_they_draw_and_in_what_their_batteries_hold() -> None:
     """A drain of d and a capacity of c, both relative: loads are d / c times the nominal, a charger's rates 1 / c."""
     fleet = replace(FLEETS["field"], seed=7, first_id=1, spread=Spread(drain=1000, capacity=1000))
-    assert fleet.board.whole is not None
     drains, capacities = [], []
     for agent_id in range(1, 61):
         board = fleet.maker().config(agent_id).board
-        assert board.whole is not None
         capacity = fleet.board.charge.segments[0][1] / board.charge.segments[0][1]
         own, nominal = board.whole.power.loads.of, fleet.board.whole.power.loads.of
         drain = own[Rail.MOTORS] / nominal[Rail.MOTORS] * capacity

@@ -73,6 +73,5 @@ def _written(path: Path, seconds: int, closed: bool = True) -> Path:
         writer.close()
     else:
         writer.write_chunk(writer.chunks[-1])
-        assert writer.bio is not None
         writer.bio.close()
     return path

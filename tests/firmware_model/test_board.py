@@ -153,21 +153,6 @@ def test_floating_unserved_it_sinks_again() -> None:
     ]
 
 
-@pytest.mark.parametrize(
-    ("power", "state"),
-    [
-        (PowerCameOn(ResetCause.BROWN_OUT, at_surface=True, pin_high=True), State.CHARGING),
-        (PowerCameOn(ResetCause.WATCHDOG, at_surface=True, pin_high=False), State.FLOATING),
-        (PowerCameOn(ResetCause.BROWN_OUT, at_surface=False, pin_high=False), State.ACTIVE),
-    ],
-)
-def test_a_reset_boots_into_what_the_sensors_say(power: PowerCameOn, state: State) -> None:
-    mu = board()
-    mu.receive(power, 0)
-    mu.advance(2000)
-    assert mu.state is state
-
-
 def test_a_reset_on_the_charger_does_not_interrupt_the_charge() -> None:
     primary = Battery(0, grains(0.7), Flow.CHARGING)
     mu = Board(CONFIG, MusselbedCodec(), primary, Battery(0, FULL, Flow.RESTING), 0)

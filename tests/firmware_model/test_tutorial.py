@@ -77,7 +77,6 @@ def test_every_step_of_the_tutorial_does_what_the_page_says(clone: Path) -> None
                 done = run(clone, block)
                 assert done.returncode in (0, 1) and "Traceback" not in done.stderr, done.stderr
             case "text":
-                assert done is not None
                 missing = [line for line in block.splitlines() if line not in done.stdout]
                 assert missing == [], done.stdout + done.stderr
                 assert done.returncode == int("FAILED" in done.stdout)

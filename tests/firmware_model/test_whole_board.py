@@ -41,8 +41,6 @@ from firmware_model.stimuli import (
 )
 from firmware_model.table_one import FIELD, HOURLY, LOADS, METERING, MODEL, board, power
 
-HOUR = 3_600_000
-
 
 def told(actions: list[Action]) -> list[str]:
     """The trace without the rails."""
@@ -70,8 +68,12 @@ def asleep(cycle: Cycle = HOURLY, last_resort: LastResort = LastResort.WAIT, **s
     return bench
 
 
-def test_a_short_wake_samples_for_ten_seconds_every_hour() -> None:
-    bench = asleep()
+@pytest.fixture
+def bench() -> Bench:
+    return asleep()
+
+
+def test_a_short_wake_samples_for_ten_seconds_every_hour(bench: Bench) -> None:
     assert told(bench.run(hours=2)) == [
         "3600000 SLEEPING -ALARM_RANG-> SAMPLING",
         "3610000 sample",
@@ -95,13 +97,7 @@ def test_a_long_wake_processes_awaits_its_slot_and_transmits() -> None:
     ]
 
 
-def test_a_wake_without_the_pi_goes_from_sampling_to_its_slot() -> None:
-    lines = told(asleep(replace(FIELD, processing_ms=0)).run(hours=1.5))
-    assert lines[2] == "3610000 SAMPLING -SAMPLES_TO_SEND-> AWAITING_SLOT"
-
-
-def test_one_service_with_reports_in_the_dock() -> None:
-    bench = asleep()
+def test_one_service_with_reports_in_the_dock(bench: Bench) -> None:
     bench.command(Kind.PERMISSION)
     bench.run(minutes=4)
     bench.charge_pin_rises()
@@ -126,14 +122,7 @@ def test_one_service_with_reports_in_the_dock() -> None:
     ]
 
 
-def test_a_charge_edge_wakes_a_sleeper() -> None:
-    bench = asleep()
-    bench.charge_pin_rises()
-    assert told(bench.run(minutes=1)) == ["120050 SLEEPING -CHARGE_EDGE_ROSE-> CHARGING"]
-
-
-def test_it_hovers_by_a_motor_run_every_ten_minutes_and_sinks_when_told() -> None:
-    bench = asleep()
+def test_it_hovers_by_a_motor_run_every_ten_minutes_and_sinks_when_told(bench: Bench) -> None:
     bench.command(Kind.HOVER)
     bench.run(minutes=15)
     bench.tell(PacketHeard(CommandPacket(Kind.RELEASE, 1).encode()))
@@ -221,12 +210,6 @@ def test_the_low_level_wakes_a_sleeper_once_and_it_reports_in_its_slot(metering:
     ]
     bench.run(hours=20)
     assert sum("LOW_LEVEL_REACHED" in line for line in told(bench.trace)) == 1
-
-
-def test_one_that_boots_with_both_batteries_empty_is_lost() -> None:
-    bench = Bench(board(HOURLY, power()), primary=0.0, secondary=0.0)
-    bench.run(ms=0)
-    assert (bench.state, bench.board.rails) == (State.LOST, 0)
 
 
 def test_a_lost_one_that_is_docked_all_the_same_boots_and_charges() -> None:
@@ -376,7 +359,6 @@ def test_what_the_modules_drew_is_what_the_batteries_lost(
         elif not isinstance(fact, ChargePinRose):
             bench.tell(fact)
     bench.run_until(1_000_000)
-    assert bench.ledger is not None
     bench.ledger.settle(1_000_000)
     lost = FULL - bench.primary
     assert bench.secondary == FULL

@@ -32,11 +32,14 @@ class Water:
         self._coming: list[tuple[int, int, str, ModemStimulus]] = []
         self._count = 0
 
-    def write(self, name: str, data: bytes, line: int = 0) -> None:
-        self._note(name, self.modems[name].receive(SerialBytes(data, line), self.now_ms))
+    def write(self, name: str, data: bytes, line: int = 0, until_ms: int | None = None) -> None:
+        self.tell(name, SerialBytes(data, line), until_ms)
 
-    def tell(self, name: str, stimulus: ModemStimulus) -> None:
+    def tell(self, name: str, stimulus: ModemStimulus, until_ms: int | None = None) -> None:
+        """Tells a modem something now, and lets time run until then."""
         self._note(name, self.modems[name].receive(stimulus, self.now_ms))
+        if until_ms is not None:
+            self.run(until_ms)
 
     def run(self, until_ms: int) -> None:
         while True:

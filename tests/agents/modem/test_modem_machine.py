@@ -77,18 +77,20 @@ def test_the_table_by_hand() -> None:
 
 def test_a_ping_takes_serial_bytes_two_frames_and_two_ways(pair: Pair) -> None:
     water = pair(turnaround_ms=5)
-    water.write("near", b"$P002")
-    water.run(5000)
+    water.write("near", b"$P002", until_ms=5000)
     came = [(it.at_ms, it.data) for who, it in water.seen if isinstance(it, SerialOut) and who == "near"]
     # 5 bytes in: 5.2 ms, so the ping leaves at 6. Its acknowledgement, 7 bytes, has left 7.3 ms after 5.2.
     # Out 105 + 100 ms, 5 ms of turnaround, back 105 + 100: at 421. 13 bytes more take 13.5 ms.
     assert came == [(13, b"$P002\r\n"), (435, b"#R002T03200\r\n")]
 
 
-def test_nothing_comes_for_4_s_after_the_question(pair: Pair) -> None:
-    water = pair()
-    water.write("near", b"$P050")
-    water.run(4000)
+@pytest.fixture
+def water(pair: Pair) -> Any:
+    return pair()
+
+
+def test_nothing_comes_for_4_s_after_the_question(water: Any) -> None:
+    water.write("near", b"$P050", until_ms=4000)
     assert water.printed("near") == b"$P050\r\n"
     water.run(6 + 105 + 4000 + 4)
     assert water.printed("near") == b""
@@ -98,33 +100,30 @@ def test_nothing_comes_for_4_s_after_the_question(pair: Pair) -> None:
 
 def test_a_range_is_finer_than_a_millisecond(pair: Pair) -> None:
     water = pair(propagation_us=66_687)  # 100.03 m: 2133.98 steps
-    water.write("near", b"$P002")
-    water.run(1000)
+    water.write("near", b"$P002", until_ms=1000)
     assert water.printed("near") == b"$P002\r\n#R002T02134\r\n"
 
 
-def test_a_question_while_another_waits_is_refused(pair: Pair) -> None:
-    water = pair()
-    water.write("near", b"$P050")
-    water.run(500)
-    water.write("near", b"$P002")
-    water.run(8000)
+def test_a_question_while_another_waits_is_refused(water: Any) -> None:
+    water.write("near", b"$P050", until_ms=500)
+    water.write("near", b"$P002", until_ms=8000)
     assert water.printed("near") == b"$P050\r\nE\r\n#TO\r\n"
 
 
-def test_while_it_sends_bytes_wait(pair: Pair) -> None:
-    water = pair()
-    water.write("near", b"$B64" + bytes(64))
-    water.run(200)
-    water.write("near", b"$?")
-    water.run(1000)
+def test_while_it_sends_bytes_wait(water: Any) -> None:
+    water.write("near", b"$B64" + bytes(64), until_ms=200)
+    water.write("near", b"$?", until_ms=1000)
     assert b"#A" not in water.printed("near")
     water.run(1300)
     assert water.printed("near").startswith(b"#A001")
 
 
-def test_slow_bytes_are_an_error_2_ms_after_the_last() -> None:
-    it = modem()
+@pytest.fixture
+def it() -> Modem:
+    return modem()
+
+
+def test_slow_bytes_are_an_error_2_ms_after_the_last(it: Modem) -> None:
     actions = it.receive(SerialBytes(b"$P0"), 0)
     actions += it.advance(100)
     # 3 bytes end at 3.125 ms, 2 ms of silence at 5.125; `E` and CR LF take 3.1 ms more from 6.
@@ -132,8 +131,7 @@ def test_slow_bytes_are_an_error_2_ms_after_the_last() -> None:
     assert outs(it.receive(SerialBytes(b"$A009"), 100) + it.advance(200)) == [(113, b"#A009\r\n")]
 
 
-def test_bytes_within_2_ms_are_one_command() -> None:
-    it = modem()
+def test_bytes_within_2_ms_are_one_command(it: Modem) -> None:
     actions: list[ModemAction] = []
     for n, byte in enumerate(b"$A009"):
         actions += it.receive(SerialBytes(bytes([byte])), 3 * n)
@@ -144,8 +142,7 @@ def test_bytes_within_2_ms_are_one_command() -> None:
     assert b"E\r\n" in [data for _, data in outs(actions + it.advance(200))]
 
 
-def test_half_duplex_what_comes_while_it_sends_is_lost() -> None:
-    it = modem()
+def test_half_duplex_what_comes_while_it_sends_is_lost(it: Modem) -> None:
     it.receive(SerialBytes(b"$B64" + bytes(64)), 0)
     it.advance(500)
     assert it.state is ModemState.TRANSMITTING
@@ -161,8 +158,7 @@ def test_half_duplex_what_comes_while_it_sends_is_lost() -> None:
     assert [type(action) for action in it.advance(1305)] == [ModemStateChanged, EmitFrame]
 
 
-def test_told_to_send_it_drops_what_it_receives() -> None:
-    it = modem()
+def test_told_to_send_it_drops_what_it_receives(it: Modem) -> None:
     it.receive(SoundBegan(105), 0)
     assert it.state is ModemState.RECEIVING
     it.receive(SerialBytes(b"$F"), 0)
@@ -172,8 +168,7 @@ def test_told_to_send_it_drops_what_it_receives() -> None:
     assert isinstance(lost, FrameDropped)
 
 
-def test_asleep_it_hears_nothing_and_wakes_by_w_repeated() -> None:
-    it = modem()
+def test_asleep_it_hears_nothing_and_wakes_by_w_repeated(it: Modem) -> None:
     assert outs(it.receive(SerialBytes(b"$Z"), 0) + it.advance(100)) == [(7, b"$Z\r\n")]
     assert it.state is ModemState.SLEEPING
     (lost,) = it.receive(FrameArrived(PING), 400)
@@ -184,8 +179,7 @@ def test_asleep_it_hears_nothing_and_wakes_by_w_repeated() -> None:
     assert outs(it.receive(SerialBytes(b"$W"), 600) + it.advance(700)) == [(607, b"$W\r\n")]
 
 
-def test_the_address_outlives_power_and_the_rest_does_not() -> None:
-    it = modem()
+def test_the_address_outlives_power_and_the_rest_does_not(it: Modem) -> None:
     it.receive(SerialBytes(b"$A077$XQE$XTE$P002"), 0)
     it.advance(1000)
     assert it.question is not None and it.reports_quality
@@ -199,8 +193,7 @@ def test_the_address_outlives_power_and_the_rest_does_not() -> None:
     assert it.question is None and not it.reports_quality
 
 
-def test_pins_rise_for_a_unicast_and_for_any_frame() -> None:
-    it = modem()
+def test_pins_rise_for_a_unicast_and_for_any_frame(it: Modem) -> None:
     unicast = FrameArrived(ModemFrame(FrameKind.UNICAST, 9, 1, b"hi"))
     other = FrameArrived(ModemFrame(FrameKind.UNICAST, 9, 2, b"hi"))
     assert it.receive(unicast, 1000) == [PinRose(1000, Pin.RXM), Delivered(1000, unicast.frame)]
@@ -211,8 +204,7 @@ def test_pins_rise_for_a_unicast_and_for_any_frame() -> None:
     assert PinRose(3000, Pin.RXS) in it.receive(other, 3000)
 
 
-def test_energy_by_state() -> None:
-    it = modem()
+def test_energy_by_state(it: Modem) -> None:
     it.receive(SoundBegan(1105), 1000)  # listened 1 s, received 1.105 s
     it.receive(SerialBytes(b"$F"), 3000)  # 2 bytes: sent from 3.003 to 3.108 s
     it.receive(SerialBytes(b"$Z"), 4000)  # asleep from 4.003 s
@@ -224,25 +216,19 @@ def test_energy_by_state() -> None:
 def test_two_lines_get_their_own_answers_and_both_what_is_heard(pair: Pair) -> None:
     water = pair(lines=2)
     water.write("near", b"$P002", line=0)
-    water.write("near", b"$?", line=1)
-    water.run(1000)
-    water.write("far", b"$B02hi")
-    water.run(2000)
+    water.write("near", b"$?", line=1, until_ms=1000)
+    water.write("far", b"$B02hi", until_ms=2000)
     assert water.printed("near", 0) == b"$P002\r\n#R002T03200\r\n#B00202hi\r\n"
     assert water.printed("near", 1).endswith(b":00\r\n#B00202hi\r\n")
 
 
-def test_a_host_without_a_line_asks_and_is_told(pair: Pair) -> None:
-    water = pair()
+def test_a_host_without_a_line_asks_and_is_told(water: Any) -> None:
     ping = ModemFrame(FrameKind.PING, 1, 2)
-    water.tell("near", FrameRequested(ping))
-    water.run(1000)
+    water.tell("near", FrameRequested(ping), until_ms=1000)
     lost = ModemFrame(FrameKind.PING, 1, 3)
-    water.tell("near", FrameRequested(lost))
-    water.run(6000)
+    water.tell("near", FrameRequested(lost), until_ms=6000)
     words = ModemFrame(FrameKind.UNICAST, 1, 2, b"words")
-    water.tell("near", FrameRequested(words))
-    water.run(7000)
+    water.tell("near", FrameRequested(words), until_ms=7000)
     # 105 ms out, 100 of way, 5 of turnaround, and the same back; the other ping is given up after 4 s.
     assert water.of("near", QuestionAnswered) == [
         QuestionAnswered(415, ping, 3200),
@@ -258,23 +244,20 @@ def test_a_host_without_a_line_asks_and_is_told(pair: Pair) -> None:
     assert water.printed("far") == b"#U05words\r\n"
 
 
-def test_a_host_without_a_line_is_told_why_not() -> None:
-    it = modem()
+def test_a_host_without_a_line_is_told_why_not(it: Modem) -> None:
     it.receive(FrameRequested(ModemFrame(FrameKind.BROADCAST, 1, None, b"one")), 0)
     assert it.receive(FrameRequested(ModemFrame(FrameKind.BROADCAST, 1, None, b"two")), 1) == []
     (refused,) = it.receive(FrameRequested(ModemFrame(FrameKind.BROADCAST, 1, None, b"three")), 2)
     assert isinstance(refused, FrameDropped)
 
 
-def test_a_pause_parts_bytes_whenever_they_are_told() -> None:
-    it = modem()
+def test_a_pause_parts_bytes_whenever_they_are_told(it: Modem) -> None:
     it.receive(SerialBytes(b"$P0"), 0)
     actions = it.receive(SerialBytes(b"02", paused=True), 0) + it.advance(100)
     assert [data for _, data in outs(actions)] == [b"E\r\n", b"E\r\n"]
 
 
-def test_time_does_not_go_back() -> None:
-    it = modem()
+def test_time_does_not_go_back(it: Modem) -> None:
     it.advance(5)
     with pytest.raises(ValueError, match="went back"):
         it.advance(4)

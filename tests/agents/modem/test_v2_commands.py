@@ -33,8 +33,7 @@ ROWS = [
 @pytest.mark.parametrize(("command", "at_once", "later", "remote"), ROWS)
 def test_a_v2_command(pair: Pair, command: bytes, at_once: bytes, later: bytes, remote: bytes) -> None:
     water = pair(ModemFirmware.V2)
-    water.write("near", command)
-    water.run(200)
+    water.write("near", command, until_ms=200)
     assert water.printed("near") == at_once
     water.run(8000)
     assert water.printed("near") == later
@@ -43,7 +42,6 @@ def test_a_v2_command(pair: Pair, command: bytes, at_once: bytes, later: bytes, 
 
 def test_seven_bytes_take_what_40_bit_a_second_take(pair: Pair) -> None:
     water = pair(ModemFirmware.V2)
-    water.write("near", b"$B71234567")
-    water.run(5000)
+    water.write("near", b"$B71234567", until_ms=5000)
     (sent,) = water.of("near", EmitFrame)
     assert sent.frame.duration_ms == 30 + (2 + 7) * 8 * 1000 // 40

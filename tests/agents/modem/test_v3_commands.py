@@ -63,30 +63,29 @@ ROWS = [
 )
 def test_a_row_of_the_table(pair: Pair, command: bytes, at_once: bytes, later: bytes, remote: bytes) -> None:
     water = pair()
-    water.write("near", command)
-    water.run(300)
+    water.write("near", command, until_ms=300)
     assert water.printed("near")[: len(at_once)] == at_once
     water = pair()
-    water.write("near", command)
-    water.run(6000)
+    water.write("near", command, until_ms=6000)
     assert water.printed("near") == at_once + later
     assert water.printed("far") == remote
 
 
-def test_test_is_64_bytes_from_the_far_modem(pair: Pair) -> None:
-    water = pair()
-    water.write("near", b"$T002")
-    water.run(3000)
+@pytest.fixture
+def water(pair: Pair) -> Any:
+    return pair()
+
+
+def test_test_is_64_bytes_from_the_far_modem(water: Any) -> None:
+    water.write("near", b"$T002", until_ms=3000)
     answer = water.printed("near")
     head = b"$T002\r\n#B00264"
     assert answer.startswith(head) and answer.endswith(b"\r\n")
     assert len(answer) == len(head) + 64 + 2
 
 
-def test_help_is_whole_lines(pair: Pair) -> None:
-    water = pair()
-    water.write("near", b"$H")
-    water.run(1000)
+def test_help_is_whole_lines(water: Any) -> None:
+    water.write("near", b"$H", until_ms=1000)
     text = water.printed("near")
     assert text.endswith(b"\r\n") and len(text) > 100
     assert all(len(line) <= 100 and line.isascii() for line in text.split(b"\r\n"))
@@ -94,31 +93,26 @@ def test_help_is_whole_lines(pair: Pair) -> None:
 
 def test_identity_names_the_chip_and_addresses_of_four_lengths(pair: Pair) -> None:
     water = pair(unique_id=0x0123456789AB_CDEF01234567)
-    water.write("near", b"$D")
-    water.run(1000)
+    water.write("near", b"$D", until_ms=1000)
     head, *addresses = water.printed("near").removesuffix(b"\r\n").split(b"-A")
     assert head == b"#DID:0x0123456789ABCDEF01234567"
     assert [len(address) for address in addresses] == [1 + 3, 2 + 5, 2 + 8, 2 + 10]
 
 
-def test_spectrum_is_257_words(pair: Pair) -> None:
-    water = pair()
+def test_spectrum_is_257_words(water: Any) -> None:
     water.tell("near", NoiseChanged(40, 900, 31))
-    water.write("near", b"$S")
-    water.run(4000)
+    water.write("near", b"$S", until_ms=4000)
     answer = water.printed("near")
     assert answer.startswith(b"$S\r\n#S00257")
     assert len(answer) == 4 + 7 + 2 * 257 + 2
     assert set(struct.unpack("<257H", answer[11:-2])) == {31}
 
 
-def test_noise_is_what_was_measured(pair: Pair) -> None:
-    water = pair()
+def test_noise_is_what_was_measured(water: Any) -> None:
     water.tell("far", NoiseChanged(40, 900, 31))
     water.tell("far", SupplyChanged(4900))
     water.write("far", b"$N")
-    water.write("near", b"$V002")
-    water.run(3000)
+    water.write("near", b"$V002", until_ms=3000)
     assert water.printed("far") == b"$N\r\n#NR000040P000900M000031\r\n"
     # 4.9 V x 65536 / 15 = 21408.4
     assert water.printed("near") == b"$V002\r\n#B00227V21408R000040P000900M000031\r\n"
@@ -128,12 +122,10 @@ def test_noise_is_what_was_measured(pair: Pair) -> None:
     ("name", "count", "kind", "unity"), [(b"CM", 128, "H", 50_000), (b"CC", 256, "h", 32_767)]
 )
 def test_impulse_response_has_the_range_and_the_words(
-    pair: Pair, name: bytes, count: int, kind: str, unity: int
+    water: Any, name: bytes, count: int, kind: str, unity: int
 ) -> None:
     """The makers' driver takes 50 000 for 1.0, unsigned from $CM and signed from $CC, which cannot hold it."""
-    water = pair()
-    water.write("near", b"$" + name + b"002")
-    water.run(3000)
+    water.write("near", b"$" + name + b"002", until_ms=3000)
     answer = water.printed("near").removeprefix(b"$" + name + b"002\r\n")
     assert answer[:18] == b"#" + name + b"002T03200L%05d" % count
     words = struct.unpack(f"<{count}{kind}", answer[18:-2])
@@ -151,35 +143,27 @@ def test_an_echo_has_its_delay_and_in_a_complex_response_its_sign() -> None:
 
 @pytest.mark.parametrize(("command", "took_ms"), [(b"$N", 1000), (b"$S", 2000)])
 def test_a_measurement_takes_its_time_and_sees_the_noise_at_its_end(
-    pair: Pair, command: bytes, took_ms: int
+    water: Any, command: bytes, took_ms: int
 ) -> None:
-    water = pair()
     water.tell("near", NoiseChanged(1, 1, 1))
-    water.write("near", command)
-    water.run(took_ms - 10)
+    water.write("near", command, until_ms=took_ms - 10)
     assert water.printed("near") == command + b"\r\n"
-    water.write("near", b"$N")
-    water.run(took_ms)
-    water.tell("near", NoiseChanged(40, 900, 31))
-    water.run(took_ms + 3000)
+    water.write("near", b"$N", until_ms=took_ms)
+    water.tell("near", NoiseChanged(40, 900, 31), until_ms=took_ms + 3000)
     printed = water.printed("near")
     assert printed.startswith(b"E\r\n#"), "one measurement at a time"
     assert (b"R000040P000900M000031" in printed) if command == b"$N" else (b"\x1f\x00\x1f\x00" in printed)
 
 
 @pytest.mark.parametrize(("meanwhile", "is_measured"), [(b"$A", True), (b"$R", False), (b"$Z", False)])
-def test_what_restarts_a_modem_ends_its_measurement(pair: Pair, meanwhile: bytes, is_measured: bool) -> None:
-    water = pair()
-    water.write("near", b"$N")
-    water.run(water.now_ms + 100)
-    water.write("near", meanwhile)
-    water.run(water.now_ms + 3000)
+def test_what_restarts_a_modem_ends_its_measurement(water: Any, meanwhile: bytes, is_measured: bool) -> None:
+    water.write("near", b"$N", until_ms=water.now_ms + 100)
+    water.write("near", meanwhile, until_ms=water.now_ms + 3000)
     assert (b"#NR" in water.printed("near")) is is_measured
 
 
-def test_a_timer_s_answer_begins_with_its_state(pair: Pair) -> None:
+def test_a_timer_s_answer_begins_with_its_state(water: Any) -> None:
     """The makers' driver takes the letter after #XT for the state, E for on."""
-    water = pair()
     for command, state in [
         (b"$XTG", b"D"),
         (b"$XTE", b"E"),
@@ -187,65 +171,46 @@ def test_a_timer_s_answer_begins_with_its_state(pair: Pair) -> None:
         (b"$XTC", b"E"),
         (b"$XTD", b"D"),
     ]:
-        water.write("near", command)
-        water.run(water.now_ms + 100)
+        water.write("near", command, until_ms=water.now_ms + 100)
         answer = water.printed("near")
         assert answer[:4] == b"#XT" + state and len(answer) == 4 + 14 + 2, command
 
 
-def test_a_ping_to_oneself_is_an_error(pair: Pair) -> None:
-    water = pair()
-    water.write("near", b"$P001")
-    water.run(6000)
+def test_a_ping_to_oneself_is_an_error(water: Any) -> None:
+    water.write("near", b"$P001", until_ms=6000)
     assert water.printed("near") == b"E\r\n"
     assert water.of("near", EmitFrame) == []
-    water.write("near", b"$A009")
-    water.run(6100)
-    water.write("near", b"$P009")
-    water.run(6200)
+    water.write("near", b"$A009", until_ms=6100)
+    water.write("near", b"$P009", until_ms=6200)
     assert water.printed("near") == b"#A009\r\nE\r\n"
 
 
 def test_early_v3_tells_less(pair: Pair) -> None:
     water = pair(ModemFirmware.V3_EARLY)
-    water.write("near", b"$?")
-    water.run(100)
-    water.write("near", b"$V002")
-    water.run(3000)
+    water.write("near", b"$?", until_ms=100)
+    water.write("near", b"$V002", until_ms=3000)
     assert water.printed("near") == b"#A001V21845\r\n$V002\r\n#B00206V21845\r\n"
 
 
-def test_quality_is_appended_when_it_is_on(pair: Pair) -> None:
-    water = pair()
-    water.write("far", b"$XQE")
-    water.run(50)
-    water.write("near", b"$B02ab")
-    water.run(1000)
-    water.write("near", b"$U00202cd")
-    water.run(2000)
-    water.write("far", b"$Q")
-    water.run(2100)
+def test_quality_is_appended_when_it_is_on(water: Any) -> None:
+    water.write("far", b"$XQE", until_ms=50)
+    water.write("near", b"$B02ab", until_ms=1000)
+    water.write("near", b"$U00202cd", until_ms=2000)
+    water.write("far", b"$Q", until_ms=2100)
     assert water.printed("far") == b"#XQE\r\n#B00102abQ20D+000\r\n#U02cdQ20D+000\r\n$C0\r\n"
 
 
-def test_times_are_appended_when_the_timer_is_on(pair: Pair) -> None:
-    water = pair()
-    water.write("far", b"$XTE")
-    water.run(50)
-    water.write("near", b"$F")
-    water.run(1000)
-    water.write("near", b"$XQE$XTE")
-    water.run(1100)
+def test_times_are_appended_when_the_timer_is_on(water: Any) -> None:
+    water.write("far", b"$XTE", until_ms=50)
+    water.write("near", b"$F", until_ms=1000)
+    water.write("near", b"$XQE$XTE", until_ms=1100)
     # 4 bytes of 25/24 ms: the far timer starts at 4.166 ms; the beacon leaves at 50 + 3 ms and travels 100 ms.
     assert water.printed("far") == b"#XTE00000000000000\r\n#F001T%014d\r\n" % (153_000 - 4_166)
 
 
-def test_sending_is_put_off_by_the_timer(pair: Pair) -> None:
-    water = pair()
-    water.write("near", b"$XTE")
-    water.run(100)
-    water.write("near", b"$U00202ab" + b"T%014d" % 1_500_000)
-    water.run(3000)
+def test_sending_is_put_off_by_the_timer(water: Any) -> None:
+    water.write("near", b"$XTE", until_ms=100)
+    water.write("near", b"$U00202ab" + b"T%014d" % 1_500_000, until_ms=3000)
     (sent,) = water.of("near", EmitFrame)
     # The timer was 0 at 4.166 ms.
     assert isinstance(sent, EmitFrame)
@@ -255,32 +220,23 @@ def test_sending_is_put_off_by_the_timer(pair: Pair) -> None:
 
 
 @pytest.mark.parametrize("timer_us", [0, 2_300_000])
-def test_sending_into_the_past_or_beyond_2_s_is_an_error(pair: Pair, timer_us: int) -> None:
-    water = pair()
-    water.write("near", b"$XTE")
-    water.run(100)
-    water.write("near", b"$B02abT%014d" % timer_us)
-    water.run(5000)
+def test_sending_into_the_past_or_beyond_2_s_is_an_error(water: Any, timer_us: int) -> None:
+    water.write("near", b"$XTE", until_ms=100)
+    water.write("near", b"$B02abT%014d" % timer_us, until_ms=5000)
     assert water.printed("near").endswith(b"\r\nE\r\n")
     assert water.of("near", EmitFrame) == []
 
 
-def test_without_a_time_the_command_is_over_at_the_next_byte_or_after_silence(pair: Pair) -> None:
-    water = pair()
-    water.write("near", b"$XTE")
-    water.run(100)
-    water.write("near", b"$F")
-    water.run(500)
-    water.write("near", b"$B02ab$?")
-    water.run(3000)
+def test_without_a_time_the_command_is_over_at_the_next_byte_or_after_silence(water: Any) -> None:
+    water.write("near", b"$XTE", until_ms=100)
+    water.write("near", b"$F", until_ms=500)
+    water.write("near", b"$B02ab$?", until_ms=3000)
     printed = water.printed("near")
     assert printed.count(b"$F\r\n$B02\r\n#A001V") == 1
     assert water.printed("far") == b"#F001\r\n#B00102ab\r\n"
 
 
-def test_a_frame_of_another_generation_is_noise(pair: Pair) -> None:
-    water = pair()
+def test_a_frame_of_another_generation_is_noise(water: Any, pair: Pair) -> None:
     water.modems["far"] = pair(ModemFirmware.V2).modems["far"]
-    water.write("near", b"$B02ab")
-    water.run(3000)
+    water.write("near", b"$B02ab", until_ms=3000)
     assert water.printed("far") == b""

@@ -28,7 +28,7 @@ from agents.mussel.stimuli import (
 )
 from firmware_model.packets import CommandPacket, Kind, StatusPacket
 from firmware_model.packets.codec import MusselbedCodec
-from firmware_model.power.charge import Flow, grains
+from firmware_model.power.charge import grains
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
 
@@ -121,23 +121,9 @@ def states(mussel: Agent) -> list[State]:
     return [truth.state for truth in mussel.take_truths()]
 
 
-def test_a_docking_from_the_bottom_to_the_bottom() -> None:
-    mussel = agent()
-    mussel.receive(SoundArrived(PERMISSION), 3_000)
-    mussel.advance(63_000)
-    assert mussel.board.state is State.FLOATING
-    mussel.receive(ContactClosed(3_000_000, -1_000_000), 70_000)
-    assert mussel.board.state is State.FLOATING  # the edge counts after the debounce time only
-    mussel.advance(70_050)
-    assert mussel.board.state is State.CHARGING
-    mussel.receive(DockMoved(5_000_000, 2_000_000), 80_000)
-    assert (mussel.body.north_um, mussel.body.east_um) == (5_000_000, 2_000_000)
-    mussel.receive(ContactOpened(), 90_000)
-    mussel.receive(WifiArrived(RELEASE), 90_100)
-    assert mussel.board.state is State.SINKING
-    mussel.advance(135_100)
-    assert mussel.board.state is State.ACTIVE
-    assert mussel.physical.depth_um == 3_000_000
+@pytest.fixture
+def mussel() -> Agent:
+    return agent()
 
 
 def test_reports_come_each_period_once_it_has_booted() -> None:
@@ -145,21 +131,6 @@ def test_reports_come_each_period_once_it_has_booted() -> None:
     assert [report.at_ms for report in reports] == [30_000, 60_000, 90_000]
     packets = [CODEC.decode(report.data) for report in reports]
     assert [packet.sequence for packet in packets if isinstance(packet, StatusPacket)] == [0, 1, 2]
-
-
-def test_a_reset_while_charging_boots_and_charges_on() -> None:
-    mussel = agent()
-    mussel.receive(SoundArrived(PERMISSION), 3_000)
-    mussel.receive(ContactClosed(0, 0), 70_000)
-    mussel.advance(100_000)
-    before = mussel.physical
-    again = Agent(mussel.config, CODEC, before, 100_000, ResetCause.BROWN_OUT)
-    assert again.board.state is State.BOOTING
-    again.advance(102_000)
-    assert again.board.state is State.CHARGING
-    assert again.physical.primary == before.primary  # no anchor moved: the charge never stopped
-    assert again.physical.primary.flow is Flow.CHARGING
-    assert (again.physical.north_um, again.physical.east_um) == (before.north_um, before.east_um)
 
 
 @pytest.mark.parametrize(
@@ -171,16 +142,14 @@ def test_a_reset_while_charging_boots_and_charges_on() -> None:
         (SoundArrived(b"noise"), "not a command"),
     ],
 )
-def test_what_cannot_be_is_dropped_with_a_reason(stimulus: AgentStimulus, reason: str) -> None:
-    mussel = agent()
+def test_what_cannot_be_is_dropped_with_a_reason(mussel: Agent, stimulus: AgentStimulus, reason: str) -> None:
     mussel.advance(5_000)
     before = mussel.physical
     assert mussel.receive(stimulus, 5_000) == [StimulusDropped(5_000, 7, reason)]
     assert mussel.physical == before
 
 
-def test_time_never_goes_back() -> None:
-    mussel = agent()
+def test_time_never_goes_back(mussel: Agent) -> None:
     mussel.advance(10_000)
     with pytest.raises(ValueError, match="time went back: 9999 before 10000"):
         mussel.advance(9_999)

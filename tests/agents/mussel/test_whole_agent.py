@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from agents.fleet import resting_on_bottom
 from agents.mussel.agent import Agent, AgentConfig
-from agents.mussel.outputs import Output, SoundSent, Truth, WifiSent
+from agents.mussel.outputs import Output, SoundSent, Truth
 from agents.mussel.physical import Physical
 from agents.mussel.stimuli import (
     AgentStimulus,
@@ -142,41 +142,6 @@ def test_any_cuts_and_the_wire_give_the_same_life(
     charges: tuple[float, float],
 ) -> None:
     assert live(config, story, cuts, charges, packed=True) == live(config, story, [], charges, packed=False)
-
-
-def test_its_status_goes_out_by_sound_in_its_slot() -> None:
-    sounds = [output for output in agent().advance(400_000) if isinstance(output, SoundSent)]
-    # Awake at 200 s, sampled and processed by 270 s; slot 0 of the next five-minute frame opens at 300 s.
-    assert [sound.at_ms for sound in sounds] == [300_000]
-    status = CODEC.decode(sounds[0].data)
-    assert isinstance(status, AcousticStatus)
-    assert (status.state, status.depth_m, status.agent_ms) == (State.TRANSMITTING, 3.0, 300_000)
-    assert (status.samples, status.waiting) == (1, 1)
-
-
-def test_docked_both_batteries_charge_and_it_reports_by_wifi() -> None:
-    mussel = agent(0.5, 0.5)
-    mussel.receive(SoundArrived(COMMANDS[Kind.PERMISSION]), 70_000)
-    mussel.receive(ContactClosed(0, 0), 140_000)
-    outputs = mussel.advance(205_000)
-    assert mussel.board.state is State.REPORTING
-    # The coils are aligned at 160 s. Asleep in the dock its Wi-Fi is off, so the report that is due at 180 s stays away.
-    assert [output.at_ms for output in outputs if isinstance(output, WifiSent)] == [150_000, 200_000]
-    physical = mussel.physical
-    assert (physical.primary.flow, physical.primary.coils) == (Flow.CHARGING, 2)
-    assert (physical.secondary.flow, physical.secondary.coils) == (Flow.CHARGING, 1)
-    assert physical.primary.load > 0 == physical.secondary.load
-
-
-def test_hovering_it_stays_at_its_depth() -> None:
-    mussel = agent()
-    mussel.receive(SoundArrived(COMMANDS[Kind.HOVER]), 70_000)
-    mussel.advance(700_000)
-    assert mussel.board.state is State.HOVERING
-    assert mussel.body.depth_at_um(700_000) == 3_000_000
-    mussel.receive(SoundArrived(COMMANDS[Kind.PERMISSION]), 700_000)
-    mussel.advance(760_000)
-    assert mussel.board.state is State.FLOATING
 
 
 def test_it_hovers_at_the_depth_that_it_is_told_and_a_reset_leaves_it_there() -> None:

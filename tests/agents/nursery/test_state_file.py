@@ -35,8 +35,12 @@ def test_an_unanswered_windows_slot_does_not_count(file: int) -> None:
     assert again.newest(None) == StateRecord((1, 2), 20, place(2))
 
 
-def test_a_restarted_agent_overwrites_what_did_not_count(file: int) -> None:
-    ring = RecordRing(file, 0, 7)
+@pytest.fixture
+def ring(file: int) -> RecordRing:
+    return RecordRing(file, 0, 7)
+
+
+def test_a_restarted_agent_overwrites_what_did_not_count(ring: RecordRing, file: int) -> None:
     ring.initial_state(place(0))
     ring.write((1, 1), 10, place(1))
     ring.write((1, 2), 20, place(2))
@@ -48,8 +52,7 @@ def test_a_restarted_agent_overwrites_what_did_not_count(file: int) -> None:
 
 
 @pytest.mark.parametrize("torn_at", [0, 5, 40, 90])
-def test_a_torn_slot_gives_way_to_the_other(file: int, torn_at: int) -> None:
-    ring = RecordRing(file, 0, 7)
+def test_a_torn_slot_gives_way_to_the_other(ring: RecordRing, file: int, torn_at: int) -> None:
     ring.initial_state(place(0))
     ring.write((1, 1), 10, place(1))
     byte = os.pread(file, 1, RECORD_BYTES + torn_at)[0]
@@ -63,16 +66,14 @@ def test_another_agents_slot_or_none_is_no_slot(file: int) -> None:
     assert RecordRing(file, 5, 7).newest(None) is None
 
 
-def test_the_higher_epoch_is_the_newer_one(file: int) -> None:
-    ring = RecordRing(file, 0, 7)
+def test_the_higher_epoch_is_the_newer_one(ring: RecordRing, file: int) -> None:
     ring.initial_state(place(0))
     ring.write((1, 900), 10, place(1))
     ring.write((2, 1), 20, place(2))
     assert RecordRing(file, 0, 7).newest(None) == StateRecord((2, 1), 20, place(2))
 
 
-def test_of_windows_with_one_key_the_newest_up_to_a_time_counts(file: int) -> None:
-    ring = RecordRing(file, 0, 7)
+def test_of_windows_with_one_key_the_newest_up_to_a_time_counts(ring: RecordRing, file: int) -> None:
     ring.initial_state(place(0))
     for n in range(1, RECORDS):
         ring.write((1, 4), 10 * n, place(n))
@@ -82,8 +83,7 @@ def test_of_windows_with_one_key_the_newest_up_to_a_time_counts(file: int) -> No
     assert again.newest((1, 4)) == StateRecord((1, 4), 10 * (RECORDS - 1), place(RECORDS - 1))
 
 
-def test_windows_that_are_taken_back_are_overwritten_and_no_others(file: int) -> None:
-    ring = RecordRing(file, 0, 7)
+def test_windows_that_are_taken_back_are_overwritten_and_no_others(ring: RecordRing, file: int) -> None:
     ring.initial_state(place(0))
     for n in range(1, RECORDS):
         ring.write((1, 4), 10 * n, place(n))

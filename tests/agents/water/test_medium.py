@@ -148,16 +148,19 @@ def test_turning_round_takes_its_time(turnaround_ms: int, expected: PacketOutcom
     assert sent(water, (0, 1, 0), (500, 0, 1))[0, 1] is expected
 
 
-def test_a_modem_that_is_still_sending_sends_nothing_else() -> None:
-    water = medium(0, 150)
+@pytest.fixture
+def water() -> WaterMedium:
+    return medium(0, 150)
+
+
+def test_a_modem_that_is_still_sending_sends_nothing_else(water: WaterMedium) -> None:
     water.receive(Began(0, unicast(0, 1)), 0)
     (ended,) = water.receive(Began(0, unicast(0, 1)), 504)
     assert ended == PacketEnded(0, 504, unicast(0, 1), "the modem is still sending", ())
     assert water.receive(Began(0, unicast(0, 1)), 505) == []
 
 
-def test_in_air_nothing_is_sent_and_nothing_is_heard() -> None:
-    water = medium(0, 150)
+def test_in_air_nothing_is_sent_and_nothing_is_heard(water: WaterMedium) -> None:
     water.receive(ModemMoved(1, under_water(150, depth_m=0)), 0)
     (ended,) = water.receive(Began(1, unicast(1, 0)), 10)
     assert isinstance(ended, PacketEnded) and ended.unsent == "the modem is not in the water"
@@ -173,14 +176,12 @@ def test_one_that_comes_up_during_a_packet_loses_it() -> None:
         assert sent(water, (began_ms, 0, 1)) == {(0, 1): expected}
 
 
-def test_a_keel_hears_at_depth_nought() -> None:
-    water = medium(0, 150)
+def test_a_keel_hears_at_depth_nought(water: WaterMedium) -> None:
     water.receive(ModemMoved(1, ModemPlace(150_000_000, 0, 0, in_water=True)), 0)
     assert sent(water, (0, 0, 1)) == {(0, 1): HEARD}
 
 
-def test_one_that_left_the_water_neither_hears_nor_sends() -> None:
-    water = medium(0, 150)
+def test_one_that_left_the_water_neither_hears_nor_sends(water: WaterMedium) -> None:
     water.receive(Began(0, unicast(0, 1)), 0)
     water.receive(ModemMoved(1, None), 200)
     assert outcomes(water.advance(9000)) == {(0, 1): PacketOutcome.IN_AIR}

@@ -11,16 +11,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from seas import FLEET, SEA
 
-from agents.coordinator import AgentDied, Coordinator
+from agents.coordinator import Coordinator
 from agents.fleet import FleetConfig, resting_on_bottom
 from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Output, Truth
 from agents.mussel.stimuli import ContactClosed, SoundArrived
-from agents.water.medium import PacketEnded, PacketOutcome
 from agents.water.sea import Sea, SeaConfig
 from agents.water.sea_events import (
     AgentRanged,
-    NotRanged,
     SeaResult,
     SoundReached,
     StimulusDelivered,
@@ -139,20 +137,6 @@ def test_ranges_are_those_of_the_places_to_the_modems_step() -> None:
     assert ranges[0].range_m / 0.046875 == pytest.approx(round(240 / 0.046875), abs=1e-9)
 
 
-def test_one_at_the_surface_does_not_answer_a_ping() -> None:
-    bench = Bench(240)
-    bench.run(100_000)
-    bench.sea.send_sound(1, command(Kind.PERMISSION, 1))
-    bench.run(200_000)
-    assert bench.state(1) is State.FLOATING
-    bench.sea.ping(1)
-    results = bench.run(210_000)
-    assert of(NotRanged, results) == [NotRanged(204_105, 1)]
-    assert [
-        it.outcome for p in of(PacketEnded, results) if isinstance(p, PacketEnded) for it in p.receptions
-    ] == [PacketOutcome.IN_AIR]
-
-
 def test_range_noise_has_the_stated_spread() -> None:
     bench = Bench(240, sea=replace(SEA, sound=replace(SEA.sound, range_noise_m=0.5)))
     bench.run(100_000)
@@ -181,16 +165,6 @@ def test_wifi_reaches_as_far_as_its_model_says() -> None:
     assert heard_of(docks) == {1: everything[1]}
     assert docks.sea.dropped["Wi-Fi: lost in the air"] == everything[2]
     assert docks.sea.wifi_reaches(1, 2 * HOUR_MS) and not docks.sea.wifi_reaches(2, 2 * HOUR_MS)
-
-
-def test_one_that_died_boots_again_and_is_heard_in_its_next_slot() -> None:
-    bench = Bench(300, 150)
-    bench.run(3_600_000)
-    bench.host.kill(1)
-    results = bench.run(2 * HOUR_MS + 400_000)
-    assert [(it.agent_id, it.gave_up) for it in results if isinstance(it, AgentDied)] == [(1, None)]
-    heard = [(it.agent_id, it.mission_ms // HOUR_MS) for it in results if isinstance(it, SoundReached)]
-    assert (1, 2) in heard and (2, 1) in heard and (2, 2) in heard
 
 
 def test_addresses_have_eight_bits() -> None:

@@ -37,6 +37,11 @@ def run(flights: tuple[Flown, ...], from_ms: int, until_ms: int) -> None:
             it.advance(now_ms)
 
 
+@pytest.fixture
+def flights() -> tuple[Flown, Flown]:
+    return two((0.0, {1: 150.0}), (400.0, {2: 350.0}))
+
+
 @pytest.mark.parametrize(
     ("later_ms", "outcome"),
     [
@@ -48,14 +53,15 @@ def run(flights: tuple[Flown, ...], from_ms: int, until_ms: int) -> None:
         (313, "received"),
     ],
 )
-def test_two_aPads_collide_where_their_packets_overlap(later_ms: int, outcome: str) -> None:
+def test_two_aPads_collide_where_their_packets_overlap(
+    flights: tuple[Flown, Flown], later_ms: int, outcome: str
+) -> None:
     """aMussel 1 is 150 m from its aPad and 250 m from the other one: 100 and 167 ms. Packets last 380 ms.
 
     Its packet is there from 100 to 480 ms, the other one from 167 to 547 ms after it began. They overlap if the other
     begins less than 480 - 167 = 313 ms later and less than 547 - 100 = 447 ms earlier. It is 20 log10(250 / 150) + 0.6 =
     5 dB louder, which is less than the 6 dB of a capture.
     """
-    flights = two((0.0, {1: 150.0}), (400.0, {2: 350.0}))
     run(flights, 0, 99_000)
     for it, agent_id, at_ms in zip(flights, (1, 2), (110_000, 110_000 + later_ms), strict=True):
         it.station.send_sound(agent_id, command(Kind.HOVER, agent_id), at_ms)
@@ -65,9 +71,8 @@ def test_two_aPads_collide_where_their_packets_overlap(later_ms: int, outcome: s
     assert told == ([110_000 + FRAME_MS + 100] if outcome == "received" else [])
 
 
-def test_each_aPad_hears_every_fleet_once() -> None:
+def test_each_aPad_hears_every_fleet_once(flights: tuple[Flown, Flown]) -> None:
     """The slots of aMussels 1 and 2 begin at 3900 and 3905 s, a status lasts 868 ms, and 1500 m take a second."""
-    flights = two((0.0, {1: 150.0}), (400.0, {2: 350.0}))
     run(flights, 0, HOUR_MS + 400_000)
     for it, delays_ms in zip(flights, ((100, 234), (167, 34)), strict=True):
         heard = [reached for reached in it.of(SoundReached) if isinstance(reached, SoundReached)]
@@ -86,8 +91,7 @@ def test_each_aPad_hears_every_fleet_once() -> None:
     }
 
 
-def test_a_range_is_told_to_the_aPad_that_asked() -> None:
-    flights = two((0.0, {1: 150.0}), (400.0, {2: 350.0}))
+def test_a_range_is_told_to_the_aPad_that_asked(flights: tuple[Flown, Flown]) -> None:
     run(flights, 0, 100_000)
     flights[0].station.ping(2)
     run(flights, 101_000, 110_000)
@@ -101,9 +105,8 @@ def test_a_range_is_told_to_the_aPad_that_asked() -> None:
     )
 
 
-def test_an_aPad_speaks_to_another_fleets_aMussel() -> None:
+def test_an_aPad_speaks_to_another_fleets_aMussel(flights: tuple[Flown, Flown]) -> None:
     """As to one that was handed on to it: the stimulus is recorded where the aMussel is simulated."""
-    flights = two((0.0, {1: 150.0}), (400.0, {2: 350.0}))
     run(flights, 0, 100_000)
     flights[0].station.send_sound(2, command(Kind.HOVER, 2))
     run(flights, 101_000, 110_000)
@@ -114,8 +117,7 @@ def test_an_aPad_speaks_to_another_fleets_aMussel() -> None:
     assert flights[0].of(StimulusDelivered) == []
 
 
-def test_a_flight_that_has_ended_neither_sends_nor_hears() -> None:
-    flights = two((0.0, {1: 150.0}), (400.0, {2: 350.0}))
+def test_a_flight_that_has_ended_neither_sends_nor_hears(flights: tuple[Flown, Flown]) -> None:
     run(flights, 0, 100_000)
     left, stays = flights
     # One packet to it and one of its own are under way when it leaves.
@@ -146,8 +148,7 @@ def test_flights_out_of_step_are_refused() -> None:
         other.advance(1000)
 
 
-def test_a_rule_for_the_aPad_holds_for_each() -> None:
-    flights = two((0.0, {1: 150.0}), (400.0, {2: 350.0}))
+def test_a_rule_for_the_aPad_holds_for_each(flights: tuple[Flown, Flown]) -> None:
     flights[0].station.set_topology(Topology([LinkRule(1, 0, 1.0)]))
     run(flights, 0, HOUR_MS + 400_000)
     assert [

@@ -36,8 +36,12 @@ def test_the_third_range_from_elsewhere_gives_a_fix() -> None:
     assert fourth.residual_m == pytest.approx(0, abs=1e-5)
 
 
-def test_ranges_from_one_place_count_once() -> None:
-    locator = Locator(CONFIG, 10.0)
+@pytest.fixture
+def locator() -> Locator:
+    return Locator(CONFIG, 10.0)
+
+
+def test_ranges_from_one_place_count_once(locator: Locator) -> None:
     assert [locator.take(taken(n, 0.1 * n, 0.0), None) for n in range(5)] == [None] * 5
     assert locator.dropped["no fix: too few ranges from places apart"] == 5
 
@@ -47,7 +51,6 @@ def test_from_a_straight_way_only_what_is_believed_says_which_side() -> None:
     for near_m, expected in (((28.0, 30.0), 40.0), ((28.0, -35.0), -40.0)):
         locator = Locator(CONFIG, 10.0)
         fixes = [locator.take(taken(n, 20.0 * n, 0.0), near_m) for n in range(4)]
-        assert fixes[-1] is not None
         assert (fixes[-1].north_m, fixes[-1].east_m) == pytest.approx((30, expected), abs=1e-3)
     locator = Locator(CONFIG, 10.0)
     assert [locator.take(taken(n, 20.0 * n, 0.0), None) for n in range(4)] == [None] * 4
@@ -60,14 +63,12 @@ def test_one_wrong_range_is_left_out() -> None:
     assert (last.north_m, last.east_m) == pytest.approx(TRUE[:2], abs=1e-3)
 
 
-def test_ranges_that_contradict_each_other_give_nothing() -> None:
-    locator = Locator(CONFIG, 10.0)
+def test_ranges_that_contradict_each_other_give_nothing(locator: Locator) -> None:
     assert at_corners(locator, 4, at0=6.0, at2=6.0)[-1] is None
     assert locator.dropped["no fix: the ranges contradict each other"] == 2
 
 
-def test_what_is_old_or_from_before_a_move_is_forgotten() -> None:
-    locator = Locator(CONFIG, 10.0)
+def test_what_is_old_or_from_before_a_move_is_forgotten(locator: Locator) -> None:
     assert at_corners(locator, 3)[-1] is not None
     assert locator.take(taken(700, 0.0, 80.0), None) is None
     assert at_corners(locator, 3)[-1] is not None
@@ -75,16 +76,14 @@ def test_what_is_old_or_from_before_a_move_is_forgotten() -> None:
     assert locator.take(taken(31, 0.0, 80.0), None) is None
 
 
-def test_a_flat_geometry_is_no_fix() -> None:
+def test_a_flat_geometry_is_no_fix(locator: Locator) -> None:
     """Ranges from 2, 4 and 6 m along the line of sight 40 m away give nothing across that line."""
-    locator = Locator(CONFIG, 10.0)
     ways = [(taken(n, 30.0 + 0.05 * n, 2.5 * n)) for n in range(3)]
     assert [locator.take(it, (30.0, 40.0)) for it in ways] == [None] * 3
     assert sum(locator.dropped.values()) == 3
 
 
-def test_what_is_no_length_is_dropped() -> None:
-    locator = Locator(CONFIG, 10.0)
+def test_what_is_no_length_is_dropped(locator: Locator) -> None:
     for range_m in (math.nan, -1.0, 1e308):
         assert locator.take(RangeTaken(0, 7, range_m, 0, 0, 0), None) is None
     assert locator.dropped == {"a range: range_m is outside 0 to 100000": 3}

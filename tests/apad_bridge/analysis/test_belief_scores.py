@@ -51,7 +51,6 @@ def test_scores_are_counted_by_hand() -> None:
             row(2, 30, 0.0, 0.0, True),
         ]
     )
-    assert scores is not None
     assert scores.overall.rmse == pytest.approx(0.025)
     assert (scores.overall.bias, scores.overall.coverage) == (pytest.approx(-0.0025), 0.75)
     assert scores.overall.nees == pytest.approx((9 + 0 + 1) / 3)
@@ -80,17 +79,20 @@ def test_beliefs_that_claim_to_be_certain_have_no_coverage() -> None:
 def test_bins_of_overconfident_beliefs_are_named() -> None:
     sure, unsure = [row(1, 0.0, 0.03, 0.01)] * 50, [row(2, 30.0, 0.01, 0.01)] * 60
     scores = scores_of([*sure, *unsure])
-    assert scores is not None
     assert list(scores.overconfident) == ["all", "packet up to a minute", "mode idle", "aMussel 1"]
     few = scores_of([*sure[1:], *unsure])
     # 49 samples say too little for a bin of their own.
     assert few is not None and list(few.overconfident) == ["all", "mode idle"]
 
 
+@pytest.fixture
+def run(tmp_path: Path, flown: Flown) -> Flown:
+    return flown(tmp_path, False)
+
+
 def test_released_aMussels_and_the_secondary_battery_have_rows_of_their_own(
-    tmp_path: Path, flown: Flown, capsys: pytest.CaptureFixture[str]
+    run: Flown, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    run = flown(tmp_path, False)
     (run / "run.bag").unlink()
     bag = BagWriter(run / "run.bag", TimeScale(30))
     place, charges = (10.0, 20.0), (0.01, 0.02, 0.0, 0.48, 0.52)
@@ -201,8 +203,7 @@ def test_the_bag_and_the_journal_of_a_run_say_the_same(
         assert (output["overall"]["place_coverage"] is None) is (record is Record.JOURNAL)
 
 
-def test_an_instant_of_a_bag_is_scored_by_hand(tmp_path: Path, flown: Flown) -> None:
-    run = flown(tmp_path, False)
+def test_an_instant_of_a_bag_is_scored_by_hand(run: Flown) -> None:
     (run / "run.bag").unlink()
     bag = BagWriter(run / "run.bag", TimeScale(30))
     truth = TruthSample(7, int(State.ACTIVE), 0.5, 1.0, 10.0, 20.0, 3.0, False, 0)
@@ -242,9 +243,8 @@ def test_an_instant_of_a_bag_is_scored_by_hand(tmp_path: Path, flown: Flown) -> 
     assert (scores.overall.place_coverage, scores.overall.place_nees) == (1.0, pytest.approx(8 / 3))
 
 
-def test_what_mostly_rests_at_an_end_is_told_by_its_moments(tmp_path: Path, flown: Flown) -> None:
+def test_what_mostly_rests_at_an_end_is_told_by_its_moments(run: Flown) -> None:
     """The moments are of many charges drawn from a Gaussian and clamped, not from the closed form."""
-    run = flown(tmp_path, False)
     (run / "run.bag").unlink()
     bag = BagWriter(run / "run.bag", TimeScale(30))
     truths, beliefs = [], []
@@ -289,9 +289,8 @@ def test_a_run_whose_bag_is_torn_is_compared_by_its_journal(
 
 
 def test_a_journal_of_another_version_is_told_in_one_line(
-    tmp_path: Path, flown: Flown, capsys: pytest.CaptureFixture[str]
+    run: Flown, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    run = flown(tmp_path, False)
     journal = run / "journal.jsonl"
     whole = journal.read_text()
     batteries = re.compile(r'"primary": ?\[(\d+), ?(\d+), ?(-?\d+), ?[^]]*\]')

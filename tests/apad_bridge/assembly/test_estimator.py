@@ -50,7 +50,6 @@ WITH_TWINS = replace(POOL, beliefs=Beliefs(estimator=EstimatorKind.TWIN, twin=MO
 def parameters_of(scenario: Scenario) -> TwinParameters:
     """The parameters of the scenario's twins, with this laboratory's model."""
     twin = flight_config(replace(scenario, beliefs=Beliefs(estimator=EstimatorKind.TWIN, twin=MODEL))).twin
-    assert twin is not None
     return twin.parameters
 
 
@@ -82,7 +81,6 @@ def test_a_sleeper_is_told_what_its_board_will_draw(timeslot: int) -> None:
     agent_id = first_id + timeslot
     fleet = range(first_id, first_id + 60)
     cycle = schedules(bench.config.whole, fleet, [agent_id])[agent_id].cycle
-    assert cycle is not None
     for _ in range(6 * 60):
         bench.run(minutes=1)
         assert began - bench.primary_fraction == pytest.approx(cycle.spent(began_ms, bench.now_ms), abs=1e-5)

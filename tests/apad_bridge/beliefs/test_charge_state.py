@@ -35,7 +35,6 @@ def state(charge_1: float, charge_2: float, **variances: float) -> tuple[charge.
 
 def told_of_a_swing(deviation: float) -> TwinParameters:
     twin = flight_config(load(SOUND_FILE)).twin
-    assert twin is not None
     return replace(twin.parameters, untold=UntoldParameters(0.4, 0.2, 0.05, deviation))
 
 
@@ -162,7 +161,6 @@ def test_drain_and_biases_wander_by_a_days_deviation_in_a_day() -> None:
     and a sensor's constant one by 2 % of 0.05."""
     scenario = load(SOUND_FILE)
     twin = flight_config(scenario).twin
-    assert twin is not None
     parameters = replace(twin.parameters, ageing_per_day=0.002)
     for days, deviation in ((1, 0.002), (4, 0.004)):
         noise = charge.process_noise(parameters, days * 86_400_000)
@@ -178,7 +176,6 @@ def test_a_twin_that_is_told_nothing_begins_with_the_moments_of_uniform_ranges()
     """Capacities of 0.6 to 1 and loads of 0.8 to 1.2, against a million draws of both."""
     scenario = load(SOUND_FILE)
     twin = flight_config(scenario).twin
-    assert twin is not None
     parameters = replace(twin.parameters, untold=UntoldParameters(0.4, 0.2, 0.05), drain_deviation=0.0)
     mean, cov = charge.prior_state(parameters)
     luck = np.random.default_rng(1)

@@ -20,7 +20,6 @@ def test_it_believes_the_newest_packet() -> None:
     assert beliefs.hear(PACKET, 2000) is None
     assert beliefs.hear(replace(PACKET, primary=0.6, agent_ms=90_000), 3000) is None
     found = beliefs.get(5)
-    assert found is not None
     assert (found.primary, found.heard_ms, found.age_s(5500)) == (0.6, 3000, 2.5)
     assert [belief.agent_id for belief in beliefs.all()] == [5]
 
@@ -70,7 +69,6 @@ def test_the_order_of_arrival_does_not_matter(order: list[int]) -> None:
     for n in order:
         beliefs.hear(replace(PACKET, primary=n / 10, agent_ms=1000 * n), 10_000)
     found = beliefs.get(5)
-    assert found is not None
     assert found.primary == 0.5
 
 
@@ -101,6 +99,5 @@ def test_a_short_status_says_the_state_and_the_charges_of_one_whose_place_is_kno
     beliefs.hear(PACKET, 2000)
     assert beliefs.hear_short(short, 3000) is None
     found = beliefs.get(5)
-    assert found is not None
     assert (found.state, found.primary, found.secondary, found.heard_ms) == (State.EMPTY, 0.0, 0.8, 3000)
     assert (found.north_m, found.east_m) == (3.0, 4.0)

@@ -94,15 +94,19 @@ def hourly(state: State, start: float, drain_per_h: float, hours: int, first: in
     ]
 
 
-def test_nothing_is_believed_of_one_that_was_never_heard() -> None:
-    twin = Twin(KNOWLEDGE, {})
+@pytest.fixture
+def untaught() -> Twin:
+    return Twin(KNOWLEDGE, {})
+
+
+def test_nothing_is_believed_of_one_that_was_never_heard(untaught: Twin) -> None:
     for measurement in (
         (TimeslotSilent(), 0),
         (Docked(), 0),
         (Released(0.0, 0.0), 0),
         (Fixed(1.0, 2.0, 1.0), 0),
     ):
-        assert twin.update(None, *measurement) is None
+        assert untaught.update(None, *measurement) is None
 
 
 def test_it_goes_on_by_the_schedule_and_says_how_sure_it_is() -> None:
@@ -120,13 +124,12 @@ def test_it_goes_on_by_the_schedule_and_says_how_sure_it_is() -> None:
         twin.predict(later, HOUR)
 
 
-def test_asking_often_changes_nothing() -> None:
-    twin = Twin(KNOWLEDGE, {})
-    belief = told(twin, heard(0, State.ACTIVE, 0.9))
+def test_asking_often_changes_nothing(untaught: Twin) -> None:
+    belief = told(untaught, heard(0, State.ACTIVE, 0.9))
     asked = belief
     for at_ms in range(0, 30 * HOUR, 777_777):
-        asked = twin.predict(asked, at_ms)
-    once, often = twin.predict(belief, 30 * HOUR), twin.predict(asked, 30 * HOUR)
+        asked = untaught.predict(asked, at_ms)
+    once, often = untaught.predict(belief, 30 * HOUR), untaught.predict(asked, 30 * HOUR)
     assert often.primary == pytest.approx(once.primary, abs=1e-3)
     assert often.charge_cov == pytest.approx(once.charge_cov, abs=1e-3)
     assert often.mode_probabilities == pytest.approx(once.mode_probabilities, abs=1e-3)
@@ -150,29 +153,31 @@ def values(one: TwinState | Belief) -> list[object]:
     return [getattr(one, it.name) for it in fields(one)]
 
 
-def test_a_silent_slot_moves_the_modes_probabilities() -> None:
+def test_a_silent_slot_moves_the_modes_probabilities(untaught: Twin) -> None:
     """filterpy's estimator leaves them unchanged on a prediction, and scores silence as a perfect reading."""
-    twin = Twin(KNOWLEDGE, {})
-    belief = told(twin, heard(0, State.PROCESSING, 0.9))
+    belief = told(untaught, heard(0, State.PROCESSING, 0.9))
     shares = [belief.probability_of(Mode.HIGH_LOAD)]
     for hour in range(1, 12):
-        belief = twin.update(belief, TimeslotSilent(), hour * HOUR + 1) or belief
+        belief = untaught.update(belief, TimeslotSilent(), hour * HOUR + 1) or belief
         shares.append(belief.probability_of(Mode.HIGH_LOAD))
     assert shares[0] == 1.0 and shares == sorted(shares, reverse=True)
     assert belief.mode is Mode.ASLEEP and sum(belief.mode_probabilities) == pytest.approx(1.0)
     assert belief.silent_timeslots == 11 and Source.SILENCE in belief.learned_from
 
 
-def test_a_packet_in_time_corrects_one_filter_and_the_mode_is_known() -> None:
-    twin = Twin(KNOWLEDGE, ALWAYS_ASLEEP)
+@pytest.fixture
+def twin() -> Twin:
+    return Twin(KNOWLEDGE, ALWAYS_ASLEEP)
+
+
+def test_a_packet_in_time_corrects_one_filter_and_the_mode_is_known(twin: Twin) -> None:
     belief = told(twin, *hourly(State.SLEEPING, 0.9, 60 * ASLEEP, 5), heard(5 * HOUR, State.ACTIVE, 0.87, 5))
     assert belief.mode is Mode.IDLE and belief.probability_of(Mode.IDLE) == 1.0
     assert len(belief.parts) == 1 and len(state_of(belief).anchors) == 1
     assert (belief.heard_ms, belief.silent_timeslots, belief.learned_from) == (5 * HOUR, 0, Source.PACKET)
 
 
-def test_what_was_not_scheduled_is_found_out_by_the_next_packet() -> None:
-    twin = Twin(KNOWLEDGE, ALWAYS_ASLEEP)
+def test_what_was_not_scheduled_is_found_out_by_the_next_packet(twin: Twin) -> None:
     truth = 0.9 - 60 * (5 * ASLEEP + HIGH)  # one of six hours under high load, not observed
     belief = told(twin, *hourly(State.SLEEPING, 0.9, 60 * ASLEEP, 3))
     belief = twin.update(belief, *heard(8 * HOUR, State.SLEEPING, truth - 0.03, 8)) or belief
@@ -180,8 +185,7 @@ def test_what_was_not_scheduled_is_found_out_by_the_next_packet() -> None:
     assert state_of(belief).gated == 0
 
 
-def test_a_gross_outlier_is_gated_until_another_agrees() -> None:
-    twin = Twin(KNOWLEDGE, ALWAYS_ASLEEP)
+def test_a_gross_outlier_is_gated_until_another_agrees(twin: Twin) -> None:
     steady = told(twin, *hourly(State.SLEEPING, 0.9, 60 * ASLEEP, 6))
     odd = twin.update(steady, *heard(6 * HOUR, State.SLEEPING, 0.2, 6))
     assert odd is not None and odd.primary > 0.7 and state_of(odd).gated == 1
@@ -192,27 +196,24 @@ def test_a_gross_outlier_is_gated_until_another_agrees() -> None:
     assert low is not None and low.primary == pytest.approx(0.195, abs=0.03)
 
 
-def test_duplicates_and_late_packets_are_not_believed() -> None:
-    twin = Twin(KNOWLEDGE, {})
-    belief = told(twin, heard(HOUR, State.ACTIVE, 0.8, 5))
+def test_duplicates_and_late_packets_are_not_believed(untaught: Twin) -> None:
+    belief = told(untaught, heard(HOUR, State.ACTIVE, 0.8, 5))
     with pytest.raises(Rejected, match="already"):
-        twin.update(belief, *heard(HOUR + 500, State.ACTIVE, 0.8, 5, agent_ms=HOUR))
+        untaught.update(belief, *heard(HOUR + 500, State.ACTIVE, 0.8, 5, agent_ms=HOUR))
     with pytest.raises(Rejected, match="overtook"):
-        twin.update(belief, *heard(HOUR + 500, State.ACTIVE, 0.85, 4, agent_ms=HOUR - 10_000))
+        untaught.update(belief, *heard(HOUR + 500, State.ACTIVE, 0.85, 4, agent_ms=HOUR - 10_000))
 
 
-def test_charges_stay_possible() -> None:
-    twin = Twin(KNOWLEDGE, {})
-    belief = told(twin, heard(0, State.ACTIVE, 0.3))
+def test_charges_stay_possible(untaught: Twin) -> None:
+    belief = told(untaught, heard(0, State.ACTIVE, 0.3))
     for hour in range(1, 100):
-        belief = twin.predict(belief, hour * HOUR)
+        belief = untaught.predict(belief, hour * HOUR)
         assert 0 <= belief.primary <= 1 and 0 <= belief.secondary <= 1
         assert 0 <= belief.charge_cov[0] <= 0.26
     assert belief.primary < 0.02
-    docked = twin.update(belief, Docked(), 100 * HOUR)
-    assert docked is not None
+    docked = untaught.update(belief, Docked(), 100 * HOUR)
     for hour in range(101, 130):
-        docked = twin.predict(docked, hour * HOUR)
+        docked = untaught.predict(docked, hour * HOUR)
         assert 0 <= docked.primary <= 1
     assert docked.primary > 0.99 and docked.mode is Mode.FULL
 
@@ -231,8 +232,7 @@ def test_with_its_primary_empty_it_sleeps_on_the_secondary_until_it_is_lost() ->
     assert belief.probability_of(Mode.LOST) > 0.9
 
 
-def test_what_the_apad_did_is_known_without_a_packet() -> None:
-    twin = Twin(KNOWLEDGE, ALWAYS_ASLEEP)
+def test_what_the_apad_did_is_known_without_a_packet(twin: Twin) -> None:
     belief = told(twin, heard(0, State.SLEEPING, 0.5, secondary=1.0))
     up = twin.update(belief, Permitted(), HOUR)
     assert up is not None and up.mode is Mode.SURFACING
@@ -255,8 +255,7 @@ def test_what_the_apad_did_is_known_without_a_packet() -> None:
     assert down.primary == pytest.approx(1 - 0.027 - IDLE, abs=0.01)
 
 
-def test_one_that_did_not_obey_is_known_when_it_is_heard() -> None:
-    twin = Twin(KNOWLEDGE, ALWAYS_ASLEEP)
+def test_one_that_did_not_obey_is_known_when_it_is_heard(twin: Twin) -> None:
     belief = told(twin, heard(0, State.SLEEPING, 0.5), (Permitted(), HOUR))
     stayed = twin.update(belief, *heard(5 * HOUR, State.SLEEPING, 0.5 - 5 * 60 * ASLEEP, 5))
     assert stayed is not None and stayed.mode is Mode.ASLEEP
@@ -311,7 +310,6 @@ def test_a_first_reading_near_full_says_nothing_of_the_sensor() -> None:
     belief = None
     for n in range(12):
         belief = twin.update(belief, *heard(n * 600_000, State.SLEEPING, 0.97 - 10 * n * ASLEEP, n))
-    assert belief is not None
     truth = 0.97 - 0.033 - 110 * ASLEEP
     low, high = belief.charge_interval()
     assert low < truth < high
@@ -394,7 +392,6 @@ def test_a_released_one_may_wait_before_its_motors_run() -> None:
     assert rests.primary == pytest.approx(1 - 0.027 - IDLE - 0.001 - 0.004 - 4 * ASLEEP, abs=3e-4)
     heard_ms = 12 * HOUR + 60_000
     met = twin.update(twin.predict(let_go, heard_ms), *heard(heard_ms, State.RELEASED, 0.998, 1))
-    assert met is not None
     sinks = twin.predict(met, heard_ms + 240_000)
     assert sinks.mode is Mode.ASLEEP
     assert sinks.primary == pytest.approx(met.primary - 0.027 - IDLE - 0.001 - 3 * ASLEEP, abs=4e-4)
@@ -437,29 +434,24 @@ def test_how_fast_one_charges_is_learned_in_its_dock() -> None:
     assert gained > 10 * (0.5 * slow + 0.5 * fast)
 
 
-def test_one_that_waits_to_sink_is_not_taken_for_one_that_has_sunk() -> None:
+def test_one_that_waits_to_sink_is_not_taken_for_one_that_has_sunk(twin: Twin) -> None:
     """Its motors run after a packet with RELEASED: a reading from before is no evidence of a bias."""
-    twin = Twin(KNOWLEDGE, ALWAYS_ASLEEP)
     docked = told(twin, heard(0, State.FLOATING, 0.9), (Docked(), 1000))
     full = twin.predict(docked, HOUR)
     down = twin.update(full, Released(0.0, 0.0), HOUR)
-    assert down is not None
     before = state_of(down).mean.copy()
     waits = twin.update(down, *heard(HOUR + 30_000, State.RELEASED, 0.97, 1))  # 1.0 that sags by 0.03
-    assert waits is not None
     assert waits.primary == pytest.approx(down.primary, abs=0.003)
     assert state_of(waits).mean[2:] == pytest.approx(before[2:], abs=0.002)
     asleep = 1 - 0.027 - IDLE * 1.5
     sinks = twin.update(waits, *heard(HOUR + 60_000, State.SINKING, asleep + 0.0135, 2))
-    assert sinks is not None
     # By then about half of the run is over: the rest is still to come.
     assert sinks.primary == pytest.approx(asleep, abs=0.012) and sinks.charge_cov[0] > 0.004**2
     lies = twin.update(sinks, *heard(3 * HOUR, State.SLEEPING, asleep - 120 * ASLEEP, 3))
     assert lies is not None and lies.primary == pytest.approx(asleep - 120 * ASLEEP, abs=0.006)
 
 
-def test_motors_that_run_are_heard_while_one_surfaces() -> None:
-    twin = Twin(KNOWLEDGE, ALWAYS_ASLEEP)
+def test_motors_that_run_are_heard_while_one_surfaces(twin: Twin) -> None:
     belief = told(twin, heard(0, State.SLEEPING, 0.5), (Permitted(), 1000))
     up = twin.update(belief, *heard(20_000, State.SURFACING, 0.48, 1))
     assert up is not None and up.mode is Mode.SURFACING
@@ -468,15 +460,13 @@ def test_motors_that_run_are_heard_while_one_surfaces() -> None:
     assert 0.004**2 < up.charge_cov[0] < 0.02**2
 
 
-def test_docked_by_somebody_else_it_is_believed_as_heard() -> None:
-    twin = Twin(KNOWLEDGE, ALWAYS_ASLEEP)
+def test_docked_by_somebody_else_it_is_believed_as_heard(twin: Twin) -> None:
     belief = told(twin, heard(0, State.SLEEPING, 0.5), heard(6 * HOUR, State.CHARGING, 0.93, 6))
     assert belief.mode is Mode.CHARGING_PRIMARY
     assert belief.primary == pytest.approx(0.9, abs=0.02)  # the charger lifts the voltage by 0.03
 
 
-def test_drain_and_bias_of_one_are_learned_while_it_is_heard() -> None:
-    twin = Twin(KNOWLEDGE, {})
+def test_drain_and_bias_of_one_are_learned_while_it_is_heard(untaught: Twin) -> None:
     rng = np.random.default_rng(2)
     drain, sag = 1.08, -0.022
     belief: Belief | None = None
@@ -485,7 +475,7 @@ def test_drain_and_bias_of_one_are_learned_while_it_is_heard() -> None:
         awake = hour % 8 == 0
         reading = charge + (sag if awake else 0.0) + rng.normal(0, 0.015)
         state = State.ACTIVE if awake else State.SLEEPING
-        belief = twin.update(belief, *heard(hour * HOUR, state, min(1.0, reading), hour))
+        belief = untaught.update(belief, *heard(hour * HOUR, state, min(1.0, reading), hour))
         charge -= drain * 60 * (IDLE if awake else ASLEEP)
     assert belief is not None
     learned, spread = state_of(belief).mean, np.sqrt(np.diag(state_of(belief).cov))
@@ -504,31 +494,28 @@ def test_readings_at_the_end_of_the_scale_do_not_pull_a_full_battery_down() -> N
     assert state_of(belief).mean[3] == pytest.approx(0.0, abs=0.004)
 
 
-def test_a_clock_that_gains_is_learned() -> None:
-    twin = Twin(KNOWLEDGE, {})
+def test_a_clock_that_gains_is_learned(untaught: Twin) -> None:
     belief: Belief | None = None
     for hour in range(200):
         at_ms = hour * HOUR
         ahead_ms = 2000 + round(at_ms * 30e-6)
-        belief = twin.update(belief, *heard(at_ms, State.SLEEPING, 0.9, hour, agent_ms=at_ms + ahead_ms))
-    assert belief is not None
+        belief = untaught.update(belief, *heard(at_ms, State.SLEEPING, 0.9, hour, agent_ms=at_ms + ahead_ms))
     assert belief.clock.drift_ppm == pytest.approx(30, abs=3)
     assert belief.clock.offset_ms == pytest.approx(2000 + 199 * HOUR * 30e-6, abs=500)
 
 
-def test_readings_near_to_each_other_are_one_and_change_nothing_else() -> None:
-    twin = Twin(KNOWLEDGE, {})
-    belief = told(twin, heard(0, State.ACTIVE, 0.9))
+def test_readings_near_to_each_other_are_one_and_change_nothing_else(untaught: Twin) -> None:
+    belief = told(untaught, heard(0, State.ACTIVE, 0.9))
     variance = belief.charge_cov[0]
     for n in range(1, 200):
-        found = twin.update(belief, *heard(1000 * n, State.ACTIVE, 0.9 - n * IDLE / 60, n))
+        found = untaught.update(belief, *heard(1000 * n, State.ACTIVE, 0.9 - n * IDLE / 60, n))
         assert found is not None
         belief = found
     assert belief.heard_ms == 199_000
     assert (
         belief.charge_cov[0] > variance / 2.5
     )  # 200 independent readings would leave one hundredth of the variance
-    other = twin.update(belief, *heard(200_000, State.PROCESSING, 0.87, 200))
+    other = untaught.update(belief, *heard(200_000, State.PROCESSING, 0.87, 200))
     assert other is not None and other.mode is Mode.HIGH_LOAD
 
 
@@ -544,7 +531,6 @@ def test_a_range_says_how_far_and_not_where() -> None:
     twin = Twin(replace(KNOWLEDGE, water=WaterParameters(0.01, 0.0, 3600.0, 1.0)), {})
     belief = twin.predict(told(twin, heard(0, State.ACTIVE, 0.9)), 10 * HOUR)
     ranged = twin.update(belief, Ranged(110.0, 3.0, -96.0, 0.25), 10 * HOUR)
-    assert ranged is not None
     assert ranged.east_m == pytest.approx(14.0, abs=3.0) and ranged.north_m == pytest.approx(3.0, abs=0.1)
     assert ranged.place_cov[2] < belief.place_cov[2] / 5
     assert ranged.place_cov[0] == pytest.approx(belief.place_cov[0], rel=0.01)
@@ -553,13 +539,11 @@ def test_a_range_says_how_far_and_not_where() -> None:
     assert fixed is not None and fixed.place_cov[0] < 1.0
 
 
-def test_a_short_status_corrects_the_charge_and_says_nothing_of_place_or_time() -> None:
-    twin = Twin(KNOWLEDGE, ALWAYS_ASLEEP)
+def test_a_short_status_corrects_the_charge_and_says_nothing_of_place_or_time(twin: Twin) -> None:
     drained = 60 * ASLEEP
     before = told(twin, *hourly(State.SLEEPING, 0.9, drained, 5))
     far = twin.predict(before, 30 * HOUR)
     short = twin.update(before, ShortStatus(1, State.SLEEPING, 0.9 - 30 * drained - 0.02, 1.0), 30 * HOUR)
-    assert short is not None
     assert (short.heard_ms, short.silent_timeslots, short.learned_from) == (30 * HOUR, 0, Source.PACKET)
     assert short.charge_cov[0] < far.charge_cov[0] / 50
     assert short.primary == pytest.approx(0.754, abs=2 * KNOWLEDGE.sensor.noise)
@@ -593,8 +577,7 @@ def test_a_short_status_of_one_that_was_never_heard_is_not_believed() -> None:
 
 
 @pytest.mark.parametrize(("deviations", "gated"), [(-4.0, 0), (4.0, 0), (-7.0, 1)])
-def test_the_gate_stands_between_four_deviations_and_seven(deviations: float, gated: int) -> None:
-    twin = Twin(KNOWLEDGE, ALWAYS_ASLEEP)
+def test_the_gate_stands_between_four_deviations_and_seven(twin: Twin, deviations: float, gated: int) -> None:
     steady = told(twin, *hourly(State.SLEEPING, 0.7, 60 * ASLEEP, 6))
     due = twin.predict(steady, 6 * HOUR)
     # The error of a reading asleep: charge, noise and bias, of which the last two are 0.015 and at most 0.004.

@@ -51,7 +51,6 @@ def test_table1_for_people_names_every_row_and_parameter(capsys: pytest.CaptureF
 
 def test_the_script_on_the_page_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     found = re.search(r"```yaml\n(.*?)```", PAGE.read_text(), re.DOTALL)
-    assert found is not None
     path = script(tmp_path, found.group(1))
     assert main(["mu", "run", str(path)]) == Exit.DONE
     assert "mWh" in capsys.readouterr().out

@@ -198,7 +198,6 @@ def test_the_shipped_definition_is_that_of_the_aPad_which_the_gateway_shows() ->
     system = Systems().apad("apad1")
     assert root.findtext("properties/id") == system.name and root.findtext("properties/type") == "ASV"
     imc = root.find("communication-means/comm-mean/protocols-args/imc")
-    assert imc is not None
     high, low = (imc.findtext("imc-id") or "").split(":")
     assert int(high + low, 16) == system.imc_id
     assert int(imc.findtext("port") or 0) == Systems().port("apad1")

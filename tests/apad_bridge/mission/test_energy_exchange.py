@@ -161,8 +161,12 @@ def test_it_holds_and_waits_until_four_are_in_the_pool() -> None:
     assert isinstance(bench.primitive(), GoTo)
 
 
-def test_it_goes_to_the_lowest_first_and_permits_it_to_surface_on_the_way() -> None:
-    bench = Bench()
+@pytest.fixture
+def bench() -> Bench:
+    return Bench()
+
+
+def test_it_goes_to_the_lowest_first_and_permits_it_to_surface_on_the_way(bench: Bench) -> None:
     bench.tick()
     goto = next(order for order in bench.orders if isinstance(order, GoTo))
     assert (goto.north_m, goto.east_m, goto.speed_m_s) == (10.0, 0.0, 0.5)
@@ -172,8 +176,7 @@ def test_it_goes_to_the_lowest_first_and_permits_it_to_surface_on_the_way() -> N
     assert (bench.mission.state.cost_m, bench.mission.state.planned_m) == (10.0, 10.0)
 
 
-def test_it_docks_only_what_floats_and_repeats_the_permission() -> None:
-    bench = Bench()
+def test_it_docks_only_what_floats_and_repeats_the_permission(bench: Bench) -> None:
     bench.tick()
     bench.succeed()
     for _ in range(9):
@@ -183,8 +186,7 @@ def test_it_docks_only_what_floats_and_repeats_the_permission() -> None:
     assert bench.primitive() == CloseDock(bench.mission.state.primitive_id, 0, 1)
 
 
-def test_one_that_never_answers_is_given_up_and_the_next_is_collected() -> None:
-    bench = Bench()
+def test_one_that_never_answers_is_given_up_and_the_next_is_collected(bench: Bench) -> None:
     bench.tick()
     bench.succeed()
     waited = 0
@@ -235,16 +237,14 @@ def test_a_docked_one_whose_charge_does_not_rise_is_not_waited_for() -> None:
     assert bench.mission.state.phase is Phase.GO_DEPLOY
 
 
-def test_a_failed_go_to_skips_the_step_and_says_why() -> None:
-    bench = Bench()
+def test_a_failed_go_to_skips_the_step_and_says_why(bench: Bench) -> None:
     bench.tick()
     bench.fail("stalled")
     assert bench.notes("given_up")[0] == {"agent": 1, "what": "collect", "reason": "stalled"}
     assert PermitSurfacing(2) in bench.orders
 
 
-def test_a_leg_that_a_resumed_mission_takes_up_is_counted_once() -> None:
-    bench = Bench()
+def test_a_leg_that_a_resumed_mission_takes_up_is_counted_once(bench: Bench) -> None:
     bench.tick()
     bench.mission.moved(4.0, 0.0)
     after = Bench(state=journaled(bench.mission.state), place=(6.0, 0.0))
@@ -254,8 +254,7 @@ def test_a_leg_that_a_resumed_mission_takes_up_is_counted_once() -> None:
     assert after.mission.state.planned_m == pytest.approx(10.0)
 
 
-def test_an_aPad_that_does_not_get_anywhere_is_said_and_nobody_is_left_alone_for_it() -> None:
-    bench = Bench()
+def test_an_aPad_that_does_not_get_anywhere_is_said_and_nobody_is_left_alone_for_it(bench: Bench) -> None:
     said: list[object] = []
     for _ in range(4 * MISSION.collection_attempts):
         bench.tick(int(MISSION.silence_timeout_s) + 1)
@@ -275,8 +274,7 @@ def deaf(bench: Bench, agent_id: int) -> None:
         bench.tick()
 
 
-def test_one_that_is_tried_in_vain_is_left_alone_and_the_others_are_served() -> None:
-    bench = Bench()
+def test_one_that_is_tried_in_vain_is_left_alone_and_the_others_are_served(bench: Bench) -> None:
     for attempt in range(1, MISSION.collection_attempts + 1):
         bench.tick(int(MISSION.silence_timeout_s) + 1)
         deaf(bench, 1)
@@ -334,28 +332,31 @@ def test_a_suspect_with_charge_is_fetched_for_a_look_brought_back_and_left_in_th
     assert PermitSurfacing(2) in bench.tick()
 
 
-def test_one_that_is_docked_a_second_time_is_watched_anew() -> None:
+@pytest.fixture
+def alone() -> Bench:
+    return Bench(agents=1)
+
+
+def test_one_that_is_docked_a_second_time_is_watched_anew(alone: Bench) -> None:
     """It comes with less charge than it left with, long after it gained some; nobody else was docked meanwhile."""
-    bench = Bench(agents=1)
     for _ in range(2):
-        bench.told.say(1, bench.now_ms, State.ACTIVE, 0.5)
-        bench.tick(3 * int(MISSION.silence_timeout_s))
-        bench.collect(1)
-        bench.tick()
-        assert bench.mission.state.phase is Phase.CHARGE and not bench.notes("given_up")
-        bring_home(bench, (1,), charge=0.995)
+        alone.told.say(1, alone.now_ms, State.ACTIVE, 0.5)
+        alone.tick(3 * int(MISSION.silence_timeout_s))
+        alone.collect(1)
+        alone.tick()
+        assert alone.mission.state.phase is Phase.CHARGE and not alone.notes("given_up")
+        bring_home(alone, (1,), charge=0.995)
 
 
-def test_one_that_never_gains_charge_is_left_alone() -> None:
+def test_one_that_never_gains_charge_is_left_alone(alone: Bench) -> None:
     """An aMussel whose charge does not rise in the dock would be fetched for ever."""
-    bench = Bench(agents=1)
     for attempt in range(1, MISSION.collection_attempts + 1):
-        bench.hears(1, State.ACTIVE, 0.5)
-        bench.collect(1)
-        bring_home(bench, (1,), charge=0.5)
-        assert dict(bench.mission.state.failed_tries) == {1: attempt}
-    bench.tick(int(MISSION.silence_timeout_s) + 1)
-    assert [order for order in bench.orders if isinstance(order, Primitive)] == []
+        alone.hears(1, State.ACTIVE, 0.5)
+        alone.collect(1)
+        bring_home(alone, (1,), charge=0.5)
+        assert dict(alone.mission.state.failed_tries) == {1: attempt}
+    alone.tick(int(MISSION.silence_timeout_s) + 1)
+    assert [order for order in alone.orders if isinstance(order, Primitive)] == []
 
 
 def with_jammed_dock() -> tuple[Bench, list[Order]]:
@@ -412,18 +413,17 @@ def test_a_try_that_helps_forgets_those_that_failed() -> None:
     assert bench.mission.state.failed_tries == ((7, 2),)
 
 
-def test_one_that_floats_away_again_and_again_is_given_up() -> None:
-    bench = Bench(agents=1)
-    bench.tick()
+def test_one_that_floats_away_again_and_again_is_given_up(alone: Bench) -> None:
+    alone.tick()
     go_tos = 0
-    while not bench.notes("given_up"):
-        goto = bench.succeed()
+    while not alone.notes("given_up"):
+        goto = alone.succeed()
         assert isinstance(goto, GoTo)
         go_tos += 1
         assert go_tos <= LEGS_PER_STEP
-        bench.hears(1, State.FLOATING, 0.5, goto.north_m + 5.0, goto.east_m)
+        alone.hears(1, State.FLOATING, 0.5, goto.north_m + 5.0, goto.east_m)
     assert go_tos == LEGS_PER_STEP
-    assert bench.notes("given_up")[0]["reason"] == "it still floats out of reach after 3 go-tos"
+    assert alone.notes("given_up")[0]["reason"] == "it still floats out of reach after 3 go-tos"
 
 
 def float_beside_the_apad(bench: Bench, charge: float = 0.5) -> None:
@@ -433,8 +433,7 @@ def float_beside_the_apad(bench: Bench, charge: float = 0.5) -> None:
     assert isinstance(bench.primitive(), CloseDock)
 
 
-def test_a_docking_that_missed_is_tried_again_at_once() -> None:
-    bench = Bench()
+def test_a_docking_that_missed_is_tried_again_at_once(bench: Bench) -> None:
     bench.tick()
     float_beside_the_apad(bench)
     for _ in range(DOCKINGS_PER_STEP - 1):
@@ -446,8 +445,7 @@ def test_a_docking_that_missed_is_tried_again_at_once() -> None:
     assert (dict(bench.mission.state.docked), bench.mission.state.failed_tries) == ({0: 1}, ())
 
 
-def test_one_that_the_catch_radius_does_not_hold_is_searched_for_and_docked() -> None:
-    bench = Bench()
+def test_one_that_the_catch_radius_does_not_hold_is_searched_for_and_docked(bench: Bench) -> None:
     bench.tick()
     float_beside_the_apad(bench)
     for _ in range(3):
@@ -464,8 +462,7 @@ def test_one_that_the_catch_radius_does_not_hold_is_searched_for_and_docked() ->
     assert (dict(bench.mission.state.docked), bench.mission.state.plan[0].agent_id) == ({0: 1}, 2)
 
 
-def test_a_search_in_vain_is_a_failed_docking() -> None:
-    bench = Bench()
+def test_a_search_in_vain_is_a_failed_docking(bench: Bench) -> None:
     bench.tick()
     float_beside_the_apad(bench)
     for _ in range(DOCKINGS_PER_STEP):
@@ -481,8 +478,7 @@ def test_a_search_in_vain_is_a_failed_docking() -> None:
     assert dict(bench.mission.state.failed_tries) == {1: 1}
 
 
-def test_an_ended_mission_searches_no_further() -> None:
-    bench = Bench()
+def test_an_ended_mission_searches_no_further(bench: Bench) -> None:
     bench.tick()
     float_beside_the_apad(bench)
     missed = NothingCaught(bench.now_ms, bench.primitive().command_id)
@@ -501,25 +497,23 @@ def miss_all(bench: Bench) -> None:
     assert bench.notes("given_up")[0]["agent"] == 1
 
 
-def test_one_that_is_left_afloat_is_fetched_next_without_a_batch() -> None:
-    bench = Bench(agents=1)
-    bench.told.say(2, 0, State.ACTIVE, 0.9)  # not in need, but it makes a batch of 2
-    bench.tick()
-    assert not any(isinstance(order, GoTo) for order in bench.orders)
-    bench.hears(2, State.ACTIVE, 0.7)
-    float_beside_the_apad(bench)
-    miss_all(bench)
-    bench.collect(2)
-    assert bench.mission.state.phase is Phase.CHARGE
-    bring_home(bench, (2,), charge=1.0)
-    bench.tick()
-    assert any(isinstance(order, GoTo) for order in bench.orders)
-    assert bench.mission.state.plan[0].agent_id == 1
+def test_one_that_is_left_afloat_is_fetched_next_without_a_batch(alone: Bench) -> None:
+    alone.told.say(2, 0, State.ACTIVE, 0.9)  # not in need, but it makes a batch of 2
+    alone.tick()
+    assert not any(isinstance(order, GoTo) for order in alone.orders)
+    alone.hears(2, State.ACTIVE, 0.7)
+    float_beside_the_apad(alone)
+    miss_all(alone)
+    alone.collect(2)
+    assert alone.mission.state.phase is Phase.CHARGE
+    bring_home(alone, (2,), charge=1.0)
+    alone.tick()
+    assert any(isinstance(order, GoTo) for order in alone.orders)
+    assert alone.mission.state.plan[0].agent_id == 1
 
 
-def test_an_empty_one_that_was_missed_is_told_to_sink_while_others_are_collected() -> None:
+def test_an_empty_one_that_was_missed_is_told_to_sink_while_others_are_collected(bench: Bench) -> None:
     """At the surface its backup battery lasts for some hours, and on the bottom for days."""
-    bench = Bench()
     bench.tick()
     float_beside_the_apad(bench, charge=0.0)
     miss_all(bench)
@@ -527,17 +521,15 @@ def test_an_empty_one_that_was_missed_is_told_to_sink_while_others_are_collected
     assert TellClear(1) in bench.tick()
 
 
-def test_an_aPad_that_cannot_reach_one_that_floats_does_not_try_at_every_tick() -> None:
-    bench = Bench(agents=1)
-    bench.hears(1, State.FLOATING, 0.5)
-    bench.fail("refused")
-    assert bench.notes("given_up")[0]["reason"] == "refused"
+def test_an_aPad_that_cannot_reach_one_that_floats_does_not_try_at_every_tick(alone: Bench) -> None:
+    alone.hears(1, State.FLOATING, 0.5)
+    alone.fail("refused")
+    assert alone.notes("given_up")[0]["reason"] == "refused"
     for _ in range(int(MISSION.silence_timeout_s) - 1):
-        assert not any(isinstance(order, GoTo) for order in bench.tick())
+        assert not any(isinstance(order, GoTo) for order in alone.tick())
 
 
-def test_an_answer_to_a_primitive_that_is_over_changes_nothing() -> None:
-    bench = Bench()
+def test_an_answer_to_a_primitive_that_is_over_changes_nothing(bench: Bench) -> None:
     bench.tick()
     before = bench.mission.state
     assert (
@@ -546,8 +538,7 @@ def test_an_answer_to_a_primitive_that_is_over_changes_nothing() -> None:
     assert bench.mission.state == before
 
 
-def test_what_was_docked_by_hand_is_charged_first() -> None:
-    bench = Bench()
+def test_what_was_docked_by_hand_is_charged_first(bench: Bench) -> None:
     bench.mission.receive(DockChanged(0, 2, 3, True, ((2, 3),)), 0)
     bench.tick()
     assert bench.mission.state.phase is Phase.CHARGE
@@ -618,19 +609,18 @@ def test_a_resumed_undocking_is_ordered_again() -> None:
     ],
 )
 def test_a_service_counts_by_more_than_the_vehicle_s_report_and_the_mission_goes_on_without(
-    state: State, named: dict[int, bool], counts: bool
+    alone: Bench, state: State, named: dict[int, bool], counts: bool
 ) -> None:
-    bench = Bench(agents=1)
-    bench.mission.receive(DockChanged(0, 2, 1, True, ((2, 1),)), 0)
-    bench.mission.docks_named(named)
-    bench.hears(1, state, 1.0)
-    bench.tick()
-    bench.succeed()
-    assert len(bench.notes("docks_disagree")) == (not counts)
-    assert isinstance(bench.primitive(), OpenDock)
-    bench.succeed()
-    assert bench.notes("released") == [{"agent": 1, "full": counts}]
-    assert (bench.mission.state.services, bench.mission.state.phase) == (int(counts), Phase.IDLE)
+    alone.mission.receive(DockChanged(0, 2, 1, True, ((2, 1),)), 0)
+    alone.mission.docks_named(named)
+    alone.hears(1, state, 1.0)
+    alone.tick()
+    alone.succeed()
+    assert len(alone.notes("docks_disagree")) == (not counts)
+    assert isinstance(alone.primitive(), OpenDock)
+    alone.succeed()
+    assert alone.notes("released") == [{"agent": 1, "full": counts}]
+    assert (alone.mission.state.services, alone.mission.state.phase) == (int(counts), Phase.IDLE)
 
 
 def test_the_docks_service_is_no_witness_of_a_later_docking() -> None:
@@ -658,14 +648,13 @@ def test_a_resumed_charging_wait_gives_nobody_up_before_it_was_heard_for_long_en
     assert [note["agent"] for note in bench.notes("given_up")] == [1, 2]
 
 
-def test_one_docked_by_hand_and_never_heard_does_not_take_a_dock_for_ever() -> None:
-    bench = Bench(agents=1)
-    bench.mission.receive(DockChanged(0, 2, 77, True, ((2, 77),)), 0)
-    bench.tick()
-    bench.tick(int(MISSION.silence_timeout_s) + 1)
-    bench.succeed()
-    assert isinstance(bench.succeed(), OpenDock)
-    assert bench.mission.docks == (None,) * 4
+def test_one_docked_by_hand_and_never_heard_does_not_take_a_dock_for_ever(alone: Bench) -> None:
+    alone.mission.receive(DockChanged(0, 2, 77, True, ((2, 77),)), 0)
+    alone.tick()
+    alone.tick(int(MISSION.silence_timeout_s) + 1)
+    alone.succeed()
+    assert isinstance(alone.succeed(), OpenDock)
+    assert alone.mission.docks == (None,) * 4
 
 
 def test_a_resumed_step_waits_for_its_aMussel_to_be_heard_again() -> None:
@@ -743,8 +732,9 @@ class FailsToRefuse(CollectionStrategy):
         (FailsToRefuse(1), "RuntimeError: cannot tell"),
     ],
 )
-def test_a_strategy_that_fails_ends_the_mission_holding(strategy: CollectionStrategy, why: str) -> None:
-    bench = Bench()
+def test_a_strategy_that_fails_ends_the_mission_holding(
+    bench: Bench, strategy: CollectionStrategy, why: str
+) -> None:
     bench.mission.change_planning(rules(strategy))
     bench.tick()
     if bench.mission.state.phase is Phase.IDLE:
@@ -791,30 +781,34 @@ def one_by_one(
     return bench
 
 
-def test_asynchronous_dispatch_collects_one_beside_one_that_charges() -> None:
-    bench = one_by_one()
-    bench.hears(2, State.ACTIVE, 0.8)
-    assert [step.agent_id for step in bench.mission.state.plan] == [2]
-    bench.collect(2)
-    assert bench.mission.docks[:2] == (1, 2) and bench.mission.state.phase is Phase.CHARGE
+@pytest.fixture
+def single() -> Bench:
+    return one_by_one()
 
 
-def test_an_amussel_that_was_docked_just_now_and_was_last_heard_afloat_is_not_collected_again() -> None:
-    bench = one_by_one()
-    bench.hears(1, State.FLOATING, 0.51)
-    assert bench.mission.state.plan == () and bench.mission.state.phase is Phase.CHARGE
+def test_asynchronous_dispatch_collects_one_beside_one_that_charges(single: Bench) -> None:
+    single.hears(2, State.ACTIVE, 0.8)
+    assert [step.agent_id for step in single.mission.state.plan] == [2]
+    single.collect(2)
+    assert single.mission.docks[:2] == (1, 2) and single.mission.state.phase is Phase.CHARGE
 
 
-def test_asynchronous_dispatch_releases_the_full_one_and_goes_on_charging_the_other() -> None:
-    bench = one_by_one()
-    bench.hears(2, State.ACTIVE, 0.8)
-    bench.collect(2)
-    bench.told.say(1, bench.now_ms, State.CHARGING, 0.995)
-    bench.hears(3, State.ACTIVE, 0.5)
-    assert [(step.kind, step.agent_id) for step in bench.mission.state.plan] == [(StepKind.DEPLOY, 1)]
-    bench.succeed()
-    assert isinstance(bench.succeed(), OpenDock)
-    assert bench.mission.state.services == 1 and bench.mission.docks[:2] == (None, 2)
+def test_an_amussel_that_was_docked_just_now_and_was_last_heard_afloat_is_not_collected_again(
+    single: Bench,
+) -> None:
+    single.hears(1, State.FLOATING, 0.51)
+    assert single.mission.state.plan == () and single.mission.state.phase is Phase.CHARGE
+
+
+def test_asynchronous_dispatch_releases_the_full_one_and_goes_on_charging_the_other(single: Bench) -> None:
+    single.hears(2, State.ACTIVE, 0.8)
+    single.collect(2)
+    single.told.say(1, single.now_ms, State.CHARGING, 0.995)
+    single.hears(3, State.ACTIVE, 0.5)
+    assert [(step.kind, step.agent_id) for step in single.mission.state.plan] == [(StepKind.DEPLOY, 1)]
+    single.succeed()
+    assert isinstance(single.succeed(), OpenDock)
+    assert single.mission.state.services == 1 and single.mission.docks[:2] == (None, 2)
 
 
 @pytest.mark.parametrize(("charge_to", "leaves"), [(0.85, True), (None, False)])
@@ -860,14 +854,13 @@ def test_a_batch_makes_room_when_each_of_it_leads_each_of_the_lowest_batch(
     assert {step.agent_id for step in bench.mission.state.plan} == ({1, 2} if leave else set())
 
 
-def test_an_asynchronous_aPad_gives_up_one_whose_charge_does_not_rise_and_releases_it() -> None:
-    bench = one_by_one()
+def test_an_asynchronous_aPad_gives_up_one_whose_charge_does_not_rise_and_releases_it(single: Bench) -> None:
     for _ in range(round(MISSION.silence_timeout_s) + 2):
-        bench.tick()
-        if bench.notes("given_up"):
+        single.tick()
+        if single.notes("given_up"):
             break
-    assert [note["what"] for note in bench.notes("given_up")] == ["charge"]
-    assert [step.kind for step in bench.mission.state.plan] == [StepKind.DEPLOY]
+    assert [note["what"] for note in single.notes("given_up")] == ["charge"]
+    assert [step.kind for step in single.mission.state.plan] == [StepKind.DEPLOY]
 
 
 HOME_M = (5.0, 30.0)
@@ -1015,23 +1008,27 @@ def steps_left(bench: Bench) -> list[tuple[StepKind, int, int]]:
     return [(it.kind, it.agent_id, it.dock_index) for it in bench.mission.state.plan]
 
 
-def test_charged_ones_take_the_places_of_those_that_are_collected() -> None:
+@pytest.fixture
+def exchange() -> Bench:
+    return exchanging()
+
+
+def test_charged_ones_take_the_places_of_those_that_are_collected(exchange: Bench) -> None:
     """The fullest leaves first, and the lowest of the pool is collected first (Cautious)."""
-    bench = exchanging()
-    bench.tick()
-    assert steps_left(bench) == [
+    exchange.tick()
+    assert steps_left(exchange) == [
         *((StepKind.COLLECT, 4, 2), (StepKind.DEPLOY, 2, 1)),
         *((StepKind.COLLECT, 3, 3), (StepKind.DEPLOY, 1, 0)),
     ]
-    (note,) = bench.notes("plan")
+    (note,) = exchange.notes("plan")
     assert note["exchanged"] == [{"released": 2, "collected": 4}, {"released": 1, "collected": 3}]
-    bench.collect(4)
-    assert isinstance(bench.primitive(), GoTo)
-    there = bench.succeed()
+    exchange.collect(4)
+    assert isinstance(exchange.primitive(), GoTo)
+    there = exchange.succeed()
     assert isinstance(there, GoTo) and (there.north_m, there.east_m) == (40.0, 0.0)
-    assert isinstance(bench.succeed(), OpenDock) and TellClear(2) in bench.orders
-    assert bench.mission.docks == (1, None, 4, None)
-    homes = {agent_id: north_m for agent_id, north_m, _ in bench.mission.state.homes}
+    assert isinstance(exchange.succeed(), OpenDock) and TellClear(2) in exchange.orders
+    assert exchange.mission.docks == (1, None, 4, None)
+    homes = {agent_id: north_m for agent_id, north_m, _ in exchange.mission.state.homes}
     assert homes == {1: 30.0, 2: 40.0, 3: 10.0, 4: 20.0}
 
 
@@ -1064,23 +1061,21 @@ def test_one_that_makes_room_takes_the_place_of_a_fuller_one_only_when_it_is_ful
     assert note["what"] == what and note["exchanged"] == [{"released": 1, "collected": other}]
 
 
-def test_one_for_whom_nobody_waits_is_released_at_the_nearest_empty_place() -> None:
+def test_one_for_whom_nobody_waits_is_released_at_the_nearest_empty_place(exchange: Bench) -> None:
     """The aPad is at 20 m, where 2 was collected. 1 has its home at 10 m."""
-    bench = exchanging()
-    assert bench.mission.pose == (20.0, 0.0)
-    note = plan_one_by_one(bench, 1.0, 0.3, 0.99, 0.99)
+    assert exchange.mission.pose == (20.0, 0.0)
+    note = plan_one_by_one(exchange, 1.0, 0.3, 0.99, 0.99)
     assert note["what"] == "redeploy" and note["exchanged"] == [{"released": 1, "collected": 2}]
-    there = release(bench, 1)
+    there = release(exchange, 1)
     assert (there.north_m, there.east_m) == (20.0, 0.0)
-    assert homes_of(bench) == {1: 20.0, 2: 10.0, 3: 30.0, 4: 40.0}
+    assert homes_of(exchange) == {1: 20.0, 2: 10.0, 3: 30.0, 4: 40.0}
 
 
-def test_nobody_takes_a_place_to_which_the_sea_bars_the_way() -> None:
-    bench = exchanging()
-    bench.mission._reach.beyond = {2: "a current"}
-    note = plan_one_by_one(bench, 1.0, 0.3, 0.99, 0.99)
+def test_nobody_takes_a_place_to_which_the_sea_bars_the_way(exchange: Bench) -> None:
+    exchange.mission._reach.beyond = {2: "a current"}
+    note = plan_one_by_one(exchange, 1.0, 0.3, 0.99, 0.99)
     assert note["what"] == "redeploy" and "exchanged" not in note
-    assert homes_of(bench)[1] == 10.0
+    assert homes_of(exchange)[1] == 10.0
 
 
 def test_with_own_places_it_goes_to_its_own() -> None:
@@ -1130,17 +1125,18 @@ def release(bench: Bench, agent_id: int) -> GoTo:
     return there
 
 
-def test_an_exchange_whose_partner_is_not_collected_is_undone_while_the_other_one_is_aboard() -> None:
+def test_an_exchange_whose_partner_is_not_collected_is_undone_while_the_other_one_is_aboard(
+    exchange: Bench,
+) -> None:
     """A free dock takes 4 before 2 leaves. 4 is not reached, so 2 goes to its own place; 3 and 1 exchange as planned."""
-    bench = exchanging()
-    bench.tick()
-    bench.fail("the way is barred")
-    assert told_exchanges(bench) == [(2, 4, "undone")]
-    assert release(bench, 2).north_m == 20.0
-    bench.collect(3)
-    assert release(bench, 1).north_m == 30.0
-    assert homes_of(bench) == {1: 30.0, 2: 20.0, 3: 10.0, 4: 40.0}
-    assert bench.mission.state.exchanged == ()
+    exchange.tick()
+    exchange.fail("the way is barred")
+    assert told_exchanges(exchange) == [(2, 4, "undone")]
+    assert release(exchange, 2).north_m == 20.0
+    exchange.collect(3)
+    assert release(exchange, 1).north_m == 30.0
+    assert homes_of(exchange) == {1: 30.0, 2: 20.0, 3: 10.0, 4: 40.0}
+    assert exchange.mission.state.exchanged == ()
 
 
 def half_done() -> Bench:
@@ -1211,7 +1207,6 @@ def test_no_two_are_left_at_one_place_without_a_word(data: st.DataObject, dock_c
             if isinstance(done, CloseDock):
                 del place[step.agent_id]
             if isinstance(done, OpenDock):
-                assert bench.mission.pose is not None
                 place[step.agent_id] = bench.mission.pose[0]
     homes, open_ones = homes_of(bench), {it[:2] for it in bench.mission.state.exchanged}
     assert sorted(homes.values()) == [10.0, 20.0, 30.0, 40.0]
@@ -1223,13 +1218,12 @@ def test_no_two_are_left_at_one_place_without_a_word(data: st.DataObject, dock_c
     assert {it for it in place if place[it] != homes[it]} == {collected for _, collected in open_ones}
 
 
-def test_who_waits_alone_is_no_batch_and_exchanges_with_nobody() -> None:
-    bench = exchanging()
+def test_who_waits_alone_is_no_batch_and_exchanges_with_nobody(exchange: Bench) -> None:
     for agent_id, state, charge in ((3, State.ACTIVE, 0.95), (1, State.CHARGING, 1), (2, State.CHARGING, 1)):
-        bench.told.say(agent_id, bench.now_ms, state, charge)
-    bench.tick()
-    assert [it[0] for it in steps_left(bench)] == [StepKind.DEPLOY, StepKind.DEPLOY]
-    assert {agent_id: north for agent_id, north, _ in bench.mission.state.homes}[1] == 10.0
+        exchange.told.say(agent_id, exchange.now_ms, state, charge)
+    exchange.tick()
+    assert [it[0] for it in steps_left(exchange)] == [StepKind.DEPLOY, StepKind.DEPLOY]
+    assert {agent_id: north for agent_id, north, _ in exchange.mission.state.homes}[1] == 10.0
 
 
 @pytest.mark.parametrize("free_docks", [1, 0])

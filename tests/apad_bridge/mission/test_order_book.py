@@ -40,8 +40,12 @@ def along(share: float) -> tuple[float, float]:
     return (30.0 * share, 40.0 * share)
 
 
-def test_a_leg_counts_where_the_aPad_has_been() -> None:
-    book = book_at()
+@pytest.fixture
+def book() -> OrderBook:
+    return book_at()
+
+
+def test_a_leg_counts_where_the_aPad_has_been(book: OrderBook) -> None:
     goto = go(book)
     for place in ((3.0, 0.0), (3.0, 0.2), (3.0, 4.0)):
         book.moved(*place)
@@ -52,8 +56,7 @@ def test_a_leg_counts_where_the_aPad_has_been() -> None:
     assert [it for it in book.take_orders() if isinstance(it, Event)] == [LegBegan(50.0)]
 
 
-def test_an_aPad_that_does_not_move_costs_nothing() -> None:
-    book = book_at()
+def test_an_aPad_that_does_not_move_costs_nothing(book: OrderBook) -> None:
     for _ in range(40):
         goto = go(book)
         for scatter in (0.1, -0.1, 0.2, 0.0):
@@ -62,24 +65,21 @@ def test_an_aPad_that_does_not_move_costs_nothing() -> None:
     assert book.state.cost_m == book.state.planned_m == 0.0
 
 
-def test_a_failed_go_to_counts_what_it_drove() -> None:
-    book = book_at()
+def test_a_failed_go_to_counts_what_it_drove(book: OrderBook) -> None:
     goto = go(book)
     book.moved(*along(0.4))
     book.note_outcome(PrimitiveFailed(0, goto, "stalled"))
     assert (book.state.cost_m, book.state.planned_m) == (pytest.approx(20.0), pytest.approx(20.0))
 
 
-def test_a_go_to_that_led_away_from_its_goal_counts_no_planned_way() -> None:
-    book = book_at()
+def test_a_go_to_that_led_away_from_its_goal_counts_no_planned_way(book: OrderBook) -> None:
     goto = go(book)
     book.moved(-3.0, -4.0)
     book.note_outcome(PrimitiveFailed(0, goto, "stalled"))
     assert (book.state.cost_m, book.state.planned_m) == (pytest.approx(5.0), 0.0)
 
 
-def test_a_pre_empted_leg_ends_with_the_next_order_and_late_outcomes_change_nothing() -> None:
-    book = book_at()
+def test_a_pre_empted_leg_ends_with_the_next_order_and_late_outcomes_change_nothing(book: OrderBook) -> None:
     first = go(book)
     book.moved(*along(0.2))
     second = go(book, (0.0, 0.0))
@@ -90,16 +90,14 @@ def test_a_pre_empted_leg_ends_with_the_next_order_and_late_outcomes_change_noth
     assert (book.state.cost_m, book.state.planned_m) == (pytest.approx(20.0), pytest.approx(20.0))
 
 
-def test_a_leg_that_the_missions_end_cuts_off_is_planned_whole() -> None:
-    book = book_at()
+def test_a_leg_that_the_missions_end_cuts_off_is_planned_whole(book: OrderBook) -> None:
     go(book)
     book.moved(*along(0.4))
     book.close(MissionEnd(EndReason.OPERATOR), 0)
     assert (book.state.cost_m, book.state.planned_m) == (pytest.approx(20.0), 50.0)
 
 
-def test_the_way_without_a_supervisor_is_counted_when_the_aPad_is_heard_again() -> None:
-    book = book_at()
+def test_the_way_without_a_supervisor_is_counted_when_the_aPad_is_heard_again(book: OrderBook) -> None:
     go(book)
     after = resumed(book)
     after.moved(*along(0.5))

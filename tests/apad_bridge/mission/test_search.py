@@ -111,8 +111,12 @@ def test_a_search_ends_after_its_time() -> None:
     assert world.carry_out() is Progress.GOES_ON
 
 
-def test_a_report_from_elsewhere_moves_the_search_there() -> None:
-    world = World((6.0, 0.0))
+@pytest.fixture
+def world() -> World:
+    return World((6.0, 0.0))
+
+
+def test_a_report_from_elsewhere_moves_the_search_there(world: World) -> None:
     world.begin()
     world.carry_out()
     world.now_ms += 1
@@ -123,15 +127,13 @@ def test_a_report_from_elsewhere_moves_the_search_there() -> None:
     assert (world.tried[-1], len(world.tried)) == ((6.2, 0.0), 3)
 
 
-def test_one_that_is_known_to_sink_is_not_searched_for() -> None:
-    world = World((6.0, 0.0))
+def test_one_that_is_known_to_sink_is_not_searched_for(world: World) -> None:
     world.begin()
     world.hear((0.0, 0.0), State.SINKING)
     assert world.run() is Progress.NOT_FOUND
 
 
-def test_a_search_that_cannot_go_on_ends_with_its_go_to() -> None:
-    world = World((6.0, 0.0))
+def test_a_search_that_cannot_go_on_ends_with_its_go_to(world: World) -> None:
     world.begin()
     world.carry_out()
     failed = PrimitiveFailed(world.now_ms, world.order().command_id, "stalled")
@@ -140,8 +142,7 @@ def test_a_search_that_cannot_go_on_ends_with_its_go_to() -> None:
     assert world.routine.receive(failed, world.now_ms) is Progress.NOT_OURS
 
 
-def test_a_pre_empted_search_takes_no_further_step() -> None:
-    world = World((6.0, 0.0))
+def test_a_pre_empted_search_takes_no_further_step(world: World) -> None:
     world.begin()
     world.carry_out()
     go_to = world.order()

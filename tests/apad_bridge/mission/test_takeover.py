@@ -34,8 +34,12 @@ from apad_bridge.world.apad.in_process import InProcessVehicle
 from firmware_model.states import State
 
 
-def test_taken_over_it_does_as_it_is_told_and_given_back_it_plans_again(pool: Scenario) -> None:
-    flying = Flying(pool)
+@pytest.fixture
+def flying(pool: Scenario) -> Flying:
+    return Flying(pool)
+
+
+def test_taken_over_it_does_as_it_is_told_and_given_back_it_plans_again(flying: Flying) -> None:
     flying.until(
         lambda: len(flying.flight.supervisor.mission.state.docked) == 1 and flying.phase is Phase.GO_COLLECT
     )
@@ -61,13 +65,11 @@ def test_taken_over_it_does_as_it_is_told_and_given_back_it_plans_again(pool: Sc
     assert second["what"] == "collect"
 
 
-def test_it_is_not_given_back_in_the_middle_of_a_docking(pool: Scenario) -> None:
-    flying = Flying(pool)
+def test_it_is_not_given_back_in_the_middle_of_a_docking(flying: Flying) -> None:
     flying.seconds(5)
     flying.call_mission(lambda mission: mission.take_over())
     flying.call_mission(lambda mission: mission.take_over())
     there = flying.flight.supervisor.beliefs.get(3)
-    assert there is not None
     flying.call(lambda hand: hand.go_to(there.north_m, there.east_m))
     flying.until(lambda: flying.calls.wait(0).goto is Status.DONE)
     flying.call(lambda hand: hand.dock(0, 3))
@@ -135,9 +137,8 @@ def test_a_mechanism_that_opens_when_a_person_takes_over_is_a_service_all_the_sa
 
 
 def test_an_apad_that_is_given_back_under_a_stop_stays_there_and_the_answer_names_the_stop(
-    pool: Scenario,
+    flying: Flying,
 ) -> None:
-    flying = Flying(pool)
     flying.until(lambda: flying.phase is Phase.GO_COLLECT)
     assert asked(flying, Act.STOP)[0]
     answers: list[str] = []
@@ -150,8 +151,7 @@ def test_an_apad_that_is_given_back_under_a_stop_stays_there_and_the_answer_name
     assert answers[1] == FLIES_ALREADY
 
 
-def test_a_call_can_end_the_flight_and_then_nobody_takes_it(pool: Scenario) -> None:
-    flying = Flying(pool)
+def test_a_call_can_end_the_flight_and_then_nobody_takes_it(flying: Flying) -> None:
     flying.seconds(3)
     flying.call_mission(lambda flown: flown.finish(MissionEnd(EndReason.CALL, "seen enough")))
     assert str(flying.flight.supervisor.mission.state.ended_by) == "seen enough"
@@ -159,8 +159,7 @@ def test_a_call_can_end_the_flight_and_then_nobody_takes_it(pool: Scenario) -> N
         flying.calls.call_mission(lambda mission: mission.take_over())
 
 
-def test_a_resumed_flight_goes_on_in_the_hands_in_which_it_was(pool: Scenario) -> None:
-    flying = Flying(pool)
+def test_a_resumed_flight_goes_on_in_the_hands_in_which_it_was(flying: Flying) -> None:
     mission = flying.flight.supervisor.mission
     assert isinstance(mission, FlightMission) and mission.by_hand is None
     again = FlightMission(
@@ -178,8 +177,7 @@ def test_a_flight_by_hand_has_nobody_to_give_it_back_to(pool: Scenario) -> None:
         hand.give_back()
 
 
-def test_a_mission_stands_aside_while_another_party_commands_the_apad(pool: Scenario) -> None:
-    flying = Flying(pool)
+def test_a_mission_stands_aside_while_another_party_commands_the_apad(flying: Flying) -> None:
     flying.until(lambda: flying.phase is Phase.GO_COLLECT)
     flying.flight.supervisor.receive(CommandedByOthers(flying.now_ms + 1000))
     flying.seconds(2)
@@ -198,16 +196,14 @@ def asked(flying: Flying, act: Act, text: str = "") -> tuple[bool, str]:
 
 
 def test_a_stopped_mission_holds_until_a_person_continues_however_often_it_was_stopped(
-    pool: Scenario,
+    flying: Flying,
 ) -> None:
-    flying = Flying(pool)
     flying.until(lambda: flying.phase is Phase.GO_COLLECT)
     assert asked(flying, Act.STOP) == (True, "")
     assert flying.phase is Phase.COMMANDED
     assert asked(flying, Act.STOP) == (True, "")
     flying.seconds(5)
     held = flying.flight.supervisor.pose
-    assert held is not None
     plans = len(flying.events("plan"))
     flying.seconds(120)
     pose = flying.flight.supervisor.pose
@@ -223,9 +219,8 @@ def test_a_stopped_mission_holds_until_a_person_continues_however_often_it_was_s
 
 
 @pytest.mark.parametrize("word", ["take_over", "give_back"])
-def test_who_commands_the_apad_is_no_word_that_a_persons_hold_is_over(pool: Scenario, word: str) -> None:
+def test_who_commands_the_apad_is_no_word_that_a_persons_hold_is_over(flying: Flying, word: str) -> None:
     """A node that calls these services has not seen who is in the water."""
-    flying = Flying(pool)
     flying.until(lambda: flying.phase is Phase.GO_COLLECT)
     assert asked(flying, Act.STOP) == (True, "")
     flying.call_mission(lambda mission: getattr(mission, word)())
@@ -241,8 +236,7 @@ def test_who_commands_the_apad_is_no_word_that_a_persons_hold_is_over(pool: Scen
     assert flying.gate.stops.in_force is None
 
 
-def test_a_go_to_of_a_person_is_stopped_and_continued(pool: Scenario) -> None:
-    flying = Flying(pool)
+def test_a_go_to_of_a_person_is_stopped_and_continued(flying: Flying) -> None:
     flying.seconds(3)
     flying.call_mission(lambda flown: flown.take_over())
     flying.call(lambda mission: mission.go_to(10.0, 10.0))
@@ -259,9 +253,8 @@ def test_a_go_to_of_a_person_is_stopped_and_continued(pool: Scenario) -> None:
 
 
 @pytest.mark.parametrize("words", [("take over", "stop"), ("stop", "take over")])
-def test_a_stop_changes_nobodys_right_to_steer(pool: Scenario, words: tuple[str, str]) -> None:
+def test_a_stop_changes_nobodys_right_to_steer(flying: Flying, words: tuple[str, str]) -> None:
     """A person took the aPad over, before the stop or under it: then only that person's word gives it back."""
-    flying = Flying(pool)
     flying.until(lambda: flying.phase is Phase.GO_COLLECT)
     for word in words:
         if word == "stop":
@@ -277,8 +270,7 @@ def test_a_stop_changes_nobodys_right_to_steer(pool: Scenario, words: tuple[str,
     flying.until(lambda: len(flying.events("plan")) > plans)
 
 
-def test_an_aborted_mission_ends_with_a_hold_and_takes_no_more_orders(pool: Scenario) -> None:
-    flying = Flying(pool)
+def test_an_aborted_mission_ends_with_a_hold_and_takes_no_more_orders(flying: Flying) -> None:
     flying.until(lambda: flying.phase is Phase.GO_COLLECT)
     assert asked(flying, Act.ABORT) == (True, "")
     end = flying.flight.supervisor.mission.state.end

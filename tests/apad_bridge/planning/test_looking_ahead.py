@@ -109,7 +109,6 @@ def test_every_plan_of_the_core_can_be_flown_in_overload(situation: Situation, b
 @given(fleets(), st.floats(1, 4000))
 def test_a_projection_makes_no_energy_and_no_time(situation: Situation, horizon_s: float) -> None:
     model = situation.model
-    assert model is not None
     outcome = Projection(situation, model, horizon_s, 60.0).of(range(min(2, len(situation.candidates))))
     agents = (*situation.candidates, *situation.others, *situation.leaving)
     fastest = max(per_s for _, per_s in model.curve)

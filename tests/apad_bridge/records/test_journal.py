@@ -45,8 +45,12 @@ def path(tmp_path):
     return tmp_path / "journal.jsonl"
 
 
-def test_lines_of_one_flush_come_back_by_time_and_else_as_they_were_appended(path):
-    journal = Journal(path)
+@pytest.fixture
+def journal(path) -> Journal:
+    return Journal(path)
+
+
+def test_lines_of_one_flush_come_back_by_time_and_else_as_they_were_appended(journal, path):
     journal.append(1000, LegBegan(3.25))
     journal.append(500, event_of("plan", SAID))
     journal.append(1000, LegBegan(1.5))
@@ -84,16 +88,14 @@ def test_time_never_falls_in_a_journal(tmp_path_factory, flushes):
     again.close()
 
 
-def test_what_is_flushed_is_on_disk_before_the_close(path):
-    journal = Journal(path)
+def test_what_is_flushed_is_on_disk_before_the_close(journal, path):
     journal.append(0, TickPassed())
     assert path.read_bytes() == b""
     journal.flush()
     assert path.read_bytes() == b'{"t":0,"kind":"tick"}\n'
 
 
-def test_every_torn_length_costs_one_line_and_is_said(path):
-    journal = Journal(path)
+def test_every_torn_length_costs_one_line_and_is_said(journal, path):
     journal.append(0, TickPassed())
     journal.append(1000, LegBegan(1))
     journal.close()
@@ -134,16 +136,14 @@ def test_a_line_that_is_none_is_counted(path, line):
     assert (len(lines(contents)), contents.dropped) == (1, 1)
 
 
-def test_not_a_number_is_refused(path):
-    journal = Journal(path)
+def test_not_a_number_is_refused(journal, path):
     with pytest.raises(ValueError, match="`leg` with a wrong `metres`"):
         journal.append(0, LegBegan(math.nan))
     journal.close()
     assert path.read_bytes() == b""
 
 
-def test_a_journal_says_its_format_in_its_first_line(path):
-    journal = Journal(path)
+def test_a_journal_says_its_format_in_its_first_line(journal, path):
     journal.append(0, event_of("run", {"format": FORMAT_VERSION, **RUN}))
     journal.close()
     assert format_of(path) == FORMAT_VERSION
@@ -151,8 +151,7 @@ def test_a_journal_says_its_format_in_its_first_line(path):
     assert format_of(path) is None
 
 
-def test_a_name_of_bytes_that_are_no_text_comes_back(path):
-    journal = Journal(path)
+def test_a_name_of_bytes_that_are_no_text_comes_back(journal, path):
     journal.append(0, ScriptTold(said="caf\udce9.yaml"))
     journal.close()
     assert read_journal(path).entries == [(0, ScriptTold(said="caf\udce9.yaml"))]
@@ -175,16 +174,14 @@ def test_a_line_that_is_nested_without_end_is_dropped_and_counted(path):
         (ScriptTold(5), "`script` with a wrong `said`"),  # type: ignore[arg-type]
     ],
 )
-def test_an_event_with_a_wrong_value_is_our_own_mistake(path, event, why):
-    journal = Journal(path)
+def test_an_event_with_a_wrong_value_is_our_own_mistake(journal, path, event, why):
     with pytest.raises(ValueError, match=why):
         journal.append(0, event)
     journal.close()
     assert path.read_bytes() == b""
 
 
-def test_a_script_names_further_fields(path):
-    journal = Journal(path)
+def test_a_script_names_further_fields(journal, path):
     journal.append(0, ScriptTold(what="leak", own={"litres": [1, {"a": None}]}))
     journal.close()
     assert lines(read_journal(path))[0]["litres"] == [1, {"a": None}]
@@ -252,8 +249,7 @@ def test_a_journal_of_before_the_first_release_is_refused_in_one_line_and_a_newe
         UnknownEvent("leak", {"litres": 2}),
     ],
 )
-def test_an_event_is_read_as_it_was_written_with_its_tuples_and_enums(path, event):
-    journal = Journal(path)
+def test_an_event_is_read_as_it_was_written_with_its_tuples_and_enums(journal, path, event):
     journal.append(7, event)
     journal.close()
     assert read_journal(path).entries == [(7, event)]

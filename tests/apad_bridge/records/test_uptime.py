@@ -162,9 +162,13 @@ def test_only_a_simulated_one_in_the_water_is_counted(events, ticks, presence_by
     assert counted == ([replace(literal(truths, ticks, presence_by_tick), charge=0)] if truths else [])
 
 
-def test_what_a_twin_does_is_told_apart():
+@pytest.fixture
+def meter() -> UptimeMeter:
+    return UptimeMeter(SCALE, lambda _: MODEL, TICK_MS, secondary_in_use=True)
+
+
+def test_what_a_twin_does_is_told_apart(meter):
     """Ten ticks: three in the water, four as a real aMussel's twin that ends empty, three back in the water."""
-    meter = UptimeMeter(SCALE, lambda _: MODEL, TICK_MS, secondary_in_use=True)
     tick_ms = TICK_MS * THETA
 
     def at(tick: int, charge: int, samples: int) -> Truth:
@@ -206,8 +210,7 @@ def test_what_a_twin_does_is_told_apart():
     }
 
 
-def test_where_everybody_is_elsewhere_there_are_no_figures():
-    meter = UptimeMeter(SCALE, lambda _: MODEL, TICK_MS, secondary_in_use=True)
+def test_where_everybody_is_elsewhere_there_are_no_figures(meter):
     meter.take(truth(0, State.ACTIVE, False, (FULL, Flow.RESTING), (FULL, Flow.RESTING)))
     meter.set_presence(7, Presence.RETIRED, 0)
     figures = uptime_figures(meter, 4 * TICK_MS, TICK_MS)
@@ -263,8 +266,7 @@ def test_uptime_at_equal_charge_by_hand():
     assert uptime_figures(meter, 1_000_000)["uptime_equal_charge"] is None
 
 
-def test_active_now_follows_the_dock_and_the_battery():
-    meter = UptimeMeter(SCALE, lambda _: MODEL, TICK_MS, secondary_in_use=True)
+def test_active_now_follows_the_dock_and_the_battery(meter):
     meter.take(truth(0, State.ACTIVE, False, (FULL, Flow.DISCHARGING), (FULL, Flow.RESTING)))
     assert meter.active_now(13) == 1  # 39 ms of agent time: 1/40 is left
     assert meter.active_now(14) == 0
@@ -272,16 +274,14 @@ def test_active_now_follows_the_dock_and_the_battery():
     assert meter.active_now(15) == 0
 
 
-def test_an_aMussel_that_is_gone_is_active_no_more():
-    meter = UptimeMeter(SCALE, lambda _: MODEL, TICK_MS, secondary_in_use=True)
+def test_an_aMussel_that_is_gone_is_active_no_more(meter):
     meter.take(truth(0, State.ACTIVE, False, (FULL, Flow.RESTING), (FULL, Flow.RESTING)))
     meter.ended(7, 4 * TICK_MS * THETA)
     assert [uptime.paper for uptime in meter.at(10 * TICK_MS)] == [3]
     assert meter.active_now(3 * TICK_MS) == 1 and meter.active_now(4 * TICK_MS) == 0
 
 
-def test_an_older_truth_is_refused_and_changes_nothing():
-    meter = UptimeMeter(SCALE, lambda _: MODEL, TICK_MS, secondary_in_use=True)
+def test_an_older_truth_is_refused_and_changes_nothing(meter):
     meter.take(truth(30, State.ACTIVE, False, (FULL, Flow.RESTING), (FULL, Flow.RESTING)))
     with pytest.raises(ValueError, match="time went back: 29 before 30"):
         meter.take(truth(29, State.ACTIVE, True, (0, Flow.RESTING), (0, Flow.RESTING)))

@@ -119,18 +119,23 @@ def watched(**made: Any) -> Vessel:
     return vessel
 
 
-def test_it_waits_watches_and_holds_once_when_the_heartbeat_ends() -> None:
-    vessel = Vessel()
-    assert vessel.seconds(60, age_s=None).state == "WAITING" and not vessel.orders.tried
-    assert vessel.seconds(60, age_s=0.5).state == "WATCHING" and not vessel.orders.tried
-    assert vessel.seconds(60, age_s=None).state == "HELD" and vessel.orders.tried == ["hold 10 10"]
+@pytest.fixture
+def new() -> Vessel:
+    return Vessel()
 
 
-def test_a_watchdog_that_was_started_while_the_bench_is_silent_orders_nothing_whatever_happens() -> None:
-    vessel = Vessel()
-    vessel.seconds(30, age_s=None)
-    vessel.seconds(30, position=Position(north_m=500.0))
-    assert vessel.seconds(600, position=None).state == "WAITING" and not vessel.orders.tried
+def test_it_waits_watches_and_holds_once_when_the_heartbeat_ends(new: Vessel) -> None:
+    assert new.seconds(60, age_s=None).state == "WAITING" and not new.orders.tried
+    assert new.seconds(60, age_s=0.5).state == "WATCHING" and not new.orders.tried
+    assert new.seconds(60, age_s=None).state == "HELD" and new.orders.tried == ["hold 10 10"]
+
+
+def test_a_watchdog_that_was_started_while_the_bench_is_silent_orders_nothing_whatever_happens(
+    new: Vessel,
+) -> None:
+    new.seconds(30, age_s=None)
+    new.seconds(30, position=Position(north_m=500.0))
+    assert new.seconds(600, position=None).state == "WAITING" and not new.orders.tried
 
 
 @pytest.mark.parametrize("age_s", [3.1, math.inf, -math.inf, -0.5])
@@ -138,13 +143,16 @@ def test_a_bench_that_has_no_fresh_position_counts_as_silent(age_s: float) -> No
     assert watched().seconds(8, age_s=age_s).state == "HELD"
 
 
-def test_a_bench_that_does_not_trust_the_position_makes_it_a_bad_one() -> None:
-    vessel = watched()
+@pytest.fixture
+def vessel() -> Vessel:
+    return watched()
+
+
+def test_a_bench_that_does_not_trust_the_position_makes_it_a_bad_one(vessel: Vessel) -> None:
     assert vessel.seconds(8, age_s=math.nan).state == "OFF" and vessel.taken == ["off"]
 
 
-def test_after_an_off_of_the_bench_a_silence_means_off_too() -> None:
-    vessel = watched()
+def test_after_an_off_of_the_bench_a_silence_means_off_too(vessel: Vessel) -> None:
     assert vessel.seconds(60, age_s=-1.0).state == "WATCHING" and not vessel.orders.tried
     assert vessel.seconds(60, age_s=None).state == "OFF" and vessel.taken == ["off"]
     vessel.age_s = 0.1  # a person has continued
@@ -152,40 +160,42 @@ def test_after_an_off_of_the_bench_a_silence_means_off_too() -> None:
     assert vessel.seconds(8, age_s=None).state == "HELD" and vessel.taken == ["off", "hold 10 10"]
 
 
-def test_a_heartbeat_that_was_held_back_does_not_end_an_off() -> None:
+def test_a_heartbeat_that_was_held_back_does_not_end_an_off(vessel: Vessel) -> None:
     """Of two connections one may bring what the bench sent before its OFF, when the other has told of the OFF."""
-    vessel = watched()
     vessel.seconds(3, age_s=-1.0)
     vessel.seconds(2, age_s=0.1)
     assert vessel.seconds(60, age_s=None).state == "OFF" and vessel.taken == ["off"]
 
 
-def test_a_way_that_somebody_ended_in_the_silence_is_not_followed_by_a_hold() -> None:
+def test_a_way_that_somebody_ended_in_the_silence_is_not_followed_by_a_hold(vessel: Vessel) -> None:
     """Over a poor link a person's OFF arrives, and the heartbeats that would tell of it do not."""
-    vessel = watched()
     vessel.seconds(3, age_s=None)
     assert vessel.seconds(60, is_cut=True).state == "OFF" and set(vessel.taken) == {"off"}
     assert "somebody ended its way in the silence" in vessel.said[-1]
 
 
-def test_a_way_that_ended_before_a_heartbeat_is_judged_by_the_heartbeat() -> None:
-    vessel = watched()
+def test_a_way_that_ended_before_a_heartbeat_is_judged_by_the_heartbeat(vessel: Vessel) -> None:
     vessel.seconds(6, is_cut=True)
     assert vessel.seconds(30, age_s=None).state == "HELD" and set(vessel.taken) == {"hold 10 10"}
 
 
-def test_a_heartbeat_that_was_sent_before_an_off_does_not_excuse_the_end_of_the_way() -> None:
+def test_a_heartbeat_that_was_sent_before_an_off_does_not_excuse_the_end_of_the_way(vessel: Vessel) -> None:
     """The OFF overtook it: the link may hold a heartbeat back for 3 s."""
-    vessel = watched()
     vessel.seconds(3, is_cut=True)
     assert vessel.seconds(30, age_s=None).state == "OFF" and set(vessel.taken) == {"off"}
 
 
-def test_an_aPad_that_keeps_its_place_by_itself_is_left_as_it_is() -> None:
+@pytest.fixture
+def with_home() -> Vessel:
+    return watched(home=home())
+
+
+def test_an_aPad_that_keeps_its_place_by_itself_is_left_as_it_is(with_home: Vessel) -> None:
     """It may be off: the thrusters must not turn because heartbeats are lost."""
-    vessel = watched(home=home())
-    assert vessel.seconds(900, keeps_place=True, age_s=None).state == "LEFT" and vessel.orders.tried == []
-    assert vessel.seconds(3, age_s=0.1).state == "WATCHING"
+    assert (
+        with_home.seconds(900, keeps_place=True, age_s=None).state == "LEFT" and with_home.orders.tried == []
+    )
+    assert with_home.seconds(3, age_s=0.1).state == "WATCHING"
 
 
 def test_an_aPad_that_was_left_is_stopped_when_it_sets_out_and_off_when_its_position_turns_bad() -> None:
@@ -199,8 +209,7 @@ def test_an_aPad_that_was_left_is_stopped_when_it_sets_out_and_off_when_its_posi
     assert vessel.seconds(3, position=Position(60.0)).state == "OFF" and set(vessel.taken) == {"off"}
 
 
-def test_the_watchdog_s_own_hold_is_not_somebody_s_end_of_a_way() -> None:
-    vessel = watched()
+def test_the_watchdog_s_own_hold_is_not_somebody_s_end_of_a_way(vessel: Vessel) -> None:
     vessel.seconds(8, age_s=None)
     vessel.orders.is_cut = True  # by the hold, which was given meanwhile
     assert vessel.seconds(30).state == "HELD" and set(vessel.taken) == {"hold 10 10"}
@@ -234,22 +243,20 @@ def test_generation_b_tells_of_each_end_that_an_order_made(told: list[tuple[Any,
     assert not orders.is_cut
 
 
-def test_an_off_after_the_watchdog_s_own_hold_keeps_it_from_going_home() -> None:
-    vessel = watched(home=home())
-    vessel.watchdog.hear_battery(SimpleNamespace(data=80.0))
-    vessel.seconds(6, age_s=None)
-    vessel.orders.is_cut = True  # by the watchdog's own hold
-    assert vessel.seconds(30).state == "HELD" and not vessel.orders.is_cut
-    vessel.orders.is_cut = True  # by somebody's order
-    assert vessel.seconds(120).state == "HELD" and vessel.taken == ["hold 10 10"]
-    assert "somebody ended its hold in the silence" in vessel.said[-1]
+def test_an_off_after_the_watchdog_s_own_hold_keeps_it_from_going_home(with_home: Vessel) -> None:
+    with_home.watchdog.hear_battery(SimpleNamespace(data=80.0))
+    with_home.seconds(6, age_s=None)
+    with_home.orders.is_cut = True  # by the watchdog's own hold
+    assert with_home.seconds(30).state == "HELD" and not with_home.orders.is_cut
+    with_home.orders.is_cut = True  # by somebody's order
+    assert with_home.seconds(120).state == "HELD" and with_home.taken == ["hold 10 10"]
+    assert "somebody ended its hold in the silence" in with_home.said[-1]
 
 
-def test_an_off_on_the_way_home_is_not_followed_by_a_hold() -> None:
-    vessel = watched(home=home())
-    vessel.watchdog.hear_battery(SimpleNamespace(data=80.0))
-    assert vessel.seconds(75, age_s=None).state == "HOMEWARD"
-    assert vessel.seconds(3, is_cut=True).state == "OFF" and vessel.taken[-1] == "off"
+def test_an_off_on_the_way_home_is_not_followed_by_a_hold(with_home: Vessel) -> None:
+    with_home.watchdog.hear_battery(SimpleNamespace(data=80.0))
+    assert with_home.seconds(75, age_s=None).state == "HOMEWARD"
+    assert with_home.seconds(3, is_cut=True).state == "OFF" and with_home.taken[-1] == "off"
 
 
 def test_a_heartbeat_of_an_off_trusts_no_position() -> None:
@@ -262,8 +269,7 @@ def test_a_heartbeat_of_an_off_trusts_no_position() -> None:
     assert "jumped" in vessel.watchdog._position.fault()
 
 
-def test_what_is_not_taken_is_ordered_again_each_second() -> None:
-    vessel = watched()
+def test_what_is_not_taken_is_ordered_again_each_second(vessel: Vessel) -> None:
     assert (
         vessel.seconds(15, hold_tries=60, age_s=None, refuses=WATCHDOG.NotTaken("not now")).state == "SILENT"
         and "not ordered yet: not now" in vessel.said
@@ -273,17 +279,15 @@ def test_what_is_not_taken_is_ordered_again_each_second() -> None:
 
 
 @pytest.mark.parametrize(("tries", "is_refused"), [(3, False), (1, True)])
-def test_a_hold_that_nobody_takes_gives_way_to_off(tries: int, is_refused: bool) -> None:
-    vessel = watched()
+def test_a_hold_that_nobody_takes_gives_way_to_off(vessel: Vessel, tries: int, is_refused: bool) -> None:
     vessel.seconds(14, age_s=None, refuses=WATCHDOG.NotTaken("no", is_refused=is_refused))
     assert vessel.orders.tried[: tries + 1] == ["hold 10 10"] * tries + ["off"]
     assert set(vessel.orders.tried[tries:]) == {"off"}
     assert vessel.seconds(2, refuses=None).state == "OFF"
 
 
-def test_after_an_order_that_nobody_answered_the_newest_is_given_twice() -> None:
+def test_after_an_order_that_nobody_answered_the_newest_is_given_twice(vessel: Vessel) -> None:
     """The old one may be carried out later than the first that is taken."""
-    vessel = watched()
     vessel.seconds(6, age_s=None, refuses=WATCHDOG.NotTaken("no answer", is_late=True))
     assert vessel.orders.tried
     vessel.seconds(1, refuses=None)
@@ -292,8 +296,7 @@ def test_after_an_order_that_nobody_answered_the_newest_is_given_twice() -> None
     assert (vessel.state, vessel.taken) == ("HELD", ["hold 10 10", "hold 11 10"])
 
 
-def test_three_heartbeats_and_not_a_burst_of_old_ones_end_a_silence() -> None:
-    vessel = watched()
+def test_three_heartbeats_and_not_a_burst_of_old_ones_end_a_silence(vessel: Vessel) -> None:
     assert vessel.seconds(10, age_s=None).state == "HELD"
     for _ in range(50):
         vessel.watchdog.hear_heartbeat(SimpleNamespace(data=0.1))
@@ -302,16 +305,14 @@ def test_three_heartbeats_and_not_a_burst_of_old_ones_end_a_silence() -> None:
     assert vessel.taken == ["hold 10 10"]
 
 
-def test_it_tells_beforehand_that_a_silence_would_mean_off() -> None:
-    vessel = watched()
+def test_it_tells_beforehand_that_a_silence_would_mean_off(vessel: Vessel) -> None:
     vessel.seconds(5, position=Position(60.0))
     assert vessel.said[-1] == "a silence would mean OFF: the aPad's position has jumped"
     vessel.seconds(10)
     assert vessel.said[-1] == "a silence would mean HOLD" and not vessel.orders.tried
 
 
-def test_nothing_is_ordered_while_heartbeats_come_again() -> None:
-    vessel = watched()
+def test_nothing_is_ordered_while_heartbeats_come_again(vessel: Vessel) -> None:
     vessel.seconds(6, age_s=None, refuses=WATCHDOG.NotTaken("not now"))
     assert vessel.seconds(10, refuses=None, age_s=0.1).state == "WATCHING" and not vessel.taken
 
@@ -378,9 +379,8 @@ BAD = [
 
 @pytest.mark.parametrize(("spoil", "why"), BAD)
 def test_a_bad_position_means_off_and_is_not_believed_again_before_heartbeats_come(
-    spoil: Callable[[Vessel], None], why: str
+    vessel: Vessel, spoil: Callable[[Vessel], None], why: str
 ) -> None:
-    vessel = watched()
     spoil(vessel)
     vessel.seconds(
         6
@@ -396,8 +396,9 @@ def test_a_bad_position_means_off_and_is_not_believed_again_before_heartbeats_co
 
 
 @pytest.mark.parametrize(("spoil", "why"), BAD)
-def test_of_a_position_that_turns_bad_the_hold_ends(spoil: Callable[[Vessel], None], why: str) -> None:
-    vessel = watched()
+def test_of_a_position_that_turns_bad_the_hold_ends(
+    vessel: Vessel, spoil: Callable[[Vessel], None], why: str
+) -> None:
     assert vessel.seconds(8, age_s=None).state == "HELD"
     spoil(vessel)
     assert vessel.seconds(10).state == "OFF" and vessel.taken == ["hold 10 10", "off"]
@@ -439,38 +440,32 @@ def test_a_healthy_position_never_turns_bad(
     assert vessel.watchdog._position.fault() == ""
 
 
-def test_a_clock_that_is_off_by_a_constant_is_none_of_its_business() -> None:
-    vessel = Vessel()
-    vessel.seconds(20, position=Position(late_s=-3_600.0))
-    assert vessel.seconds(8, age_s=None).state == "HELD"
+def test_a_clock_that_is_off_by_a_constant_is_none_of_its_business(new: Vessel) -> None:
+    new.seconds(20, position=Position(late_s=-3_600.0))
+    assert new.seconds(8, age_s=None).state == "HELD"
 
 
-def test_positions_without_stamps_are_judged_by_their_arrival() -> None:
-    vessel = Vessel()
-    made = vessel.position
+def test_positions_without_stamps_are_judged_by_their_arrival(new: Vessel) -> None:
+    made = new.position
     assert made is not None
-    vessel.seconds(
+    new.seconds(
         20,
-        each_beat=lambda: setattr(
-            vessel, "position", replace(made, late_s=(vessel._beats) * WATCHDOG.BEAT_S)
-        ),
+        each_beat=lambda: setattr(new, "position", replace(made, late_s=(new._beats) * WATCHDOG.BEAT_S)),
     )
-    assert vessel.seconds(8, age_s=None).state == "HELD"
+    assert new.seconds(8, age_s=None).state == "HELD"
 
 
-def test_a_pilot_is_not_fought_before_the_heartbeat_is_back() -> None:
-    vessel = watched(home=home())
-    vessel.age_s = None
-    vessel.pilot(True)
-    vessel.seconds(10)
-    vessel.pilot(False)
-    assert vessel.seconds(600).state == "PILOTED" and not vessel.orders.tried
-    assert vessel.seconds(3, age_s=0.1).state == "WATCHING"
+def test_a_pilot_is_not_fought_before_the_heartbeat_is_back(with_home: Vessel) -> None:
+    with_home.age_s = None
+    with_home.pilot(True)
+    with_home.seconds(10)
+    with_home.pilot(False)
+    assert with_home.seconds(600).state == "PILOTED" and not with_home.orders.tried
+    assert with_home.seconds(3, age_s=0.1).state == "WATCHING"
 
 
 @pytest.mark.parametrize("spoil", [None, vanished])
-def test_a_pilot_who_said_so_once_steers_until_he_says_otherwise(spoil: Any) -> None:
-    vessel = watched()
+def test_a_pilot_who_said_so_once_steers_until_he_says_otherwise(vessel: Vessel, spoil: Any) -> None:
     vessel.pilot(True)
     vessel.seconds(3_600)
     vessel.age_s = None
@@ -479,11 +474,10 @@ def test_a_pilot_who_said_so_once_steers_until_he_says_otherwise(spoil: Any) -> 
     assert vessel.seconds(600).state == "PILOTED" and not vessel.orders.tried
 
 
-def test_a_flag_that_fell_silent_moves_nothing_and_leaves_the_off() -> None:
-    vessel = Vessel()
-    vessel.seconds(20, each_beat=lambda: vessel.pilot(False))
-    assert vessel.seconds(10, each_beat=lambda: None, age_s=None).state == "OFF" and vessel.taken == ["off"]
-    assert "fell silent" in vessel.said[-1]
+def test_a_flag_that_fell_silent_moves_nothing_and_leaves_the_off(new: Vessel) -> None:
+    new.seconds(20, each_beat=lambda: new.pilot(False))
+    assert new.seconds(10, each_beat=lambda: None, age_s=None).state == "OFF" and new.taken == ["off"]
+    assert "fell silent" in new.said[-1]
 
 
 def test_a_pilot_s_node_that_has_gone_moves_nothing_and_leaves_the_off() -> None:

@@ -49,6 +49,5 @@ def test_boards_and_twins_have_the_timeslots_of_ids_without_gaps(tmp_path: Path)
         scenario = of_ids(SOUND_FILE, ids, tmp_path)
         config = flight_config(scenario)
         boards, twin = fleet_config(config).maker(), config.twin
-        assert twin is not None
         told.append([(boards.config(it).board.slot, twin.schedules[it]) for it in ids])
     assert told[0] == told[1] and [slot for slot, _ in told[0]] == [0, 1, 2, 3]

@@ -35,7 +35,6 @@ def flown(scenario: Scenario) -> tuple[Flight, MemoryRecorder]:
 
 
 def battery(flight: Flight) -> float:
-    assert flight.supervisor.battery is not None
     return flight.supervisor.battery.fraction
 
 

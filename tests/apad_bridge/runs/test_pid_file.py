@@ -43,8 +43,6 @@ def test_one_that_died_and_was_not_reaped_is_no_supervisor(tmp_path: Path) -> No
     child = subprocess.Popen(
         [sys.executable, "-c", code, str(tmp_path)], stdin=subprocess.PIPE, stdout=subprocess.PIPE
     )
-    assert child.stdout is not None
-    assert child.stdin is not None
     assert child.stdout.readline() == b"in\n"
     assert supervisor_of(tmp_path) == child.pid
     child.stdin.write(b"x")

@@ -108,7 +108,6 @@ def test_a_fence_of_a_file_is_that_of_its_corners(tmp_path: Path) -> None:
     path = tmp_path / "fenced.yaml"
     path.write_text(POOL.replace(DEPTH, f"{DEPTH}\n  fence: waters.geojson"))
     fence = fence_of(load(path).area)
-    assert fence is not None
     for found, expected in zip((fence.corners, *fence.keep_out), (corners, zone), strict=True):
         assert [pytest.approx(it, abs=1e-5) for it in expected] == list(found)
 

@@ -44,7 +44,6 @@ def power_with(keys: str) -> tuple[str, str]:
 
 def test_the_profiles_are_table_one_to_the_grain() -> None:
     whole = board_config(SHIPPED.board).whole
-    assert whole is not None
     assert (whole.power, whole.cycle) == (table_one.power(LastResort.CALL), table_one.FIELD)
     assert charge_model(SHIPPED.board) == table_one.MODEL
     hourly = board_config(changed((CYCLE_LINE, "cycle: hourly")).board).whole
@@ -62,7 +61,6 @@ def test_one_module_is_overridden_and_the_others_stay() -> None:
         ("power: table-one", "power: {profile: table-one, loads_mw: {gsm: 0, pi: 1200.5}, kept_on: [pi]}")
     )
     whole = board_config(scenario.board).whole
-    assert whole is not None
     # 1200.5 mW of 7.4 Wh: 1.2005 / 7.4 / 3.6e6 of a battery a millisecond.
     assert whole.power.loads.of[Rail.PI] == round(FULL * 1.2005 / 7.4 / 3_600_000)
     assert whole.power.loads.of[Rail.GSM] == 0
@@ -75,7 +73,6 @@ def test_twice_the_capacity_lasts_twice_as_long() -> None:
     whole = board_config(
         changed(("power: table-one", "power: {profile: table-one, capacity_wh: 14.8}")).board
     ).whole
-    assert whole is not None
     assert all(
         abs(2 * ours - theirs) <= 1
         for ours, theirs in zip(whole.power.loads.of, table_one.LOADS.of, strict=True)
@@ -86,7 +83,6 @@ def test_metering_is_table_one_s_to_the_grain_with_the_scenario_s_seed() -> None
     fleet = fleet_parts.fleet_config(
         flight_config(changed(power_with("metering: table-one, low_level: 0.3")))
     )
-    assert fleet.board.whole is not None
     assert fleet.board.whole.power.metering == replace(table_one.METERING, seed=1)
     assert fleet.board.whole.power.low_level == FULL * 3 // 10
 
@@ -94,7 +90,6 @@ def test_metering_is_table_one_s_to_the_grain_with_the_scenario_s_seed() -> None
 def test_batteries_of_an_age_fill_and_empty_sooner() -> None:
     board = changed(power_with("ageing: {cycles: 250, years: 2}")).board
     whole = board_config(board).whole
-    assert whole is not None
     # 250 cycles take 10 % of the capacity, two years 6 %.
     assert whole.power.loads.of[Rail.PI] == table_one.LOADS.of[Rail.PI] * 10_000 // 8400
     assert charge_model(board).segments[0][1] == table_one.MODEL.segments[0][1] * 10_000 // 8400

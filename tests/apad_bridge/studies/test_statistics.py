@@ -43,7 +43,6 @@ def test_differences_are_paired_by_seed_and_those_of_scipy() -> None:
     expected = stats.ttest_rel(ours, theirs)
     interval = expected.confidence_interval(0.95)
     found = a.differences["samples_taken"]
-    assert found is not None
     assert found.p == pytest.approx(expected.pvalue)
     assert (found.estimate.low, found.estimate.high) == pytest.approx((interval.low, interval.high))
 

@@ -30,9 +30,13 @@ class Hand:
         return False
 
 
+@pytest.fixture
+def hand() -> Hand:
+    return Hand()
+
+
 @pytest.mark.parametrize(("speed", "each_s"), [(1.0, 1.0), (20.0, 0.05)])
-def test_a_tick_comes_at_its_wall_time(speed: float, each_s: float) -> None:
-    hand = Hand()
+def test_a_tick_comes_at_its_wall_time(hand: Hand, speed: float, each_s: float) -> None:
     pace = WallClock(speed, clock=hand)
     for now_ms in range(0, 4000, 1000):
         pace.reach(now_ms, hand.stopped)
@@ -40,8 +44,7 @@ def test_a_tick_comes_at_its_wall_time(speed: float, each_s: float) -> None:
     assert pace.behind_s == 0.0
 
 
-def test_a_changed_speed_counts_from_the_time_that_has_come() -> None:
-    hand = Hand()
+def test_a_changed_speed_counts_from_the_time_that_has_come(hand: Hand) -> None:
     pace = WallClock(1.0, clock=hand)
     pace.reach(0, hand.stopped)
     hand.after[0.4] = lambda: pace.speed.change(3.0)
@@ -51,8 +54,7 @@ def test_a_changed_speed_counts_from_the_time_that_has_come() -> None:
     assert hand.now_s == pytest.approx(100.4 + 3.6 / 3, abs=0.01)
 
 
-def test_time_that_stands_comes_on_by_steps_of_a_tick_and_loses_nothing() -> None:
-    hand = Hand()
+def test_time_that_stands_comes_on_by_steps_of_a_tick_and_loses_nothing(hand: Hand) -> None:
     pace = WallClock(1.0, clock=hand)
     pace.reach(0, hand.stopped)
     pace.speed.change(0.0)
@@ -66,8 +68,7 @@ def test_time_that_stands_comes_on_by_steps_of_a_tick_and_loses_nothing() -> Non
     assert pace.slipped_s == 0.0
 
 
-def test_held_time_goes_on_at_the_newest_speed_and_takes_no_time_back() -> None:
-    hand = Hand()
+def test_held_time_goes_on_at_the_newest_speed_and_takes_no_time_back(hand: Hand) -> None:
     pace = WallClock(2.0, clock=hand)
     pace.reach(0, hand.stopped)
     held = [True]
@@ -81,8 +82,7 @@ def test_held_time_goes_on_at_the_newest_speed_and_takes_no_time_back() -> None:
     assert pace.slipped_s == 0.0
 
 
-def test_a_flight_that_ends_does_not_wait_for_time_that_stands() -> None:
-    hand = Hand()
+def test_a_flight_that_ends_does_not_wait_for_time_that_stands(hand: Hand) -> None:
     pace = WallClock(1.0, clock=hand)
     pace.reach(0, hand.stopped)
     pace.speed.change(0.0)
@@ -91,8 +91,7 @@ def test_a_flight_that_ends_does_not_wait_for_time_that_stands() -> None:
     assert pace.behind_s == 0.0
 
 
-def test_missions_that_begin_at_the_same_time_of_the_clock_have_their_ticks_together() -> None:
-    hand = Hand()
+def test_missions_that_begin_at_the_same_time_of_the_clock_have_their_ticks_together(hand: Hand) -> None:
     paces = [WallClock(1.0, clock=hand) for _ in range(2)]
     begin_ms = paces[0].clock_ms() + 500
     for pace in paces:
@@ -103,8 +102,7 @@ def test_missions_that_begin_at_the_same_time_of_the_clock_have_their_ticks_toge
     assert hand.now_s == pytest.approx(103.5)
 
 
-def test_a_little_late_it_catches_up() -> None:
-    hand = Hand()
+def test_a_little_late_it_catches_up(hand: Hand) -> None:
     pace = WallClock(1.0, bound_s=5.0, clock=hand)
     pace.reach(0, hand.stopped)
     hand.now_s += 3.0
@@ -116,8 +114,7 @@ def test_a_little_late_it_catches_up() -> None:
     assert pace.slipped_s == 0.0
 
 
-def test_a_wait_that_ends_late_counts_as_late() -> None:
-    hand = Hand()
+def test_a_wait_that_ends_late_counts_as_late(hand: Hand) -> None:
     hand.stopped.wait = lambda timeout=None: hand._wait(timeout + 0.25)  # type: ignore[method-assign, operator]
     pace = WallClock(1.0, clock=hand)
     pace.reach(0, hand.stopped)
@@ -125,8 +122,7 @@ def test_a_wait_that_ends_late_counts_as_late() -> None:
     assert pace.behind_s == pytest.approx(0.25)
 
 
-def test_far_behind_it_moves_its_schedule_and_says_by_how_much() -> None:
-    hand = Hand()
+def test_far_behind_it_moves_its_schedule_and_says_by_how_much(hand: Hand) -> None:
     pace = WallClock(1.0, bound_s=5.0, clock=hand)
     pace.reach(0, hand.stopped)
     hand.now_s += 11.0

@@ -35,7 +35,6 @@ from apad_bridge.world.apad.in_process import InProcessVehicle
 from apad_bridge.world.world import World
 from firmware_model.packets import AcousticStatus, CommandPacket, Kind
 from firmware_model.packets.codec import load_codec
-from firmware_model.sampling.sensors import SENSORS, values
 
 APAD_M = (14.0, 10.5)
 
@@ -89,27 +88,6 @@ def test_the_mission_is_flown_by_sound_alone() -> None:
     assert any(packet["from"] == 0 for packet in packets(recorder))
 
 
-def test_the_same_seed_gives_the_same_packets_and_another_seed_others() -> None:
-    noisy = {"sound": {"noise_db_per_hz": 110.0, "fading_db": 4.0}}
-    first, second = (facts_of(fly_in_memory(in_water(370, noisy))[1]) for _ in range(2))
-    assert first == second
-    lost = [row[1] for packet in packets(fly_in_memory(in_water(370, noisy))[1]) for row in packet["heard"]]
-    assert {"noise", "received"} <= set(lost)
-
-
-def test_links_are_cut_by_a_file(tmp_path: Path) -> None:
-    links = tmp_path / "links.csv"
-    links.write_text("from, to, loss, since_s, until_s\n3, apad, 1, ,\n*, apad, 1, 200, 300\n")
-    _, recorder = fly_in_memory(in_water(370, {"links_file": str(links)}))
-    # One packet each in hours 1, 2 and 3, at 130 s, 250 s and 370 s of mission time: the second falls in the blackout.
-    outcomes = {
-        (packet["from"], packet["began_ms"] // 3_600_000): packet["heard"][0][1]
-        for packet in packets(recorder)
-    }
-    assert {outcomes[agent_id, 2] for agent_id in range(1, 13)} == {"cut"}
-    assert [agent_id for agent_id in range(1, 13) if outcomes[agent_id, 1] == "cut"] == [3]
-
-
 def test_a_dock_is_not_closed_around_one_that_never_heard_the_permission(tmp_path: Path) -> None:
     """On twins, which assume that commands arrive: four permissions in five are lost. An empty dock gains nothing."""
     links = tmp_path / "links.csv"
@@ -152,12 +130,6 @@ def test_water_that_cannot_be_is_refused(water: dict[str, Any], error: str) -> N
 def test_the_paper_s_hearing_and_a_model_of_the_air_contradict_each_other() -> None:
     with pytest.raises(ScenarioError, match=r"water.wifi: .*hearing.mode"):
         in_water(10, {"wifi": {}}, mode="paper")
-
-
-def test_a_file_of_links_that_is_none_is_refused_with_its_line(tmp_path: Path) -> None:
-    (tmp_path / "links.csv").write_text("from,to,loss\nboat,1,1\n")
-    with pytest.raises(ScenarioError, match=r"water\.links_file: .*line 2: 'boat'"):
-        in_water(10, {"links_file": str(tmp_path / "links.csv")})
 
 
 def test_links_may_change_while_a_run_flies(tmp_path: Path) -> None:
@@ -216,31 +188,6 @@ def test_an_aPad_learns_ways_assigns_slots_and_finds_its_aMussels() -> None:
         if fix["id"] not in {data["agent"] for _, kind, data in facts_of(recorder) if kind == "dock"}:
             error_m = dist(places[fix["id"]][:2], (fix["north_m"], fix["east_m"]))
             assert error_m < 6 * (fix["covariance"][0] + fix["covariance"][2]) ** 0.5
-
-
-def test_sensors_meet_an_anoxic_patch_that_grows_and_say_so_by_sound() -> None:
-    """From hour 1 to hour 6 it grows to 20 m around (14, 10): at the hour h its core reaches 2 (h - 1) m, and all of it
-    twice as far. Oxygen is 6 mg/l on the bottom otherwise; the sensor's noise is 0.05."""
-    patch = {
-        "begins_s": 3600, "growing_s": 18_000, "place_m": [14, 10], "radius_m": 20,
-        "from_depth_m": 1, "oxygen_mg_l": 0.5,
-    }  # fmt: skip
-    scenario = in_water(790, {"fields": {"oxygen_mg_l": [[0, 9], [3, 6]], "patches": [patch]}})
-    _, recorder = fly_in_memory(scenario)
-    places = {it.agent_id: (it.north_m, it.east_m) for it in starts_of(scenario)}
-    seen = set()
-    for packet in packets(recorder):
-        status = load_codec("musselbed-1").decode(bytes.fromhex(packet["data"]))
-        if packet["from"] == 0 or not isinstance(status, AcousticStatus):
-            continue
-        # Sampled 10 s after the alarm at the hour.
-        hour = packet["began_ms"] // 3_600_000
-        reach_m = 4 * (hour - 1) + 4 * 10 / 3600
-        metres = dist(places[packet["from"]], (14, 10))
-        share = 0.0 if reach_m <= 0 else min(1.0, max(0.0, 2 - 2 * metres / reach_m))
-        assert values(SENSORS, status.counts)[0] == pytest.approx(6 - 5.5 * share, abs=0.3)
-        seen.add("core" if share == 1 else "edge" if share else "outside")
-    assert seen == {"core", "edge", "outside"}
 
 
 class Elsewhere:

@@ -86,7 +86,6 @@ def test_the_end_and_the_battery_then_are_foretold(
 ) -> None:
     flying, told = foretold
     battery = flying.flight.supervisor.battery
-    assert battery is not None
     half = [(t, it) for t, _, it in told if pool.duration_s / 2 < t < pool.duration_s]
     for now_s, forecast in half:
         assert forecast.mission_end_s == pytest.approx(pool.duration_s - now_s)

@@ -56,24 +56,26 @@ def test_what_came_is_acknowledged_up_to_the_first_hole() -> None:
     assert collection.acknowledgements() == [LogAck(AGENT, 6)]
 
 
-def test_a_repeated_packet_brings_nothing_and_is_acknowledged_again() -> None:
-    collection = SampleCollection([AGENT])
+@pytest.fixture
+def collection() -> SampleCollection:
+    return SampleCollection([AGENT])
+
+
+def test_a_repeated_packet_brings_nothing_and_is_acknowledged_again(collection: SampleCollection) -> None:
     taken(collection, packet(0, 2, 0, 1))
     collection.acknowledgements()
     assert taken(collection, packet(0, 2, 0, 1)) == ([], [])
     assert collection.acknowledgements() == [LogAck(AGENT, 2)]
 
 
-def test_what_never_will_come_is_said_once_and_not_waited_for() -> None:
-    collection = SampleCollection([AGENT])
+def test_what_never_will_come_is_said_once_and_not_waited_for(collection: SampleCollection) -> None:
     assert taken(collection, packet(3, 3, 3, 5, oldest=3)) == ([3, 5], [0, 1, 2, 4])
     assert taken(collection, packet(3, 3, 3, 5, oldest=3)) == ([], [])
     assert collection.acknowledgements() == [LogAck(AGENT, 6)]
     assert collection.gone == {AGENT: {0, 1, 2, 4}}
 
 
-def test_a_record_that_was_given_up_and_comes_late_is_kept() -> None:
-    collection = SampleCollection([AGENT])
+def test_a_record_that_was_given_up_and_comes_late_is_kept(collection: SampleCollection) -> None:
     taken(collection, packet(3, 1, 3, oldest=3))
     assert taken(collection, packet(0, 3, 0, 1, 2)) == ([0, 1, 2], [])
     assert collection.gone == {AGENT: set()}
@@ -98,8 +100,9 @@ def believed(state: State, north_m: float) -> Belief:
     return Belief(AGENT, 0, state, 0.5, 0.5, north_m, 2.0)
 
 
-def test_a_sample_was_taken_where_the_amussel_was_believed_under_water_between_two_docks() -> None:
-    collection = SampleCollection([AGENT])
+def test_a_sample_was_taken_where_the_amussel_was_believed_under_water_between_two_docks(
+    collection: SampleCollection,
+) -> None:
     for agent_ms, state, north_m in [
         (2_500, State.TRANSMITTING, 10.0),
         (3_500, State.SLEEPING, 11.0),
@@ -116,8 +119,7 @@ def test_a_sample_was_taken_where_the_amussel_was_believed_under_water_between_t
     assert [it.place_m for it in found.samples] == [(11.0, 2.0)] * 7 + [(40.0, 2.0)] * 3
 
 
-def test_a_sample_from_before_anything_was_believed_has_no_place() -> None:
-    collection = SampleCollection([AGENT])
+def test_a_sample_from_before_anything_was_believed_has_no_place(collection: SampleCollection) -> None:
     collection.note_place(believed(State.CHARGING, 90.0), 5_500)
     collection.note_place(believed(State.SLEEPING, 10.0), 7_500)
     found = collection.take(packet(5, 2, 5, 6))

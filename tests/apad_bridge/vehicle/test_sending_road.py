@@ -247,8 +247,12 @@ class Alone:
         return outgoing
 
 
-def test_an_order_waits_for_the_one_before_it_and_makes_way_for_a_newer_one() -> None:
-    alone = Alone()
+@pytest.fixture
+def alone() -> Alone:
+    return Alone()
+
+
+def test_an_order_waits_for_the_one_before_it_and_makes_way_for_a_newer_one(alone: Alone) -> None:
     first = alone.put(Rank.ORDER, 0)
     assert alone.road.advance(0) == [Write(first)]
     second = alone.put(Rank.ORDER, 10)
@@ -258,8 +262,9 @@ def test_an_order_waits_for_the_one_before_it_and_makes_way_for_a_newer_one() ->
     assert alone.road.advance(30) == [Ended(first, None), Write(third)]
 
 
-def test_a_stop_ends_the_order_under_way_and_the_one_that_waits_and_leaves_in_the_same_step() -> None:
-    alone = Alone()
+def test_a_stop_ends_the_order_under_way_and_the_one_that_waits_and_leaves_in_the_same_step(
+    alone: Alone,
+) -> None:
     under_way = alone.put(Rank.ORDER, 0)
     alone.road.advance(0)
     waits = alone.put(Rank.ORDER, 10)
@@ -274,8 +279,7 @@ def test_a_stop_ends_the_order_under_way_and_the_one_that_waits_and_leaves_in_th
     assert actions[4:] == [OpenLine("orders")]
 
 
-def test_an_off_ends_a_hold_under_way_and_no_hold_ends_an_off() -> None:
-    alone = Alone()
+def test_an_off_ends_a_hold_under_way_and_no_hold_ends_an_off(alone: Alone) -> None:
     hold = alone.put(Rank.HOLD, 0)
     alone.road.advance(0)
     off = alone.put(Rank.OFF, 10)
@@ -286,8 +290,7 @@ def test_an_off_ends_a_hold_under_way_and_no_hold_ends_an_off() -> None:
 
 
 @pytest.mark.parametrize(("rank", "patience_ms"), [(Rank.ORDER, PATIENCE_MS), (Rank.OFF, STOP_PATIENCE_MS)])
-def test_no_answer_is_awaited_for_ever(rank: Rank, patience_ms: int) -> None:
-    alone = Alone()
+def test_no_answer_is_awaited_for_ever(alone: Alone, rank: Rank, patience_ms: int) -> None:
     order = alone.put(rank, 0)
     alone.road.advance(0)
     assert alone.road.next_due_ms() == patience_ms
@@ -295,8 +298,9 @@ def test_no_answer_is_awaited_for_ever(rank: Rank, patience_ms: int) -> None:
     assert Ended(order, TOO_LATE) in alone.road.advance(patience_ms)
 
 
-def test_a_line_that_had_ended_at_the_vehicle_carries_its_order_once_more_and_no_third_time() -> None:
-    alone = Alone()
+def test_a_line_that_had_ended_at_the_vehicle_carries_its_order_once_more_and_no_third_time(
+    alone: Alone,
+) -> None:
     order = alone.put(Rank.ORDER, 0)
     alone.road.advance(0)
     alone.road.ended("orders", 10)
@@ -307,8 +311,7 @@ def test_a_line_that_had_ended_at_the_vehicle_carries_its_order_once_more_and_no
     assert [type(it) for it in alone.road.advance(30)] == [Ended, OpenLine]
 
 
-def test_a_stop_without_a_line_waits_for_one_and_fails_in_time() -> None:
-    alone = Alone()
+def test_a_stop_without_a_line_waits_for_one_and_fails_in_time(alone: Alone) -> None:
     alone.road.ended("off", 0)
     off = alone.put(Rank.OFF, 0)
     assert alone.road.advance(0) == [OpenLine("off")]

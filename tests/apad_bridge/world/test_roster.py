@@ -173,8 +173,14 @@ def test_every_pair_is_in_the_table_or_refused(presence: Presence, trigger: Pres
     assert ((presence, trigger) in TABLE) is (trigger in may[presence])
 
 
-def test_a_real_one_is_believed_while_its_twin_goes_on_unheard_and_takes_over_where_it_is_left() -> None:
-    bench = Bench()
+@pytest.fixture
+def bench() -> Bench:
+    return Bench()
+
+
+def test_a_real_one_is_believed_while_its_twin_goes_on_unheard_and_takes_over_where_it_is_left(
+    bench: Bench,
+) -> None:
     bench.ticks(5)
     beliefs = bench.flight.supervisor.beliefs
     assert bench.ask(PresenceRequest(THE_ONE, PresenceTrigger.HAND_OVER, "a test")) == [None]
@@ -183,7 +189,6 @@ def test_a_real_one_is_believed_while_its_twin_goes_on_unheard_and_takes_over_wh
     _, twin_m = bench.truth()
     bench.real_one_says(north_m=twin_m + 4.0, primary=0.5)
     belief = beliefs.get(THE_ONE)
-    assert belief is not None
     assert (belief.north_m, belief.primary) == pytest.approx((twin_m + 4.0, 0.5), abs=0.01)
     assert bench.truth()[1] == pytest.approx(twin_m)
     assert bench.ask(PresenceRequest(THE_ONE, PresenceTrigger.TAKE_BACK, "a test")) == [None]
@@ -199,8 +204,7 @@ def test_a_real_one_is_believed_while_its_twin_goes_on_unheard_and_takes_over_wh
     ]
 
 
-def test_uptimes_are_of_the_simulated_ones_and_others_are_told_apart() -> None:
-    bench = Bench()
+def test_uptimes_are_of_the_simulated_ones_and_others_are_told_apart(bench: Bench) -> None:
     bench.ticks(11)
     bench.ask(
         PresenceRequest(THE_ONE, PresenceTrigger.HAND_OVER, "a test"),
@@ -215,8 +219,7 @@ def test_uptimes_are_of_the_simulated_ones_and_others_are_told_apart() -> None:
     assert figures["excluded"] == {"amussels": 2, "beside_real_s": 8, "retired_s": 8, "samples_taken": 0}
 
 
-def test_taken_back_before_anything_was_heard_of_the_real_one_is_refused() -> None:
-    bench = Bench()
+def test_taken_back_before_anything_was_heard_of_the_real_one_is_refused(bench: Bench) -> None:
     bench.ask(PresenceRequest(THE_ONE, PresenceTrigger.HAND_OVER, "a test"))
     (refusal,) = bench.ask(PresenceRequest(THE_ONE, PresenceTrigger.TAKE_BACK, "a test"))
     assert refusal is not None and "no report came" in refusal
@@ -237,12 +240,10 @@ def test_a_retired_one_is_planned_for_no_more_and_may_be_spawned_elsewhere() -> 
     ]
     bench.ticks(2)
     belief = bench.flight.supervisor.beliefs.get(THE_ONE)
-    assert belief is not None
     assert (belief.north_m, belief.east_m, belief.primary) == pytest.approx((7.0, 8.0, 0.25), abs=0.01)
 
 
-def test_a_reset_by_fault_is_a_reset() -> None:
-    bench = Bench()
+def test_a_reset_by_fault_is_a_reset(bench: Bench) -> None:
     bench.ticks(3)
     before = bench.truth()
     assert bench.ask(FaultRequest(THE_ONE, TimedFault.BROWN_OUT)) == [None]
@@ -252,8 +253,7 @@ def test_a_reset_by_fault_is_a_reset() -> None:
     assert bench.truth() == (State.ACTIVE, pytest.approx(before[1]))
 
 
-def test_what_cannot_be_is_refused_in_words() -> None:
-    bench = Bench()
+def test_what_cannot_be_is_refused_in_words(bench: Bench) -> None:
     bench.ticks(2)
     unknown, spawned = bench.ask(
         PresenceRequest(77, PresenceTrigger.RETIRE, "a test"),
@@ -280,9 +280,8 @@ def test_what_cannot_be_is_refused_in_words() -> None:
     ],
 )
 def test_what_is_left_out_of_a_spawning_is_refused(
-    at: tuple[float, float], charges: tuple[float, float], refusal: str
+    bench: Bench, at: tuple[float, float], charges: tuple[float, float], refusal: str
 ) -> None:
-    bench = Bench()
     bench.ticks(2)
     bench.ask(PresenceRequest(1, PresenceTrigger.RETIRE, "a test"))
     (answer,) = bench.ask(PresenceRequest(1, PresenceTrigger.SPAWN, "a test", at, charges))
@@ -301,9 +300,8 @@ def test_one_in_a_dock_is_left_alone() -> None:
     assert refusal == f"aMussel {docked} is in a dock: undock it first"
 
 
-def test_what_was_done_is_answered_when_it_is_recorded() -> None:
+def test_what_was_done_is_answered_when_it_is_recorded(bench: Bench) -> None:
     """A caller that got the answer that an id is real may rely on it, whatever process dies next."""
-    bench = Bench()
     order: list[str] = []
 
     class RosterRequests(Paper):
@@ -327,8 +325,7 @@ def test_what_was_done_is_answered_when_it_is_recorded() -> None:
     assert order == ["said", "on disk", "answered"]
 
 
-def test_another_supervisor_knows_who_is_real_and_who_is_retired() -> None:
-    bench = Bench()
+def test_another_supervisor_knows_who_is_real_and_who_is_retired(bench: Bench) -> None:
     bench.ticks(3)
     bench.ask(
         PresenceRequest(THE_ONE, PresenceTrigger.HAND_OVER, "a test"),

@@ -25,8 +25,12 @@ def asleep(primary: float = 1.0, secondary: float = 1.0) -> Bench:
     return bench
 
 
-def test_a_sleeper_wakes_reads_its_batteries_answers_and_sleeps_on() -> None:
-    bench = asleep()
+@pytest.fixture
+def bench() -> Bench:
+    return asleep()
+
+
+def test_a_sleeper_wakes_reads_its_batteries_answers_and_sleeps_on(bench: Bench) -> None:
     bench.command(Kind.PING)
     bench.run(minutes=5)
     assert [line(it) for it in bench.trace] == [
@@ -84,8 +88,9 @@ def test_a_wake_under_way_is_neither_broken_off_nor_made_longer() -> None:
 
 
 @pytest.mark.parametrize("kind", [Kind.PERMISSION, Kind.HOVER])
-def test_on_its_way_and_at_a_depth_it_answers_and_its_motors_do_not_run_again(kind: Kind) -> None:
-    bench = asleep()
+def test_on_its_way_and_at_a_depth_it_answers_and_its_motors_do_not_run_again(
+    bench: Bench, kind: Kind
+) -> None:
     bench.command(kind)
     bench.run(ms=30_000)
     bench.command(Kind.PING)
@@ -103,8 +108,7 @@ def test_on_its_backup_battery_it_answers_and_that_battery_pays() -> None:
     assert before - bench.secondary > 393 * LOADS.of[Rail.MODEM_TRANSMITTING]
 
 
-def test_afloat_docked_and_released_it_does_not_answer_by_sound() -> None:
-    bench = asleep()
+def test_afloat_docked_and_released_it_does_not_answer_by_sound(bench: Bench) -> None:
     bench.command(Kind.PERMISSION)
     refused = []
     bench.run(minutes=2)
@@ -121,8 +125,7 @@ def test_afloat_docked_and_released_it_does_not_answer_by_sound() -> None:
     assert bench.did(SendAnswer) == []
 
 
-def test_one_that_was_lifted_out_before_it_could_answer_does_not() -> None:
-    bench = asleep()
+def test_one_that_was_lifted_out_before_it_could_answer_does_not(bench: Bench) -> None:
     bench.command(Kind.PING)
     bench.run(ms=100)
     bench.charge_pin_rises()
@@ -132,8 +135,7 @@ def test_one_that_was_lifted_out_before_it_could_answer_does_not() -> None:
     assert bench.board.rails == 1 << Rail.MU_ASLEEP | 1 << Rail.MODEM_LISTENING
 
 
-def test_it_answers_one_question_at_a_time_and_hears_nothing_while_it_does() -> None:
-    bench = asleep()
+def test_it_answers_one_question_at_a_time_and_hears_nothing_while_it_does(bench: Bench) -> None:
     drops = bench.command(Kind.PING) + bench.command(Kind.PING)
     bench.run(ms=600)
     drops += bench.command(Kind.PERMISSION)
@@ -145,8 +147,7 @@ def test_it_answers_one_question_at_a_time_and_hears_nothing_while_it_does() -> 
     assert len(bench.did(SendAnswer)) == 1 and bench.state is State.SLEEPING
 
 
-def test_a_question_to_everyone_is_answered_by_nobody() -> None:
-    bench = asleep()
+def test_a_question_to_everyone_is_answered_by_nobody(bench: Bench) -> None:
     (dropped,) = (it for it in bench.hear(CommandPacket(Kind.PING, EVERYONE)) if isinstance(it, Dropped))
     assert dropped.reason == "a ping for everyone: all would answer at once"
     bench.run(minutes=1)
@@ -163,8 +164,7 @@ def test_the_worst_case_says_nothing() -> None:
     assert bench.did(SendAnswer) == bench.did(SetRail) == []
 
 
-def test_a_reset_forgets_what_it_was_asked() -> None:
-    bench = asleep()
+def test_a_reset_forgets_what_it_was_asked(bench: Bench) -> None:
     bench.command(Kind.PING)
     bench.run(ms=100)
     bench.reset(bench.board.reset_cause)  # type: ignore[arg-type]
@@ -172,8 +172,7 @@ def test_a_reset_forgets_what_it_was_asked() -> None:
     assert bench.did(SendAnswer) == []
 
 
-def test_what_the_modem_sends_by_itself_is_drawn_without_waking_the_board() -> None:
-    bench = asleep()
+def test_what_the_modem_sends_by_itself_is_drawn_without_waking_the_board(bench: Bench) -> None:
     bench.tell(ModemSpoke(105))
     assert not bench.board.is_modem_listening
     bench.run(minutes=1)
@@ -189,10 +188,9 @@ def test_what_the_modem_sends_by_itself_is_drawn_without_waking_the_board() -> N
 
 @pytest.mark.parametrize(("first_ms", "second_ms", "ends_ms"), [(1000, 105, 1000), (105, 1000, 1050)])
 def test_a_modem_that_is_told_to_send_while_it_sends_ends_with_the_later_one(
-    first_ms: int, second_ms: int, ends_ms: int
+    bench: Bench, first_ms: int, second_ms: int, ends_ms: int
 ) -> None:
     """Only a user who opened the modem can tell it so: while it sends, it hears no ping. A short one ends no long one."""
-    bench = asleep()
     bench.tell(ModemSpoke(first_ms))
     bench.run(ms=50)
     bench.tell(ModemSpoke(second_ms))

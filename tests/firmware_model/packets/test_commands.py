@@ -46,8 +46,12 @@ def changes(actions: list[Action]) -> list[str]:
     ]
 
 
-def test_a_sleep_schedule_moves_the_alarm_and_the_length_of_a_wake() -> None:
-    bench = asleep()
+@pytest.fixture
+def bench() -> Bench:
+    return asleep()
+
+
+def test_a_sleep_schedule_moves_the_alarm_and_the_length_of_a_wake(bench: Bench) -> None:
     bench.hear(SleepSchedule(1, alarm_ms=900_000, wake_ms=30_000))
     assert changes(bench.run(minutes=30)) == [
         "900000 SLEEPING -ALARM_RANG-> SAMPLING",
@@ -57,8 +61,7 @@ def test_a_sleep_schedule_moves_the_alarm_and_the_length_of_a_wake() -> None:
     ]
 
 
-def test_a_board_without_a_timeslot_speaks_in_the_one_that_it_is_given() -> None:
-    bench = asleep()
+def test_a_board_without_a_timeslot_speaks_in_the_one_that_it_is_given(bench: Bench) -> None:
     bench.hear(SlotAssignment(1, frame_ms=60_000, slot_ms=3000, guard_ms=200, index=5, offset_ms=-50))
     bench.run(hours=1.1)
     assert [sent.at_ms for sent in bench.did(SendStatus)] == [HOUR + 15_150]
@@ -101,8 +104,7 @@ def test_the_level_to_switch_back_at_is_where_it_was_told_to_be() -> None:
         SlotAssignment(1, 60_000, 3000, 3000, 0, 0),
     ],
 )
-def test_what_cannot_be_is_refused_and_changes_nothing(command: Command) -> None:
-    bench = asleep()
+def test_what_cannot_be_is_refused_and_changes_nothing(bench: Bench, command: Command) -> None:
     (dropped,) = [action for action in bench.hear(command) if isinstance(action, Dropped)]
     assert dropped.reason == f"a {command.kind.name} that cannot be"
     assert bench.board.kept is None
@@ -120,8 +122,7 @@ def hovered(actions: list[Action]) -> list[tuple[int, int | None]]:
     ]
 
 
-def test_it_hovers_at_the_depth_that_it_was_told_and_keeps_to_it() -> None:
-    bench = asleep()
+def test_it_hovers_at_the_depth_that_it_was_told_and_keeps_to_it(bench: Bench) -> None:
     bench.hear(HoverAt(1, 1.25))
     bench.run(minutes=15)
     assert hovered(bench.trace) == [(120_000, 1250), (720_000, 1250)]
@@ -132,8 +133,7 @@ def test_it_hovers_at_the_depth_that_it_was_told_and_keeps_to_it() -> None:
     assert hovered(bench.trace) == [(bench.now_ms, None)]
 
 
-def test_it_does_not_hover_at_the_surface() -> None:
-    bench = asleep()
+def test_it_does_not_hover_at_the_surface(bench: Bench) -> None:
     assert "by permission only" in str(bench.hear(HoverAt(1, 0.0)))
     assert bench.state is State.SLEEPING
 
@@ -168,8 +168,7 @@ def test_down_again_it_still_surfaces_when_it_is_permitted() -> None:
 
 
 @pytest.mark.parametrize("state", [State.SURFACING, State.FLOATING, State.RELEASED, State.HOVERING])
-def test_it_sinks_when_told_from_wherever_it_can(state: State) -> None:
-    bench = asleep()
+def test_it_sinks_when_told_from_wherever_it_can(bench: Bench, state: State) -> None:
     if state is State.HOVERING:
         bench.command(Kind.HOVER)
     else:

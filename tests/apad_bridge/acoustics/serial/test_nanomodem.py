@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -62,8 +63,12 @@ def test_it_asks_who_is_there_and_never_sets_an_address() -> None:
     assert (queue.stage, queue.address) == (ModemStage.READY, 1)
 
 
-def test_one_packet_at_a_time_with_its_id_and_commands_first() -> None:
-    queue = ready()
+@pytest.fixture
+def queue() -> ModemQueue:
+    return ready()
+
+
+def test_one_packet_at_a_time_with_its_id_and_commands_first(queue: ModemQueue) -> None:
     assert written(queue.send(report(7), Priority.REPORT, 100)) == b"$B09\xb1\x07\x00status"
     assert queue.send(report(8), Priority.REPORT, 110) == []
     assert queue.send(command(300), Priority.COMMAND, 120) == []
@@ -75,8 +80,7 @@ def test_one_packet_at_a_time_with_its_id_and_commands_first() -> None:
     assert written(actions) == b"$B09\xb2\x2c\x01rise!!"
 
 
-def test_a_newer_report_takes_the_place_of_one_that_waits() -> None:
-    queue = ready()
+def test_a_newer_report_takes_the_place_of_one_that_waits(queue: ModemQueue) -> None:
     queue.send(report(1), Priority.REPORT, 100)
     queue.send(report(2, b"old"), Priority.REPORT, 100)
     assert reasons(queue.send(report(2, b"new"), Priority.REPORT, 200)) == [
@@ -86,8 +90,7 @@ def test_a_newer_report_takes_the_place_of_one_that_waits() -> None:
     assert written(queue.advance(1000)).endswith(b"new")
 
 
-def test_no_answer_is_tried_again_and_then_given_up() -> None:
-    queue = ready()
+def test_no_answer_is_tried_again_and_then_given_up(queue: ModemQueue) -> None:
     queue.send(report(7), Priority.REPORT, 100)
     now_ms = 100
     for _ in range(2):
@@ -100,16 +103,14 @@ def test_no_answer_is_tried_again_and_then_given_up() -> None:
     assert queue.dropped == {"sound: the modem did not take it, 3 times": 1}
 
 
-def test_an_error_is_tried_again_at_once() -> None:
-    queue = ready()
+def test_an_error_is_tried_again_at_once(queue: ModemQueue) -> None:
     queue.send(report(7), Priority.REPORT, 100)
     assert b"status" in written(queue.read(b"E\r\n", 120))
     assert b"status" in written(queue.read(b"E\r\n", 140))
     assert reasons(queue.read(b"E\r\n", 160)) == ["sound: the modem did not take it, 3 times"]
 
 
-def test_a_full_queue_drops_the_last_of_the_lowest_priority() -> None:
-    queue = ready()
+def test_a_full_queue_drops_the_last_of_the_lowest_priority(queue: ModemQueue) -> None:
     for agent_id in range(MAX_WAITING + 1):  # one is being sent
         assert reasons(queue.send(report(agent_id), Priority.REPORT, 100)) == []
     full = queue.send(command(5), Priority.COMMAND, 100)
@@ -127,8 +128,7 @@ def test_what_waits_too_long_is_dropped_and_told() -> None:
     assert isinstance(late, PacketDropped) and late.packet == report(7)
 
 
-def test_a_lost_port_is_told_and_what_was_being_sent_is_sent_again() -> None:
-    queue = ready()
+def test_a_lost_port_is_told_and_what_was_being_sent_is_sent_again(queue: ModemQueue) -> None:
     queue.send(report(7), Priority.REPORT, 100)
     queue.read(b"$B09\r\n", 120)
     (lost,) = queue.port_lost("unplugged", 200)
@@ -158,8 +158,7 @@ def test_after_any_noise_a_modem_is_found_again(noise: list[bytes]) -> None:
     assert queue.stage is ModemStage.CLOSED
 
 
-def test_packets_from_the_water_carry_their_ids_and_the_rest_is_dropped() -> None:
-    queue = ready()
+def test_packets_from_the_water_carry_their_ids_and_the_rest_is_dropped(queue: ModemQueue) -> None:
     assert queue.read(b"#B00909\xb1\x09\x00status\r\n", 300) == [PacketReceived(300, report(9))]
     assert queue.read(b"#U09\xb2\x07\x00rise!!\r\n", 310) == [PacketReceived(310, command(7))]
     assert reasons(queue.read(b"#B00902hi\r\n", 320)) == ["sound: without an aMussel's id"]
@@ -167,8 +166,7 @@ def test_packets_from_the_water_carry_their_ids_and_the_rest_is_dropped() -> Non
     assert queue.stage is ModemStage.READY
 
 
-def test_too_many_bytes_are_one_reason_however_many() -> None:
-    queue = ready()
+def test_too_many_bytes_are_one_reason_however_many(queue: ModemQueue) -> None:
     for size in range(62, 262):
         (dropped,) = queue.send(report(7, bytes(size)), Priority.REPORT, 100)
         assert isinstance(dropped, PacketDropped)

@@ -91,7 +91,6 @@ def trial(far: int) -> dict[str, Any]:
             ip("addr", "add", f"{FAR}/24", "dev", "vb", inside=far)
             told["after"]["plain"] = heard(program, "plain", PATIENCE_S)
             told["after"]["bounded"] = heard(program, "bounded", 1.0)
-            assert program.stdin is not None
             program.stdin.close()
             for sock in socks.values():
                 sock.close()

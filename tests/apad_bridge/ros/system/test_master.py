@@ -112,7 +112,6 @@ def test_a_program_that_is_no_master_has_the_port_of_one_that_is_gone(tmp_path: 
         uri = f"http://127.0.0.1:{server.server_address[1]}/"
         why = why_gone_of(tmp_path / "ros", uri)
         server.shutdown()
-    assert why is not None
     assert why.startswith(f"the run's own ROS master at {uri} is gone (")
 
 
@@ -154,7 +153,6 @@ def start_in_another_process(home: Path, orphan_s: float) -> tuple[subprocess.Po
     )
     command = [sys.executable, "-c", code]
     starter = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=ROOT)
-    assert starter.stdout is not None
     pid, uri = starter.stdout.readline().split()
     return starter, int(pid), uri
 

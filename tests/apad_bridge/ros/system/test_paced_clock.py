@@ -43,8 +43,12 @@ def test_it_waits_for_the_slowest_and_then_goes_on_at_its_speed() -> None:
     assert passed_s(clock) == pytest.approx(14, abs=0.01)  # it does not make up for the two seconds
 
 
-def test_one_that_comes_no_further_is_left_out_once_until_it_does() -> None:
-    clock = PacedClock(START_MS, 10)
+@pytest.fixture
+def clock() -> PacedClock:
+    return PacedClock(START_MS, 10)
+
+
+def test_one_that_comes_no_further_is_left_out_once_until_it_does(clock: PacedClock) -> None:
     hear(clock, "node", 1)
     assert lasting(clock, PATIENCE_S) == []
     hear(clock, "node", 1)  # its word of the same time is no progress
@@ -59,17 +63,15 @@ def test_one_that_comes_no_further_is_left_out_once_until_it_does() -> None:
     assert passed_s(clock) == pytest.approx(far_s + LEAD_MS / 1000)
 
 
-def test_patience_counts_only_while_it_holds_the_clock() -> None:
+def test_patience_counts_only_while_it_holds_the_clock(clock: PacedClock) -> None:
     """One that stands still holds the clock, and so the others cannot come any further either."""
-    clock = PacedClock(START_MS, 10)
     hear(clock, "stopped", 2)
     hear(clock, "alive", 2.5)
     assert lasting(clock, 2 * PATIENCE_S - 1) == ["stopped"]
     assert hear(clock, "alive", 3.5) is False
 
 
-def test_one_that_has_ended_holds_nobody_and_its_successor_is_another() -> None:
-    clock = PacedClock(START_MS, 10)
+def test_one_that_has_ended_holds_nobody_and_its_successor_is_another(clock: PacedClock) -> None:
     hear(clock, "supervisor", 2)
     lasting(clock, 1)
     clock.keep(["node"])
@@ -80,15 +82,13 @@ def test_one_that_has_ended_holds_nobody_and_its_successor_is_another() -> None:
     assert passed_s(clock) == 13.5
 
 
-def test_a_time_of_another_clock_is_nobodys() -> None:
-    clock = PacedClock(START_MS, 10)
+def test_a_time_of_another_clock_is_nobodys(clock: PacedClock) -> None:
     hear(clock, "left from an earlier clock", -5)
     lasting(clock, 1)
     assert passed_s(clock) == pytest.approx(10, abs=0.01)
 
 
-def test_a_clock_that_had_no_processor_does_not_blame_its_followers_nor_jump() -> None:
-    clock = PacedClock(START_MS, 10)
+def test_a_clock_that_had_no_processor_does_not_blame_its_followers_nor_jump(clock: PacedClock) -> None:
     hear(clock, "node", 0)
     assert clock.advance(3600.0) == [] and passed_s(clock) <= 1
     assert clock.advance(3600.0) == []

@@ -56,39 +56,6 @@ def events_of(opened: OpenedLockstep, apad: str, kind: str) -> list[dict[str, An
     return [it for it in lines if it["kind"] == kind]
 
 
-def test_who_would_have_been_lost_is_fetched_by_the_other(tmp_path: Path) -> None:
-    alone, together = (open_in(tmp_path, transfers=transfers) for transfers in (False, True))
-    alone.runner.run()
-    together.runner.run()
-    before, after = alone.figures(), together.figures()
-
-    (down,) = events_of(together, "apad2", "stands_down")
-    assert down["reason"] == "the aPad's battery" and down["t"] < 60_000
-    assert [it["id"] for it in events_of(together, "apad2", "handed_on")] == [7, 8, 5, 6]
-    assert [it["id"] for it in events_of(together, "apad1", "took_on")] == [7, 8, 5, 6]
-    assert (alone.runner.handed_on_count, together.runner.handed_on_count) == (0, 4)
-    assert together.assignment.shares == {"apad1": frozenset(range(1, 9)), "apad2": frozenset()}
-
-    # Two of the needy are lost without help. With it, apad1 charges them and brings them back to their places.
-    assert [it["apad2"]["amussels_lost"] for it in (before, after)] == [2, 0]
-    assert {it["agent"] for it in events_of(together, "apad1", "released") if it["full"]} == set(NEEDY)
-    assert [it["apad1"]["services"] for it in (before, after)] == [0, 3]
-    assert before["apad2"]["uptime_paper"]["mean"] < 40 < 65 < after["apad2"]["uptime_paper"]["mean"]
-    # 45 m there and 45 m back, because apad1 has some aMussels of its own to fetch.
-    assert before["apad1"]["cost_m"] < 10 and 90 < after["apad1"]["cost_m"] < 110
-    assert before["apad2"]["cost_m"] == after["apad2"]["cost_m"]
-
-    # An aMussel and its samples are counted only where it is simulated, though another aPad's docks held it.
-    for it in (before, after):
-        assert it["apad1"]["counted_s"] == it["apad2"]["counted_s"] == 4 * DURATION_S
-    assert before["apad2"]["samples_taken"] < 80 < 120 < after["apad2"]["samples_taken"]
-    uploaded = [together.recorders[name].uploaded for name in ("apad1", "apad2")]
-    assert uploaded[0].keys() <= {1, 2, 3, 4} and 8 in uploaded[1] and uploaded[1].keys() <= {5, 6, 7, 8}
-    for records in uploaded[1].values():
-        assert [record.sequence for record in records] == list(range(len(records)))
-    assert all(it.flight.all_dropped.keys() <= {"Wi-Fi is off"} for it in together.flights.values())
-
-
 def test_at_every_tick_each_is_in_exactly_one_share(tmp_path: Path) -> None:
     opened = open_in(tmp_path, transfers=True)
     supervisors = [it.flight.supervisor for it in opened.flights.values()]

@@ -131,9 +131,13 @@ class Apad:
                 self.core.receive(ServiceAnswered(at_ms, call.number, self.refusal), at_ms)
 
 
-def test_a_go_to_arrives_by_its_status_and_is_then_held() -> None:
+@pytest.fixture
+def apad() -> Apad:
+    return Apad()
+
+
+def test_a_go_to_arrives_by_its_status_and_is_then_held(apad: Apad) -> None:
     """A primitive's end leaves the controllers off."""
-    apad = Apad()
     story = (0, THERE), goes(0, RUNNING), 1_000, at(9_000, 4.8, 6.0), goes(9_000, DONE)
     assert apad.played(*story) == [Arrived(9_000, 1)]
     assert apad.orders() == [GoTo(0, 5.0, 6.0, 0.5, 0.5), Hold(0, 5.0, 6.0)]
@@ -149,8 +153,7 @@ def test_an_order_is_accepted_by_its_service_s_answer(command: GoTo | Hold) -> N
     assert core.advance(3_000) == [CommandAccepted(2_000, 1)]
 
 
-def test_a_hold_is_astray_by_its_acceptance_and_not_by_its_order() -> None:
-    apad = Apad()
+def test_a_hold_is_astray_by_its_acceptance_and_not_by_its_order(apad: Apad) -> None:
     apad.answers = False
     apad.played((0, Hold(1, 20.0, 20.0)))
     apad.answers = True
@@ -160,8 +163,7 @@ def test_a_hold_is_astray_by_its_acceptance_and_not_by_its_order() -> None:
     assert apad.orders() == [Hold(0, 20.0, 20.0)]
 
 
-def test_the_end_of_the_go_to_before_is_not_the_end_of_this_one() -> None:
-    apad = Apad()
+def test_the_end_of_the_go_to_before_is_not_the_end_of_this_one(apad: Apad) -> None:
     apad.played((0, THERE), goes(0, RUNNING))
     apad.answers = False
     apad.played((1_000, GoTo(2, -5.0, -6.0, 0.5, 0.5)), goes(1_000, RUNNING), goes(1_000, PREEMPTED))
@@ -175,8 +177,7 @@ def test_a_go_to_that_was_so_short_that_nobody_saw_it_run_has_arrived() -> None:
     assert Apad().played((0, GoTo(1, 2.1, 3.0, 0.5, 0.5)), goes(1_000, DONE)) == [Arrived(1_000, 1)]
 
 
-def test_a_go_to_that_the_vehicle_drops_fails_after_three_seconds() -> None:
-    apad = Apad()
+def test_a_go_to_that_the_vehicle_drops_fails_after_three_seconds(apad: Apad) -> None:
     assert apad.played((0, THERE), goes(0, RUNNING), goes(2_000, PREEMPTED), 4_999, 5_000) == [
         CommandFailed(5_000, 1, "the aPad ended the go-to by itself: its status says PREEMPTED")
     ]
@@ -188,30 +189,26 @@ def test_a_go_to_said_to_be_done_far_from_its_goal_has_failed() -> None:
     assert Apad().played((0, THERE), goes(0, RUNNING), goes(2_000, DONE)) == [failed]
 
 
-def test_without_any_message_on_goto_status_the_position_decides() -> None:
-    apad = Apad()
+def test_without_any_message_on_goto_status_the_position_decides(apad: Apad) -> None:
     there = (at(at_ms, 5.1, 6.0) for at_ms in range(10_000, 14_000, 1_000))
     assert apad.played((0, THERE), *there) == [Arrived(13_000, 1)]
     assert apad.core.dropped == {"goto_status was silent: arrival by position": 1}
 
 
-def test_a_service_that_refuses_is_asked_three_times_and_the_first_cause_kept() -> None:
-    apad = Apad()
+def test_a_service_that_refuses_is_asked_three_times_and_the_first_cause_kept(apad: Apad) -> None:
     apad.refusal = "first"
     apad.played((0, THERE))
     apad.refusal = "later"
     assert apad.played(*range(1_000, 6_000, 1_000)) == [CommandFailed(3_000, 1, "first")]
 
 
-def test_a_service_that_does_not_answer_fails_by_time_out() -> None:
-    apad = Apad()
+def test_a_service_that_does_not_answer_fails_by_time_out(apad: Apad) -> None:
     apad.answers = False
     failed = CommandFailed(18_000, 1, "its service did not answer within 5 s")
     assert apad.played((0, THERE), *range(0, 30_000, 1_000)) == [failed]
 
 
-def test_a_vehicle_that_does_not_hold_is_told_again() -> None:
-    apad = Apad()
+def test_a_vehicle_that_does_not_hold_is_told_again(apad: Apad) -> None:
     apad.played((0, Hold(1, 2.0, 3.0, 0.7)), at(5_000, 2.0, 7.0), 9_000)
     assert apad.orders() == [Hold(0, 2.0, 3.0, 0.7)]
     apad.played(10_000)
@@ -238,26 +235,31 @@ def test_a_go_to_of_anothers_during_a_hold_is_noticed_and_let_end() -> None:
     assert apad.played(goes(31_500, RUNNING), goes(32_000, PREEMPTED), 60_000) == [] and apad.orders() == []
 
 
-def test_a_goal_that_nobody_here_ordered_is_anothers_and_ends_our_go_to() -> None:
-    apad = Apad(takes_back=False)
+@pytest.fixture
+def real() -> Apad:
+    return Apad(takes_back=False)
+
+
+def test_a_goal_that_nobody_here_ordered_is_anothers_and_ends_our_go_to(real: Apad) -> None:
     ours = GoalOfOthers(100, "/apad1/commander", THERE.north_m, THERE.east_m)
-    assert apad.played((0, THERE), ours, 1_000) == []
-    assert apad.played(GoalOfOthers(2_000, "/apad1/commander", 80.0, 6.0)) == [
+    assert real.played((0, THERE), ours, 1_000) == []
+    assert real.played(GoalOfOthers(2_000, "/apad1/commander", 80.0, 6.0)) == [
         CommandFailed(2_000, THERE.command_id, REPLACED),
         GoalOfOthers(2_000, "/apad1/commander", 80.0, 6.0),
         CommandedByOthers(2_000, "/apad1/commander"),
     ]
-    assert apad.played(goes(3_000, RUNNING), goes(9_000, DONE)) == [] and len(apad.orders()) == 1
+    assert real.played(goes(3_000, RUNNING), goes(9_000, DONE)) == [] and len(real.orders()) == 1
 
 
 @pytest.mark.parametrize(("ran_ms", "is_anothers"), [(0, False), (500, False), (3_000, True), (40_000, True)])
-def test_a_go_to_that_runs_where_ours_was_pre_empted_is_anothers(ran_ms: int, is_anothers: bool) -> None:
+def test_a_go_to_that_runs_where_ours_was_pre_empted_is_anothers(
+    real: Apad, ran_ms: int, is_anothers: bool
+) -> None:
     """Its server shows no goal. Soon after our order, the pre-empted one was an earlier order of ours."""
-    apad = Apad(takes_back=False)
-    assert apad.played((0, THERE), goes(100, RUNNING), goes(100 + ran_ms, PREEMPTED)) == []
+    assert real.played((0, THERE), goes(100, RUNNING), goes(100 + ran_ms, PREEMPTED)) == []
     told = [CommandFailed(110 + ran_ms, THERE.command_id, REPLACED), CommandedByOthers(110 + ran_ms)]
-    assert apad.played(goes(110 + ran_ms, RUNNING)) == (told if is_anothers else [])
-    assert (apad.played(goes(9_000 + ran_ms, DONE)) == []) is is_anothers
+    assert real.played(goes(110 + ran_ms, RUNNING)) == (told if is_anothers else [])
+    assert (real.played(goes(9_000 + ran_ms, DONE)) == []) is is_anothers
 
 
 def test_an_earlier_goal_of_ours_that_is_shown_late_is_nobody_elses() -> None:
@@ -267,10 +269,9 @@ def test_an_earlier_goal_of_ours_that_is_shown_late_is_nobody_elses() -> None:
 
 
 @pytest.mark.parametrize("north_m", (math.nan, math.inf, 1e12))
-def test_a_goal_at_no_place_is_counted(north_m: float) -> None:
-    apad = Apad(takes_back=False)
-    assert apad.played(GoalOfOthers(1_000, "/planner", north_m, 0.0)) == []
-    assert [it for it in apad.core.dropped if it.startswith("go2point/goal: ")]
+def test_a_goal_at_no_place_is_counted(real: Apad, north_m: float) -> None:
+    assert real.played(GoalOfOthers(1_000, "/planner", north_m, 0.0)) == []
+    assert [it for it in real.core.dropped if it.startswith("go2point/goal: ")]
 
 
 def test_a_go_to_of_ours_that_a_hold_pre_empts_is_nobody_elses() -> None:
@@ -308,9 +309,8 @@ def test_a_docking_can_miss() -> None:
     assert Apad(probability=1.0).played((0, CloseDock(1, 1, 7))) == [CommandFailed(0, 1, MISSED)]
 
 
-def test_visual_docking_stands_off_orders_and_ends_by_its_status() -> None:
+def test_visual_docking_stands_off_orders_and_ends_by_its_status(apad: Apad) -> None:
     """The aMussel is believed at (2, 4), the boat is west of it: two metres west, with dock 2, the stern, towards it."""
-    apad = Apad()
     apad.played(
         (0, GoTo(1, 2.0, 4.0, 0.5, 0.5)), goes(0, RUNNING), goes(0, DONE), (1_000, CloseDock(2, 2, 8))
     )
@@ -326,10 +326,9 @@ def test_an_arm_that_is_moved_for_people_to_see_releases_nobody_that_is_docked_v
     assert Apad().played((0, CloseDock(1, 2, 7)), ArmReceived(1_000, 2)) == [DockClosed(0, 2, 7)]
 
 
-def test_an_undocking_lets_go_when_the_arm_opens_and_the_next_order_waits_until_the_vehicle_has_pulled_back() -> (
-    None
-):
-    apad = Apad()
+def test_an_undocking_lets_go_when_the_arm_opens_and_the_next_order_waits_until_the_vehicle_has_pulled_back(
+    apad: Apad,
+) -> None:
     apad.played((0, CloseDock(1, 2, 8)), docks(0, RUNNING), docks(40_000, DONE))
     opens = (50_000, OpenDock(2, 2, 8)), ArmReceived(50_000, 2), docks(50_000, RUNNING), 60_000
     assert apad.played(*opens) == [DockOpened(50_000, 2, 8), LetGo(50_000, 8)]
@@ -338,16 +337,14 @@ def test_an_undocking_lets_go_when_the_arm_opens_and_the_next_order_waits_until_
     assert apad.played(docks(85_000, DONE)) == [] and apad.orders() == [GoTo(0, 5.0, 6.0, 0.5, 0.5)]
 
 
-def test_a_search_that_finds_nothing_is_given_up() -> None:
-    apad = Apad()
+def test_a_search_that_finds_nothing_is_given_up(apad: Apad) -> None:
     assert apad.played((0, CloseDock(1, 2, 8)), docks(0, RUNNING), 89_000, 90_000) == [
         CommandFailed(90_000, 1, "the aPad's docking did not come to an end within 90 s")
     ]
     assert apad.orders() == [BY_EYE, Hold(0, 2.0, 3.0)]
 
 
-def test_a_real_amussel_takes_a_dock_and_no_simulated_one_does_then() -> None:
-    apad = Apad()
+def test_a_real_amussel_takes_a_dock_and_no_simulated_one_does_then(apad: Apad) -> None:
     by_eye = (0, CloseDock(1, 2, 20)), docks(0, RUNNING), docks(40_000, DONE)
     assert apad.played(*by_eye) == [DockClosed(40_000, 2, 20)]
     assert not any(isinstance(it, Carried) for it in apad.core.advance(41_000))
@@ -369,8 +366,7 @@ def test_a_docking_by_hand_far_from_all_is_counted() -> None:
     assert apad.core.dropped == {"a docking by others: no simulated aMussel was near": 1}
 
 
-def test_a_pilot_is_not_fought() -> None:
-    apad = Apad()
+def test_a_pilot_is_not_fought(apad: Apad) -> None:
     steers = ManualReceived(1_000, True), goes(1_000, PREEMPTED)
     assert apad.played((0, THERE), goes(0, RUNNING), *steers) == [CommandFailed(1_000, 1, PILOT)]
     apad.orders()
@@ -379,28 +375,26 @@ def test_a_pilot_is_not_fought() -> None:
     assert apad.orders() == [GoTo(0, 7.0, 8.0, 0.5, 0.5)]
 
 
-def test_a_real_vehicle_stays_with_its_pilot_when_the_pilot_lets_go() -> None:
-    apad = Apad(takes_back=False)
+def test_a_real_vehicle_stays_with_its_pilot_when_the_pilot_lets_go(real: Apad) -> None:
     steers = ManualReceived(1_000, True), goes(1_000, PREEMPTED)
-    assert apad.played((0, THERE), goes(0, RUNNING), *steers, (2_000, Hold(2, 7.0, 8.0)), 20_000) == [
+    assert real.played((0, THERE), goes(0, RUNNING), *steers, (2_000, Hold(2, 7.0, 8.0)), 20_000) == [
         CommandFailed(1_000, 1, PILOT),
         PilotReported(1_000, True),
         CommandedByOthers(1_000),
         CommandFailed(2_000, 2, PILOT),
     ]
-    apad.orders()
+    real.orders()
     far_from_any_order = (at(at_ms, 30.0, 30.0) for at_ms in range(22_000, 120_000, 1_000))
-    told = apad.played(ManualReceived(21_000, False), *far_from_any_order)
-    assert told == [PilotReported(21_000, False)] and apad.orders() == []
-    apad.played((120_000, GoTo(3, 7.0, 8.0, 0.5, 0.5)))  # a person has given it back
-    assert apad.orders() == [GoTo(0, 7.0, 8.0, 0.5, 0.5)]
+    told = real.played(ManualReceived(21_000, False), *far_from_any_order)
+    assert told == [PilotReported(21_000, False)] and real.orders() == []
+    real.played((120_000, GoTo(3, 7.0, 8.0, 0.5, 0.5)))  # a person has given it back
+    assert real.orders() == [GoTo(0, 7.0, 8.0, 0.5, 0.5)]
 
 
-def test_a_person_who_says_that_the_pilot_has_left_is_not_asked_again() -> None:
-    apad = Apad(takes_back=False)
-    apad.played(ManualReceived(1_000, True))
-    assert apad.played((2_000, PilotLeft(1)), (3_000, THERE)) == []
-    assert apad.orders() == [GoTo(0, 5.0, 6.0, 0.5, 0.5)]
+def test_a_person_who_says_that_the_pilot_has_left_is_not_asked_again(real: Apad) -> None:
+    real.played(ManualReceived(1_000, True))
+    assert real.played((2_000, PilotLeft(1)), (3_000, THERE)) == []
+    assert real.orders() == [GoTo(0, 5.0, 6.0, 0.5, 0.5)]
 
 
 def test_an_answer_to_an_order_that_was_replaced_changes_nothing() -> None:
@@ -412,9 +406,8 @@ def test_an_answer_to_an_order_that_was_replaced_changes_nothing() -> None:
     assert core.unacknowledged == ["order 2"]
 
 
-def test_a_vehicle_that_is_heard_again_after_a_silence_is_told_again() -> None:
+def test_a_vehicle_that_is_heard_again_after_a_silence_is_told_again(apad: Apad) -> None:
     """The vehicle may have rebooted, and a go-to that nobody runs would stall."""
-    apad = Apad()
     assert apad.played((0, THERE), goes(0, RUNNING), *range(1_000, 8_000, 1_000)) == []
     assert len(apad.orders()) == 1
     assert apad.played(at(8_000, 2.0, 3.0), at(9_000, 2.0, 3.0)) == []

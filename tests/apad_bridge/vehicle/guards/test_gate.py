@@ -64,7 +64,6 @@ from apad_bridge.vehicle.guards.monitor import (
 from apad_bridge.vehicle.guards.position_watch import PositionLimits, PositionWatch
 from apad_bridge.vehicle.guards.stops import StopsEnded
 from apad_bridge.vehicle.link import Cleared, LinkFact
-from apad_bridge.vehicle.outcomes import PrimitiveFailed
 from apad_bridge.vehicle.stack_messages import PoseReceived
 from apad_bridge.world.apad.motion import Coast, Steer
 from tests.apad_bridge.vehicle.guards.test_guards import WATERS
@@ -180,25 +179,28 @@ class Guarded:
         ]
 
 
-def test_a_refused_order_fails_with_its_reason_and_does_not_go_out() -> None:
-    bench = Guarded()
-    assert bench.command(GoTo(1, 45.0, 5.0, 0.5, 0.5)) == []
-    (failed,) = (it for it in bench.at(5.0, 5.0) if isinstance(it, CommandFailed))
+@pytest.fixture
+def simulated() -> Guarded:
+    return Guarded()
+
+
+def test_a_refused_order_fails_with_its_reason_and_does_not_go_out(simulated: Guarded) -> None:
+    assert simulated.command(GoTo(1, 45.0, 5.0, 0.5, 0.5)) == []
+    (failed,) = (it for it in simulated.at(5.0, 5.0) if isinstance(it, CommandFailed))
     assert (
         failed.command_id == 1
         and "refused: the goal (45.0 m north, 5.0 m east) lies 5.0 m outside" in failed.reason
     )
-    assert bench.events() == [("refused", "fence")]
+    assert simulated.events() == [("refused", "fence")]
 
 
-def test_a_refused_order_holds_a_vehicle_that_is_under_way() -> None:
-    bench = Guarded()
+def test_a_refused_order_holds_a_vehicle_that_is_under_way(simulated: Guarded) -> None:
     go = GoTo(1, 30.0, 5.0, 0.5, 0.5)
-    assert bench.command(go) == [go]
-    bench.at(5.5, 5.0)
-    (hold,) = bench.command(GoTo(2, 45.0, 5.0, 0.5, 0.5))
+    assert simulated.command(go) == [go]
+    simulated.at(5.5, 5.0)
+    (hold,) = simulated.command(GoTo(2, 45.0, 5.0, 0.5, 0.5))
     assert isinstance(hold, Hold) and (hold.north_m, hold.east_m) == (5.5, 5.0)
-    assert bench.command(GoTo(3, 45.0, 5.0, 0.5, 0.5)) == []  # it holds already
+    assert simulated.command(GoTo(3, 45.0, 5.0, 0.5, 0.5)) == []  # it holds already
 
 
 @pytest.mark.parametrize(("place", "kind"), [((5.0, 5.0), Hold), ((-3.0, 5.0), Stop), ((0.5, 5.0), Hold)])
@@ -213,8 +215,12 @@ def test_a_persons_stop_holds_inside_the_waters_and_is_off_outside(
     assert not isinstance(sent, Hold) or ((sent.north_m, sent.east_m) == place and sent.pre_empts)
 
 
-def test_a_stop_goes_through_its_states_and_only_then_is_the_vehicle_at_rest() -> None:
-    bench = Guarded(is_real=True)
+@pytest.fixture
+def bench() -> Guarded:
+    return Guarded(is_real=True)
+
+
+def test_a_stop_goes_through_its_states_and_only_then_is_the_vehicle_at_rest(bench: Guarded) -> None:
     bench.command(GoTo(1, 30.0, 5.0, 0.5, 0.5))
     bench.at(6.0, 5.0)
     bench.vehicle.gate.take_events()
@@ -227,8 +233,7 @@ def test_a_stop_goes_through_its_states_and_only_then_is_the_vehicle_at_rest() -
     assert bench.states() == ["1 hold obeyed", "1 hold at rest"]
 
 
-def test_a_second_stop_is_off_and_nothing_goes_out_until_a_person_continues() -> None:
-    bench = Guarded(is_real=True)
+def test_a_second_stop_is_off_and_nothing_goes_out_until_a_person_continues(bench: Guarded) -> None:
     bench.stop()
     bench.at(5.0, 5.0)
     assert [type(it) for it in bench.stop()] == [Stop]
@@ -243,8 +248,7 @@ def test_a_second_stop_is_off_and_nothing_goes_out_until_a_person_continues() ->
     assert [type(it) for it in bench.command(GoTo(4, 6.0, 5.0, 0.5, 0.5))] == [GoTo]
 
 
-def test_hands_at_the_docks_latch_off_and_no_other_word_than_continue_ends_that() -> None:
-    bench = Guarded(is_real=True)
+def test_hands_at_the_docks_latch_off_and_no_other_word_than_continue_ends_that(bench: Guarded) -> None:
     assert [type(it) for it in bench.stop(hands=True)] == [Stop]
     bench.vehicle.allow_motion("Anna", bench.now_ms, ends=StopsEnded.PERSONS_HOLD)
     bench.at(5.0, 5.0)
@@ -253,8 +257,7 @@ def test_hands_at_the_docks_latch_off_and_no_other_word_than_continue_ends_that(
     assert bench.vehicle.gate.stops.in_force is not None and bench.vehicle.gate.stops.in_force.stills_arms
 
 
-def test_a_hold_that_the_vehicle_does_not_take_becomes_off_and_the_operator_is_told() -> None:
-    bench = Guarded(is_real=True)
+def test_a_hold_that_the_vehicle_does_not_take_becomes_off_and_the_operator_is_told(bench: Guarded) -> None:
     bench.wire.takes = False
     bench.vehicle.gate.take_events()
     bench.stop()
@@ -272,8 +275,7 @@ def test_a_hold_that_the_vehicle_does_not_take_becomes_off_and_the_operator_is_t
     assert bench.states() == ["1 off taken", "1 off obeyed", "1 off at rest"]
 
 
-def test_while_a_pilot_steers_nothing_goes_out_and_a_stop_is_refused() -> None:
-    bench = Guarded(is_real=True)
+def test_while_a_pilot_steers_nothing_goes_out_and_a_stop_is_refused(bench: Guarded) -> None:
     bench.command(GoTo(1, 30.0, 5.0, 0.5, 0.5))
     facts = bench.at(5.5, 5.0, PilotReported(bench.now_ms, True))
     assert [it.command_id for it in facts if isinstance(it, CommandFailed)] == [1]
@@ -289,8 +291,7 @@ def test_while_a_pilot_steers_nothing_goes_out_and_a_stop_is_refused() -> None:
     assert bench.command(GoTo(2, 6.0, 5.0, 0.5, 0.5)) == []  # a pilot who lets go gives no word
 
 
-def test_where_nobody_can_tell_of_a_pilot_nothing_moves_and_off_still_goes_out() -> None:
-    bench = Guarded(is_real=True)
+def test_where_nobody_can_tell_of_a_pilot_nothing_moves_and_off_still_goes_out(bench: Guarded) -> None:
     for _ in range(2):
         bench.at(5.0, 5.0, PilotReported(bench.now_ms, None))
     assert bench.vehicle.gate.take_events().count(PilotTold(None)) == 1
@@ -298,8 +299,7 @@ def test_where_nobody_can_tell_of_a_pilot_nothing_moves_and_off_still_goes_out()
     assert [type(it) for it in bench.stop(off=True)] == [Stop]
 
 
-def test_a_bad_position_is_off_and_nothing_moves_when_it_is_back() -> None:
-    bench = Guarded(is_real=True)
+def test_a_bad_position_is_off_and_nothing_moves_when_it_is_back(bench: Guarded) -> None:
     bench.command(GoTo(1, 30.0, 5.0, 0.5, 0.5))
     bench.wire.out = []
     facts = bench.silent(6)
@@ -311,8 +311,7 @@ def test_a_bad_position_is_off_and_nothing_moves_when_it_is_back() -> None:
     assert bench.command(Hold(2, 5.0, 5.0)) == [] and bench.command(GoTo(3, 6.0, 5.0, 0.5, 0.5)) == []
 
 
-def test_a_jump_is_believed_on_a_persons_word_alone() -> None:
-    bench = Guarded(is_real=True)
+def test_a_jump_is_believed_on_a_persons_word_alone(bench: Guarded) -> None:
     bench.at(5.0, 25.0)
     bench.at(5.0, 25.0, ticks=60)
     assert "has jumped by 20 m" in bench.vehicle.gate.situation(bench.now_ms).position_fault
@@ -322,15 +321,14 @@ def test_a_jump_is_believed_on_a_persons_word_alone() -> None:
     assert bench.vehicle.gate.situation(bench.now_ms).position_fault == ""
 
 
-def test_a_simulated_vehicle_goes_on_when_its_position_is_back() -> None:
-    bench = Guarded()
-    bench.command(GoTo(1, 30.0, 5.0, 0.5, 0.5))
-    bench.wire.out = []
-    bench.silent(6)
-    assert [type(it) for it in bench.wire.out] == [Stop]
-    bench.wire.out = []
-    bench.at(5.0, 5.0)
-    (held,) = bench.wire.out  # the position is back
+def test_a_simulated_vehicle_goes_on_when_its_position_is_back(simulated: Guarded) -> None:
+    simulated.command(GoTo(1, 30.0, 5.0, 0.5, 0.5))
+    simulated.wire.out = []
+    simulated.silent(6)
+    assert [type(it) for it in simulated.wire.out] == [Stop]
+    simulated.wire.out = []
+    simulated.at(5.0, 5.0)
+    (held,) = simulated.wire.out  # the position is back
     assert isinstance(held, Hold) and (held.north_m, held.east_m) == (5.0, 5.0)
 
 
@@ -383,11 +381,10 @@ def test_the_way_back_in_crosses_no_keep_out_zone() -> None:
     assert why_not == "" and north_m > 0 and math.isclose(east_m, 5.0)
 
 
-def test_a_charge_that_was_told_more_than_30_s_ago_is_not_known() -> None:
-    bench = Guarded()
-    bench.at(5.0, 5.0, BatteryReported(0, 15.0, 0.9))
-    assert bench.vehicle.gate.situation(30_000).battery_fraction == 0.9
-    assert bench.vehicle.gate.situation(30_001).battery_fraction is None
+def test_a_charge_that_was_told_more_than_30_s_ago_is_not_known(simulated: Guarded) -> None:
+    simulated.at(5.0, 5.0, BatteryReported(0, 15.0, 0.9))
+    assert simulated.vehicle.gate.situation(30_000).battery_fraction == 0.9
+    assert simulated.vehicle.gate.situation(30_001).battery_fraction is None
 
 
 def test_a_sensor_that_says_nothing_is_left_once_refuses_no_leg() -> None:
@@ -403,8 +400,7 @@ def test_a_sensor_that_says_nothing_is_left_once_refuses_no_leg() -> None:
     assert refused == [False] * 6 + [True]
 
 
-def test_off_tells_at_once_and_every_ten_seconds_where_the_vehicle_drifts() -> None:
-    bench = Guarded(is_real=True)
+def test_off_tells_at_once_and_every_ten_seconds_where_the_vehicle_drifts(bench: Guarded) -> None:
     bench.at(5.0, 5.5)
     bench.stop(off=True)
     for n in range(22):
@@ -413,9 +409,8 @@ def test_off_tells_at_once_and_every_ten_seconds_where_the_vehicle_drifts() -> N
     assert (second.speed_m_s, second.towards_rad) == pytest.approx((0.5, math.pi / 2), abs=1e-3)
 
 
-def test_a_go_to_that_comes_no_nearer_is_held_and_not_switched_off() -> None:
+def test_a_go_to_that_comes_no_nearer_is_held_and_not_switched_off(bench: Guarded) -> None:
     """A tether or weed: the position is good."""
-    bench = Guarded(is_real=True)
     bench.command(GoTo(1, 30.0, 5.0, 0.5, 0.5))
     noise = random.Random(1)
     begun_ms = bench.now_ms
@@ -426,8 +421,7 @@ def test_a_go_to_that_comes_no_nearer_is_held_and_not_switched_off() -> None:
     assert "no 0.5 m nearer" in bench.vehicle.gate.awaits_person
 
 
-def test_another_clients_goal_outside_the_fence_is_ended_and_its_node_named() -> None:
-    bench = Guarded(is_real=True)
+def test_another_clients_goal_outside_the_fence_is_ended_and_its_node_named(bench: Guarded) -> None:
     others = CommandedByOthers(bench.now_ms, "/planner"), GoalOfOthers(bench.now_ms, "/planner", 90.0, 5.0)
     bench.at(5.0, 5.0, *others)
     (held,) = bench.wire.out
@@ -446,8 +440,7 @@ def test_a_goal_that_nobody_heard_is_ended_because_nobody_can_tell_where_it_lead
     assert simulated.wire.out == []
 
 
-def test_a_client_that_orders_again_after_a_persons_stop_is_stopped_again_and_named() -> None:
-    bench = Guarded(is_real=True)
+def test_a_client_that_orders_again_after_a_persons_stop_is_stopped_again_and_named(bench: Guarded) -> None:
     bench.stop()
     bench.wire.out = []
     bench.at(5.0, 5.0, CommandedByOthers(bench.now_ms, "/planner"))
@@ -483,8 +476,7 @@ def test_by_the_real_apad_s_limits_a_bad_position_ends_in_a_safe_state_within_3_
         assert bench.vehicle.gate.awaits_person
 
 
-def test_a_stop_that_was_lost_on_the_way_is_given_again_until_it_is_taken() -> None:
-    bench = Guarded(is_real=True)
+def test_a_stop_that_was_lost_on_the_way_is_given_again_until_it_is_taken(bench: Guarded) -> None:
     bench.command(GoTo(1, 30.0, 5.0, 0.5, 0.5))
     bench.wire.out, bench.wire.takes = [], False
     bench.silent(6)
@@ -519,21 +511,19 @@ def test_it_is_held_before_it_would_come_to_rest_outside(north_m: float, is_held
     assert bench.events() == ([("guard", "fence ahead")] if is_held else [])
 
 
-def test_a_vehicle_that_obeys_no_speed_is_held_when_it_is_too_fast() -> None:
-    bench = Guarded()
+def test_a_vehicle_that_obeys_no_speed_is_held_when_it_is_too_fast(simulated: Guarded) -> None:
     for east_m in (7.5, 10.0):
-        bench.at(5.0, east_m)
-    assert ("guard", "speed") in bench.events()
+        simulated.at(5.0, east_m)
+    assert ("guard", "speed") in simulated.events()
 
 
-def test_a_leg_that_lasts_too_long_is_ended() -> None:
-    bench = Guarded()
-    bench.command(GoTo(1, 5.0, 30.0, 0.5, 0.5))
+def test_a_leg_that_lasts_too_long_is_ended(simulated: Guarded) -> None:
+    simulated.command(GoTo(1, 5.0, 30.0, 0.5, 0.5))
     facts: list[LinkFact] = []
     for n in range(101):
-        facts += bench.at(5.0, 5.0 + n / 5)
+        facts += simulated.at(5.0, 5.0 + n / 5)
     assert [it.command_id for it in facts if isinstance(it, CommandFailed)] == [1]
-    assert bench.events() == [("guard", "late")]
+    assert simulated.events() == [("guard", "late")]
 
 
 def frozen_at(bench: Bench) -> Callable[..., PoseReceived]:
@@ -750,21 +740,6 @@ def test_when_a_pilot_puts_the_vehicle_down_no_hold_turns_its_thrusters_on() -> 
     assert "stop 1 (hold, by Anna)" in bench.vehicle.gate.awaits_person
 
 
-@pytest.mark.parametrize("generation", [Generation.A, Generation.B])
-def test_anothers_goal_outside_the_waters_is_replaced_by_a_hold_within_a_tick(generation: Generation) -> None:
-    bench = Bench(generation)
-    bench.go(20.0, 45.0)
-    bench.run(8)
-    bench.link.others_go(SIDE_M + 15.0, SIDE_M / 2)
-    stops = bench.observer.stops
-    bench.run(1)
-    stop = bench.vehicle.gate.stops.in_force
-    assert bench.observer.stops > stops and bench.link.is_at_rest
-    assert stop is not None and stop.by == "guard: another client"
-    bench.run(60)
-    assert bench.observer.outside == [] and bench.link.is_at_rest
-
-
 def test_anothers_goal_that_the_vehicle_does_not_show_is_held_before_the_fence() -> None:
     bench = Bench(Generation.B)
     bench.link.shows_goals = False
@@ -789,17 +764,7 @@ def test_the_observer_sees_what_the_guards_are_there_for(generation: Generation)
     assert len(bench.observer.blind) == 1
 
 
-def test_a_go_to_that_is_refused_fails_its_primitive_with_the_reason() -> None:
-    bench = Bench(Generation.B)
-    bench.go(math.nextafter(SIDE_M, 0.0), 5.0)
-    bench.run(1)
-    (failed,) = (it for it in bench.outcomes if isinstance(it, PrimitiveFailed))
-    assert "refused: the goal" in failed.reason and "the least is 2.0 m" in failed.reason
-    assert len(bench.refusals()) == 1 and bench.observer.orders == 0
-
-
-def test_a_real_vehicle_whose_position_goes_silent_is_stopped_between_two_ticks() -> None:
-    bench = Guarded(is_real=True)
+def test_a_real_vehicle_whose_position_goes_silent_is_stopped_between_two_ticks(bench: Guarded) -> None:
     bench.command(GoTo(1, 5.0, 8.0, 0.5, 0.5))
     bench.at(5.0, 5.5)
     bench.wire.out = []
@@ -814,8 +779,9 @@ def test_a_real_vehicle_whose_position_goes_silent_is_stopped_between_two_ticks(
     assert limit_ms < stopped_ms <= limit_ms + 250
 
 
-def test_facts_from_between_two_ticks_wait_for_the_next_and_of_positions_the_newest_counts() -> None:
-    bench = Guarded(is_real=True)
+def test_facts_from_between_two_ticks_wait_for_the_next_and_of_positions_the_newest_counts(
+    bench: Guarded,
+) -> None:
     for number in (1, 2):
         now_ms = bench.now_ms + 250 * number
         bench.wire.facts += [
@@ -828,8 +794,7 @@ def test_facts_from_between_two_ticks_wait_for_the_next_and_of_positions_the_new
     assert [it.east_m for it in facts if isinstance(it, PoseReported)] == [7.0]
 
 
-def test_a_simulated_vehicle_is_not_looked_at_between_two_ticks() -> None:
-    bench = Guarded()
-    bench.wire.facts.append(CommandAccepted(bench.now_ms + 500, 11))
-    bench.vehicle.look_between(bench.now_ms + 500)
-    assert bench.wire.facts
+def test_a_simulated_vehicle_is_not_looked_at_between_two_ticks(simulated: Guarded) -> None:
+    simulated.wire.facts.append(CommandAccepted(simulated.now_ms + 500, 11))
+    simulated.vehicle.look_between(simulated.now_ms + 500)
+    assert simulated.wire.facts

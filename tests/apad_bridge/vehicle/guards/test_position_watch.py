@@ -255,17 +255,6 @@ def test_a_noisy_receiver_does_not_contradict_the_vehicle_s_own_speed(noise_m: f
         assert watch.fault(at_ms) == ""
 
 
-def test_a_position_that_freezes_with_millimetres_of_noise_contradicts_the_vehicle_s_own_speed() -> None:
-    noise, watch = random.Random(8), PositionWatch(LIMITS)
-    watch.note_goal((400.0, 0.0), 0)
-    for n in range(1, 30):
-        north_m = 0.5 * min(n, 20) + noise.gauss(0.0, 0.003)
-        watch.take(PoseReported(1_000 * n, north_m, 0.0, 0.0, 1_000 * n, 0.5))
-        if n == 20:
-            assert watch.fault(20_000) == ""
-    assert "while the vehicle measured a way" in watch.fault(29_000)
-
-
 @pytest.mark.parametrize("period_ms", [200, 1_000])
 def test_a_receiver_that_becomes_noisy_under_way_is_no_frozen_one(period_ms: int) -> None:
     """300 receivers get noise of 0.5 m on each axis, waves of 0.3 m and gaps of 1.5 s at once, at 0.5 m/s.

@@ -38,24 +38,24 @@ def arrivals(facts):
     return [(fact.at_ms, fact.command_id) for fact in facts if isinstance(fact, Arrived)]
 
 
+@pytest.fixture
+def apad(config) -> SimulatedAPad:
+    return SimulatedAPad(config)
+
+
 @pytest.mark.parametrize(("north_m", "east_m"), [(14, 0), (0, -14), (-8.4, 11.2)])
-def test_a_straight_way_takes_the_time_of_the_trapezoid(config, north_m, east_m):
-    # 14 m at 0.5 m/s with ramps of 0.5 / 0.3 s: 28 s + 1.667 s
-    apad = SimulatedAPad(config)
+def test_a_straight_way_takes_the_time_of_the_trapezoid(apad, north_m, east_m):
     facts = apad.receive(GoTo(1, north_m, east_m, 0.5, 0.5), 0) + apad.advance(60_000)
     assert rest_ms(facts) == pytest.approx(29_667, abs=200)
     assert (apad.pose.north_m, apad.pose.east_m, apad.pose.speed_m_s) == (north_m, east_m, 0.0)
 
 
-def test_a_short_way_is_a_triangle(config):
-    # 0.3 m with 0.3 m/s2: 2 * sqrt(0.3 / 0.3) = 2 s; the top speed is never reached
-    apad = SimulatedAPad(config)
+def test_a_short_way_is_a_triangle(apad):
     facts = apad.receive(GoTo(1, 0.3, 0.0, 1.0, 0.1), 0) + apad.advance(20_000)
     assert rest_ms(facts) == pytest.approx(2000, abs=200)
 
 
-def test_the_way_is_straight_and_never_goes_beyond_the_goal(config):
-    apad = SimulatedAPad(config)
+def test_the_way_is_straight_and_never_goes_beyond_the_goal(apad):
     facts = apad.receive(GoTo(1, 6.0, 8.0, 0.5, 0.5), 0) + apad.advance(60_000)
     for pose in (fact for fact in facts if isinstance(fact, PoseReported)):
         assert pose.east_m == pytest.approx(pose.north_m * 8 / 6, abs=1e-6)
@@ -63,8 +63,7 @@ def test_the_way_is_straight_and_never_goes_beyond_the_goal(config):
 
 
 @pytest.mark.parametrize("radius_m", [0.2, 0.5, 2.0])
-def test_arrival_is_the_first_second_whose_mean_distance_is_below_the_radius(config, radius_m):
-    apad = SimulatedAPad(config)
+def test_arrival_is_the_first_second_whose_mean_distance_is_below_the_radius(apad, radius_m):
     facts = apad.receive(GoTo(7, 14.0, 0.0, 0.5, radius_m), 0) + apad.advance(60_000)
     left_m = [distance_left_m(step / 10, 14, 0.5, 0.3) for step in range(600)]
     expected = next(k for k in range(10, 600) if sum(left_m[k - 9 : k + 1]) / 10 < radius_m)
@@ -73,20 +72,17 @@ def test_arrival_is_the_first_second_whose_mean_distance_is_below_the_radius(con
     assert at_ms == pytest.approx(expected * 100, abs=100)
 
 
-def test_arriving_where_it_is_takes_a_second_of_samples(config):
-    apad = SimulatedAPad(config)
+def test_arriving_where_it_is_takes_a_second_of_samples(apad):
     facts = apad.receive(GoTo(1, 0.0, 0.0, 0.5, 0.5), 2300) + apad.advance(10_000)
     assert arrivals(facts) == [(3300, 1)]
 
 
-def test_a_command_between_grid_instants_acts_from_the_next(config):
-    apad = SimulatedAPad(config)
+def test_a_command_between_grid_instants_acts_from_the_next(apad):
     facts = apad.receive(GoTo(1, 0.0, 0.0, 0.5, 0.5), 2301) + apad.advance(10_000)
     assert arrivals(facts) == [(3400, 1)]
 
 
-def test_a_new_go_to_replaces_the_old_one_silently(config):
-    apad = SimulatedAPad(config)
+def test_a_new_go_to_replaces_the_old_one_silently(apad):
     facts = apad.receive(GoTo(1, 14.0, 0.0, 0.5, 0.5), 0)
     facts += apad.receive(GoTo(2, 0.0, 5.0, 0.5, 0.5), 10_050)
     facts += apad.advance(90_000)
@@ -94,15 +90,13 @@ def test_a_new_go_to_replaces_the_old_one_silently(config):
     assert not [fact for fact in facts if isinstance(fact, CommandFailed)]
 
 
-def test_the_old_go_to_does_not_arrive_once_the_new_command_is_given(config):
-    apad = SimulatedAPad(config)
+def test_the_old_go_to_does_not_arrive_once_the_new_command_is_given(apad):
     apad.receive(GoTo(1, 0.0, 0.0, 0.5, 0.5), 0)
     facts = apad.receive(Hold(2, 0.0, 0.0), 950)  # 50 ms before the first go-to would have arrived
     assert arrivals(facts + apad.advance(5000)) == []
 
 
-def test_hold_goes_there_and_never_completes(config):
-    apad = SimulatedAPad(config)
+def test_hold_goes_there_and_never_completes(apad):
     facts = apad.receive(Hold(1, 2.0, 1.0), 0) + apad.advance(60_000)
     assert arrivals(facts) == []
     assert (apad.pose.north_m, apad.pose.east_m, apad.pose.speed_m_s) == (2.0, 1.0, 0.0)
@@ -117,8 +111,7 @@ def test_hold_goes_there_and_never_completes(config):
         (Hold(4, 0.0, math.inf), "outside"),
     ],
 )
-def test_an_impossible_command_fails_and_changes_nothing(config, command, word):
-    apad = SimulatedAPad(config)
+def test_an_impossible_command_fails_and_changes_nothing(apad, command, word):
     apad.receive(GoTo(1, 5.0, 0.0, 0.5, 0.5), 0)
     facts = apad.receive(command, 500)
     assert isinstance(facts[-1], CommandFailed)
@@ -126,8 +119,7 @@ def test_an_impossible_command_fails_and_changes_nothing(config, command, word):
     assert [command_id for _, command_id in arrivals(apad.advance(60_000))] == [1]
 
 
-def test_poses_come_at_ten_hertz_moving_and_once_a_second_at_rest(config):
-    apad = SimulatedAPad(config)
+def test_poses_come_at_ten_hertz_moving_and_once_a_second_at_rest(apad):
     facts = apad.receive(GoTo(1, 1.0, 0.0, 0.5, 0.1), 0) + apad.advance(10_000)
     times_ms = [fact.at_ms for fact in facts if isinstance(fact, PoseReported)]
     rest = rest_ms(facts)
@@ -135,8 +127,7 @@ def test_poses_come_at_ten_hertz_moving_and_once_a_second_at_rest(config):
     assert [at_ms for at_ms in times_ms if at_ms > rest] == list(range(-(-rest // 1000) * 1000, 10_001, 1000))
 
 
-def test_the_bow_turns_to_the_goal_at_the_yaw_rate(config):
-    apad = SimulatedAPad(config)
+def test_the_bow_turns_to_the_goal_at_the_yaw_rate(apad):
     apad.receive(GoTo(1, 0.0, 10.0, 0.5, 0.5), 0)
     apad.advance(2000)
     assert apad.pose.heading_rad == pytest.approx(1.0)

@@ -23,23 +23,25 @@ from apad_bridge.world.apad.apad import SimulatedAPad
 FULL_J = 230 * 3600
 
 
-def test_the_hotel_load_alone(config):
-    apad = SimulatedAPad(config)
+@pytest.fixture
+def apad(config) -> SimulatedAPad:
+    return SimulatedAPad(config)
+
+
+def test_the_hotel_load_alone(apad):
     apad.advance(2_400_000)
     assert apad.energy_used_fraction == pytest.approx(25 * 2400 / FULL_J, rel=1e-12)
     assert apad.battery_voltage_v == pytest.approx(16.0 - 5.5 * 25 * 2400 / FULL_J)
 
 
-def test_a_closed_dock_draws_its_charging_power_to_the_millisecond(config):
-    apad = SimulatedAPad(config)
+def test_a_closed_dock_draws_its_charging_power_to_the_millisecond(apad):
     apad.receive(CloseDock(1, 2, 9), 1234)
     apad.receive(OpenDock(2, 2, 9), 101_235)
     apad.advance(200_000)
     assert apad.energy_used_fraction == pytest.approx((25 * 200 + 10 * 100.001) / FULL_J, rel=1e-12)
 
 
-def test_the_ledger_has_a_row_for_docks_for_the_hotel_load_and_for_travel(config):
-    apad = SimulatedAPad(config)
+def test_the_ledger_has_a_row_for_docks_for_the_hotel_load_and_for_travel(apad):
     apad.receive(CloseDock(1, 2, 9), 0)
     apad.receive(GoTo(2, 50.0, 0.0, 0.5, 0.5), 0)
     apad.advance(300_000)
@@ -79,9 +81,7 @@ def test_the_charger_at_home_feeds_an_apad_that_rests_there_and_no_other(config)
 
 
 @pytest.mark.parametrize("goal_m", [(50.0, 0.0), (0.0, 50.0), (-30.0, 40.0)])
-def test_cruising_draws_the_thrust_that_drag_asks_for(config, goal_m):
-    # at 0.5 m/s: 40 * 0.25 = 10 N along the bow, four thrusts of 10 / (2 sqrt 2) N, 6 W each N
-    apad = SimulatedAPad(config)
+def test_cruising_draws_the_thrust_that_drag_asks_for(apad, goal_m):
     apad.receive(GoTo(1, *goal_m, 0.5, 0.5), 0)
     apad.advance(30_000)
     assert apad.thruster_forces_n == pytest.approx((3.535534,) * 4)
@@ -137,8 +137,7 @@ def test_a_hold_fails_too_when_the_battery_empties_and_a_finished_go_to_does_not
     assert not [fact for fact in facts if isinstance(fact, CommandFailed)]
 
 
-def test_docks_close_and_open_at_once(config):
-    apad = SimulatedAPad(config)
+def test_docks_close_and_open_at_once(apad):
     apad.advance(10)
     assert apad.receive(CloseDock(1, 3, 7), 11) == [DockClosed(11, 3, 7)]
     assert dict(apad.docked) == {3: 7}
@@ -157,8 +156,7 @@ def test_docks_close_and_open_at_once(config):
         (OpenDock(9, -1, 7), "no dock 0"),
     ],
 )
-def test_what_a_dock_refuses(config, command, word):
-    apad = SimulatedAPad(config)
+def test_what_a_dock_refuses(apad, command, word):
     apad.receive(CloseDock(1, 0, 7), 10)
     [fact] = apad.receive(command, 20)
     assert isinstance(fact, CommandFailed)
@@ -167,8 +165,7 @@ def test_what_a_dock_refuses(config, command, word):
     assert dict(apad.docked) == {0: 7}
 
 
-def test_docks_follow_the_vehicle_and_do_not_turn_with_it(config):
-    apad = SimulatedAPad(config)
+def test_docks_follow_the_vehicle_and_do_not_turn_with_it(apad):
     apad.receive(GoTo(1, 0.0, 5.0, 0.5, 0.5), 0)
     apad.advance(60_000)
     assert [apad.dock_position(dock_index) for dock_index in range(4)] == [

@@ -27,7 +27,6 @@ NORTH_M, EAST_M = POOL.apad.start_m
 def test_at_the_docking_distance_it_is_where_docking_ends() -> None:
     """0.4 m ahead and 0.5 m below: 51.34 degrees down, 21.64 below the axis; tan 21.64 / tan 25 = 0.851."""
     there = seen((0.0, 0.0), 0.0, 0.0, (0.4, 0.0))
-    assert there is not None
     assert (there.horizontal, there.vertical) == pytest.approx((0.0, 0.851), abs=0.001)
 
 

@@ -55,8 +55,14 @@ def held(published: list[Published]) -> list[HeldPositionPublished]:
     return [it for it in published if isinstance(it, HeldPositionPublished)]
 
 
-def test_a_go_to_succeeds_once_the_mean_distance_of_a_second_is_below_the_radius() -> None:
-    apad = vehicle()
+@pytest.fixture
+def apad() -> GenerationAVehicle:
+    return vehicle()
+
+
+def test_a_go_to_succeeds_once_the_mean_distance_of_a_second_is_below_the_radius(
+    apad: GenerationAVehicle,
+) -> None:
     apad.receive(go_to("there", NORTH_M + 5), 0)
     published = apad.advance(30_000)
     (ended,) = [it for it in published if isinstance(it, GoalEnded)]
@@ -65,8 +71,7 @@ def test_a_go_to_succeeds_once_the_mean_distance_of_a_second_is_below_the_radius
     assert 9_000 < ended.at_ms < 12_500
 
 
-def test_feedback_is_the_percentage_covered_and_negative_farther_away() -> None:
-    apad = vehicle()
+def test_feedback_is_the_percentage_covered_and_negative_farther_away(apad: GenerationAVehicle) -> None:
     apad.receive(go_to("east", NORTH_M, EAST_M + 6), 0)
     apad.advance(5_000)
     apad.receive(go_to("back", NORTH_M, EAST_M), 5_000)
@@ -79,8 +84,7 @@ def test_feedback_is_the_percentage_covered_and_negative_farther_away() -> None:
     assert slow[-1].covered_percent > 60
 
 
-def test_a_cancelled_go_to_is_pre_empted_and_keeps_moving() -> None:
-    apad = vehicle()
+def test_a_cancelled_go_to_is_pre_empted_and_keeps_moving(apad: GenerationAVehicle) -> None:
     apad.receive(go_to("there", NORTH_M + 5), 0)
     assert ends(apad.cancel("there", 2_000)) == [("there", GoalOutcome.PREEMPTED)]
     assert ends(apad.advance(30_000)) == []
@@ -139,8 +143,7 @@ def test_controllers_that_come_on_again_steer_to_the_old_reference_though_its_go
     assert apad.pose.north_m > here_m + 5
 
 
-def test_a_perch_asks_for_no_nearness_and_takes_the_first_free_dock() -> None:
-    apad = vehicle()
+def test_a_perch_asks_for_no_nearness_and_takes_the_first_free_dock(apad: GenerationAVehicle) -> None:
     offsets = [(-0.1, -0.1), (-0.1, 0.1), (0.1, -0.1), (0.1, 0.1)]
     for number, (north_m, east_m) in enumerate(offsets):
         published = apad.receive(perch(f"amussel{number}"), 0)
@@ -153,8 +156,7 @@ def test_a_perch_asks_for_no_nearness_and_takes_the_first_free_dock() -> None:
     assert apad.held == ["amussel0", "amussel9", "amussel2", "amussel3"]
 
 
-def test_a_fifth_perch_succeeds_and_does_nothing() -> None:
-    apad = vehicle()
+def test_a_fifth_perch_succeeds_and_does_nothing(apad: GenerationAVehicle) -> None:
     for number in range(4):
         apad.receive(perch(f"amussel{number}"), 0)
     published = apad.receive(perch("amussel9"), 0)
@@ -162,15 +164,13 @@ def test_a_fifth_perch_succeeds_and_does_nothing() -> None:
     assert "amussel9" not in {it.name for it in held(published + apad.advance(2_000))}
 
 
-def test_the_same_object_perched_twice_takes_two_docks() -> None:
-    apad = vehicle()
+def test_the_same_object_perched_twice_takes_two_docks(apad: GenerationAVehicle) -> None:
     apad.receive(perch("amussel1"), 0)
     apad.receive(perch("amussel1"), 0)
     assert apad.free_docks == [2, 3]
 
 
-def test_what_is_held_is_told_at_20_hz_and_follows_the_vehicle() -> None:
-    apad = vehicle()
+def test_what_is_held_is_told_at_20_hz_and_follows_the_vehicle(apad: GenerationAVehicle) -> None:
     apad.receive(perch("amussel1"), 0)
     apad.receive(go_to("there", NORTH_M + 5), 0)
     told = held(apad.advance(30_000))
@@ -178,8 +178,7 @@ def test_what_is_held_is_told_at_20_hz_and_follows_the_vehicle() -> None:
     assert (told[-1].north_m, told[-1].east_m) == pytest.approx((NORTH_M + 4.9, EAST_M - 0.1))
 
 
-def test_a_release_has_a_last_message_and_a_result() -> None:
-    apad = vehicle()
+def test_a_release_has_a_last_message_and_a_result(apad: GenerationAVehicle) -> None:
     apad.receive(perch("amussel1"), 0)
     published = apad.receive(release("amussel1"), 1_020)
     assert (held(published)[-1].at_ms, held(published)[-1].released) == (1_020, True)
@@ -188,8 +187,7 @@ def test_a_release_has_a_last_message_and_a_result() -> None:
 
 
 @pytest.mark.parametrize("name", ["", "amussel2"])
-def test_a_release_of_what_is_not_held_is_aborted(name: str) -> None:
-    apad = vehicle()
+def test_a_release_of_what_is_not_held_is_aborted(apad: GenerationAVehicle, name: str) -> None:
     apad.receive(perch("amussel1"), 0)
     assert ends(apad.receive(release(name), 0)) == [(f"release {name}", GoalOutcome.ABORTED)]
     assert apad.held == ["amussel1"]
@@ -215,15 +213,13 @@ def test_a_crash_in_release_silences_all_that_is_held_but_not_the_position() -> 
     assert apad.dropped.total() == 1
 
 
-def test_a_goal_of_an_unknown_kind_is_active_until_pre_empted() -> None:
-    apad = vehicle()
+def test_a_goal_of_an_unknown_kind_is_active_until_pre_empted(apad: GenerationAVehicle) -> None:
     apad.receive(ActionGoal("what", 7, 0.0, 0.0, ""), 0)
     assert ends(apad.advance(60_000)) == []
     assert ends(apad.receive(go_to("there", NORTH_M), 60_000)) == [("what", GoalOutcome.PREEMPTED)]
 
 
-def test_a_person_may_open_a_dock_but_not_close_one() -> None:
-    apad = vehicle()
+def test_a_person_may_open_a_dock_but_not_close_one(apad: GenerationAVehicle) -> None:
     apad.receive(perch("amussel1"), 0)
     with pytest.raises(ValueError, match="a dock closes by a perch"):
         apad.set_dock(1, True, 0)
@@ -247,8 +243,7 @@ def test_how_time_is_cut_never_shows(cuts: list[int]) -> None:
     assert flown(set(cuts)) == flown(set())
 
 
-def test_its_battery_can_be_charged_and_drained_by_percent_points() -> None:
-    apad = vehicle()
+def test_its_battery_can_be_charged_and_drained_by_percent_points(apad: GenerationAVehicle) -> None:
     apad.change_battery(-30.0, 0)
     assert apad.battery_percent == pytest.approx(70.0)
     apad.change_battery(10.0, 0)

@@ -54,8 +54,12 @@ def status_changes(published: list[Published], docking: bool = False) -> list[tu
     return told
 
 
-def test_a_go_to_is_taken_at_once_and_its_end_told_by_topics() -> None:
-    apad = vehicle()
+@pytest.fixture
+def apad() -> GenerationBVehicle:
+    return vehicle()
+
+
+def test_a_go_to_is_taken_at_once_and_its_end_told_by_topics(apad: GenerationBVehicle) -> None:
     published = apad.receive(GoTo(0, NORTH_M + 5, EAST_M, 0.5, 0.5), 0)
     assert status_changes(published) == [(0, PrimitiveStatus.RUNNING)]
     published = apad.advance(30_000)
@@ -88,23 +92,22 @@ def test_dynamic_positioning_holds_against_the_water_and_never_ends() -> None:
 
 
 @pytest.mark.parametrize(("speed_m_s", "radius_m"), [(0.0, 0.5), (0.5, 0.0), (0.5, -1.0)])
-def test_without_a_speed_or_a_radius_a_go_to_aborts(speed_m_s: float, radius_m: float) -> None:
-    apad = vehicle()
+def test_without_a_speed_or_a_radius_a_go_to_aborts(
+    apad: GenerationBVehicle, speed_m_s: float, radius_m: float
+) -> None:
     published = apad.receive(GoTo(0, NORTH_M + 5, EAST_M, speed_m_s, radius_m), 0)
     assert status_changes(published) == [(0, PrimitiveStatus.RUNNING), (0, PrimitiveStatus.IDLE)]
     apad.advance(10_000)
     assert apad.pose.north_m == NORTH_M
 
 
-def test_a_new_order_pre_empts() -> None:
-    apad = vehicle()
+def test_a_new_order_pre_empts(apad: GenerationBVehicle) -> None:
     apad.receive(GoTo(0, NORTH_M + 5, EAST_M, 0.5, 0.5), 0)
     published = apad.receive(Hold(0, NORTH_M, EAST_M), 2_000)
     assert status_changes(published)[-1] == (2_000, PrimitiveStatus.PREEMPTED)
 
 
-def test_docking_stands_still_for_27_s_and_then_searches_for_ever() -> None:
-    apad = vehicle()
+def test_docking_stands_still_for_27_s_and_then_searches_for_ever(apad: GenerationBVehicle) -> None:
     published = apad.receive(replace(DOCK, dock_index=2), 0)
     assert CameraTurned(0, 0.75) in published
     assert [it.arm.is_open for it in published if isinstance(it, ArmPublished)] == [
@@ -118,9 +121,10 @@ def test_docking_stands_still_for_27_s_and_then_searches_for_ever() -> None:
     assert status_changes(published, docking=True) == [(38_000, PrimitiveStatus.RUNNING)]
 
 
-def test_docking_follows_its_law_and_ends_when_the_target_is_low_in_the_image() -> None:
+def test_docking_follows_its_law_and_ends_when_the_target_is_low_in_the_image(
+    apad: GenerationBVehicle,
+) -> None:
     """Yaw rate max * tanh(h), surge max * exp(-h^2 / (2 * 0.2^2)) towards the dock: here dock 1, to starboard."""
-    apad = vehicle()
     apad.receive(replace(DOCK, dock_index=1), 0)
     for at_ms in range(26_950, 37_000, 100):
         apad.detect(0.1, 0.5, at_ms)
@@ -138,8 +142,7 @@ def test_docking_follows_its_law_and_ends_when_the_target_is_low_in_the_image() 
     assert [it.arm.is_open for it in published if isinstance(it, ArmPublished)] == [(False,) * 4]
 
 
-def test_a_detection_older_than_a_second_is_none() -> None:
-    apad = vehicle()
+def test_a_detection_older_than_a_second_is_none(apad: GenerationBVehicle) -> None:
     apad.receive(DOCK, 0)
     apad.detect(0.0, 0.5, 26_950)
     apad.advance(27_950)
@@ -148,8 +151,7 @@ def test_a_detection_older_than_a_second_is_none() -> None:
     assert apad.pose.heading_rad > 0.3
 
 
-def test_undocking_pulls_back_for_8_s() -> None:
-    apad = vehicle()
+def test_undocking_pulls_back_for_8_s(apad: GenerationBVehicle) -> None:
     apad.receive(UNDOCK, 0)
     published = apad.advance(35_000)
     assert status_changes(published, docking=True)[-1] == (35_000, PrimitiveStatus.DONE)
@@ -159,8 +161,7 @@ def test_undocking_pulls_back_for_8_s() -> None:
     assert -2.4 < apad.pose.north_m - NORTH_M < -2.1
 
 
-def test_a_pilot_pre_empts_and_nothing_is_begun_meanwhile() -> None:
-    apad = vehicle()
+def test_a_pilot_pre_empts_and_nothing_is_begun_meanwhile(apad: GenerationBVehicle) -> None:
     apad.receive(GoTo(0, NORTH_M + 5, EAST_M, 0.5, 0.5), 0)
     assert status_changes(apad.set_manual(True, 1_000))[-1][1] is PrimitiveStatus.PREEMPTED
     assert (
@@ -174,15 +175,13 @@ def test_a_pilot_pre_empts_and_nothing_is_begun_meanwhile() -> None:
     )
 
 
-def test_stop_mission_ends_what_is_under_way() -> None:
-    apad = vehicle()
+def test_stop_mission_ends_what_is_under_way(apad: GenerationBVehicle) -> None:
     apad.receive(DOCK, 0)
     assert status_changes(apad.stop(5_000), docking=True)[-1] == (5_000, PrimitiveStatus.PREEMPTED)
     assert apad.stage is Stage.OFF
 
 
-def test_a_paused_mission_goes_on_where_it_was() -> None:
-    apad = vehicle()
+def test_a_paused_mission_goes_on_where_it_was(apad: GenerationBVehicle) -> None:
     apad.receive(GoTo(0, NORTH_M + 9, EAST_M, 0.5, 0.5), 0)
     assert status_changes(apad.pause(4_000))[-1][1] is PrimitiveStatus.PREEMPTED
     apad.advance(60_000)
@@ -207,8 +206,9 @@ def test_charging_what_the_bench_says_it_holds_costs_energy() -> None:
     assert before - laden.battery_percent == pytest.approx(100 * POOL.apad.battery.hotel_w / 230)
 
 
-def test_what_lies_below_the_services_tells_of_each_go_to_ten_times_a_second() -> None:
-    apad = vehicle()
+def test_what_lies_below_the_services_tells_of_each_go_to_ten_times_a_second(
+    apad: GenerationBVehicle,
+) -> None:
     order = GoTo(0, NORTH_M, EAST_M - 4, 0.5, 0.5)
     assert apad.receive(order, 50)[0] == GoToBegun(50, order)
     published = apad.advance(30_000)
