@@ -262,8 +262,7 @@ def test_an_off_on_the_way_home_is_not_followed_by_a_hold(with_home: Vessel) -> 
 def test_a_heartbeat_of_an_off_trusts_no_position() -> None:
     vessel = watched()
     vessel.seconds(60, age_s=-1.0, position=Position(60.0))
-    vessel.seconds(5, age_s=0.1)
-    assert vessel.watchdog._position.fault() == ""
+    assert vessel.seconds(5, age_s=0.1).watchdog._position.fault() == ""
     vessel = watched()
     vessel.seconds(60, age_s=-1.0, position=Position(60.0))
     assert "jumped" in vessel.watchdog._position.fault()
@@ -290,8 +289,7 @@ def test_after_an_order_that_nobody_answered_the_newest_is_given_twice(vessel: V
     """The old one may be carried out later than the first that is taken."""
     vessel.seconds(6, age_s=None, refuses=WATCHDOG.NotTaken("no answer", is_late=True))
     assert vessel.orders.tried
-    vessel.seconds(1, refuses=None)
-    assert (vessel.state, vessel.taken) == ("SILENT", ["hold 10 10"])
+    assert (vessel.seconds(1, refuses=None).state, vessel.taken) == ("SILENT", ["hold 10 10"])
     vessel.seconds(1, position=Position(11.0))
     assert (vessel.state, vessel.taken) == ("HELD", ["hold 10 10", "hold 11 10"])
 
@@ -308,8 +306,7 @@ def test_three_heartbeats_and_not_a_burst_of_old_ones_end_a_silence(vessel: Vess
 def test_it_tells_beforehand_that_a_silence_would_mean_off(vessel: Vessel) -> None:
     vessel.seconds(5, position=Position(60.0))
     assert vessel.said[-1] == "a silence would mean OFF: the aPad's position has jumped"
-    vessel.seconds(10)
-    assert vessel.said[-1] == "a silence would mean HOLD" and not vessel.orders.tried
+    assert vessel.seconds(10).said[-1] == "a silence would mean HOLD" and not vessel.orders.tried
 
 
 def test_nothing_is_ordered_while_heartbeats_come_again(vessel: Vessel) -> None:
@@ -519,15 +516,13 @@ def silent_with(percent: float | None, at: Any) -> Vessel:
 
 def test_it_goes_home_once_after_the_stated_time_and_holds_there() -> None:
     vessel = silent_with(50.0, home())
-    vessel.seconds(30)
-    assert vessel.taken == ["hold 10 10"]
+    assert vessel.seconds(30).taken == ["hold 10 10"]
     assert vessel.seconds(30).state == "HOMEWARD" and vessel.taken[1:] == ["go 30 10"]
     vessel.orders.is_told = True
     for north_m in range(10, 30):
         vessel.seconds(1, position=Position(float(north_m), speed_m_s=1.0))
     assert vessel.state == "HOME" and vessel.taken[2:] == ["hold 28 10"]
-    vessel.seconds(600, is_told=False, position=Position(29.0))
-    assert len(vessel.taken) == 3
+    assert len(vessel.seconds(600, is_told=False, position=Position(29.0)).taken) == 3
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """Tests the API's calls in flights in memory: answers, orders, refusals, and the end of every wait."""
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -14,12 +15,10 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scripting.api import Api, Behaviour
 
 
-def results_of(scenario: Scenario, script: Callable[[Api, list[Any]], object]) -> list[Any]:
-    """The list that the script filled, in a flight without an error."""
-    found: list[Any] = []
-    flight = fly_script(scenario, lambda api: script(api, found))
+def flies(scenario: Scenario, script: Callable[[Api], object]) -> None:
+    """A flight in which the script, with what it asserts, comes to its end without an error."""
+    flight = fly_script(scenario, script)
     assert flight.error is None, flight.ended_by
-    return found
 
 
 def test_docks_count_from_1_in_the_api_and_from_0_on_the_wire() -> None:
@@ -31,139 +30,116 @@ def test_docks_count_from_1_in_the_api_and_from_0_on_the_wire() -> None:
 
 
 def test_who_there_is_and_where(pool: Scenario) -> None:
-    def script(api: Api, found: list[Any]) -> None:
+    """It drifts by at most half a centimetre a second."""
+
+    def script(api: Api) -> None:
         api.sleep(5)
         agent, here = api.agent(3), api.get_location(api.id_self)
-        found += [api.now(), api.agents(), api.battery(3) == agent.battery == api.belief(3).primary]
-        found += [agent.state, agent.dock, agent.age_s, (here.north_m, here.east_m)]
-        found += [api.home(3).north_m - agent.location.north_m, api.docks(), api.free_docks()]
-        found += [
-            api.beliefs()[3].agent_id,
-            sorted(api.pool()) == [i for i in api.agents() if api.battery(i) <= 0.8],
-        ]
+        assert (api.now(), api.agents(), api.beliefs()[3].agent_id) == (5.0, list(range(1, 13)), 3)
+        assert (agent.state, agent.dock, agent.age_s) == ("ACTIVE", None, 0.0)
+        assert api.battery(3) == agent.battery == api.belief(3).primary
+        assert (here.north_m, here.east_m) == pytest.approx((14, 10.5))
+        assert abs(api.home(3).north_m - agent.location.north_m) <= 0.025
+        assert (api.docks(), api.free_docks()) == (dict.fromkeys((1, 2, 3, 4)), [1, 2, 3, 4])
+        assert sorted(api.pool()) == [i for i in api.agents() if api.battery(i) <= 0.8]
 
-    now, agents, same, state, dock, age, here, moved, docks, free, three, pool_is_low = results_of(
-        pool, script
-    )
-    assert (now, agents, same, state, dock, age) == (5.0, list(range(1, 13)), True, "ACTIVE", None, 0.0)
-    assert here == pytest.approx((14, 10.5))
-    # It drifts by at most half a centimetre a second, and five seconds have passed.
-    assert abs(moved) <= 0.025
-    assert (docks, free) == ({1: None, 2: None, 3: None, 4: None}, [1, 2, 3, 4])
-    assert (three, pool_is_low) == (3, True)
+    flies(pool, script)
 
 
 def test_the_apads_battery_falls_by_its_load(pool: Scenario) -> None:
     """250 Wh from full, at a constant 36 W and a hundred times less for thrust: 100 s take 1 Wh, that is 0.004."""
     battery = replace(pool.apad.battery, capacity_wh=250.0, hotel_w=36.0, start_fraction=1.0)
 
-    def script(api: Api, found: list[Any]) -> None:
-        found.append(api.battery(api.id_self))
+    def script(api: Api) -> None:
+        before = api.battery(api.id_self)
+        assert before == pytest.approx(1.0, abs=1e-3)
         api.sleep(100)
-        found.append(api.battery(api.id_self))
+        assert before - api.battery(api.id_self) == pytest.approx(0.004, rel=0.1)
 
-    before, after = results_of(replace(pool, apad=replace(pool.apad, battery=battery)), script)
-    assert before == pytest.approx(1.0, abs=1e-3)
-    assert before - after == pytest.approx(0.004, rel=0.1)
+    flies(replace(pool, apad=replace(pool.apad, battery=battery)), script)
 
 
 def test_a_go_to_runs_and_ends_and_another_pre_empts_it(pool: Scenario) -> None:
-    def script(api: Api, found: list[Any]) -> None:
-        found.append(api.goto_status())
+    def script(api: Api) -> None:
+        assert api.goto_status() == 0
         api.go_to_local(14.0, 15.5, speed=1.0, victory_radius=0.2)
-        found.append(api.goto_status(api.id_self))
-        found.append(api.wait_goto(timeout=2))
-        found.append(api.wait_goto())
-        found.append(abs(api.get_location(api.id_self).east_m - 15.5) <= 0.3)
+        assert api.goto_status(api.id_self) == 1 and api.wait_goto(timeout=2) is Status.RUNNING
+        assert api.wait_goto() is Status.DONE
+        assert abs(api.get_location(api.id_self).east_m - 15.5) <= 0.3
         api.go_to_local(0.0, 0.0)
         api.sleep(2)
         api.go_to_local(14.0, 14.0)
         api.wait_goto()
-        found.append([(it.kind, it.status) for it in api.events("goto")])
-        found.append(api.cost())
+        assert [(it.kind, it.status) for it in api.events("goto")] == [("goto", Status.DONE)] * 2
+        assert api.cost() > 5
 
-    idle, running, early, late, near, events, cost = results_of(pool, script)
-    assert (idle, running, early, late, near) == (0, 1, Status.RUNNING, Status.DONE, True)
-    assert events == [("goto", Status.DONE), ("goto", Status.DONE)]
-    assert cost > 5
+    flies(pool, script)
 
 
 @pytest.mark.parametrize(
     "as_point", [lambda it: [it.lat, it.lon], lambda it: it], ids=["degrees", "location"]
 )
 def test_a_go_to_by_degrees_or_to_a_location_is_the_same_place(pool: Scenario, as_point: Any) -> None:
-    def script(api: Api, found: list[Any]) -> None:
+    def script(api: Api) -> None:
         there = api.get_location(7)
         api.go_to(as_point(there))
         api.wait_goto()
         here = api.get_location(api.id_self)
-        found.append(((here.north_m - there.north_m) ** 2 + (here.east_m - there.east_m) ** 2) ** 0.5)
+        away_m = math.dist((here.north_m, here.east_m), (there.north_m, there.east_m))
+        assert away_m <= pool.mission.victory_radius_m
 
-    assert results_of(pool, script)[0] <= pool.mission.victory_radius_m
+    flies(pool, script)
 
 
 def test_collect_and_deploy_bring_one_up_and_home(pool: Scenario) -> None:
-    def script(api: Api, found: list[Any]) -> None:
-        home = api.home(5) if 5 in api.agents() else api.get_location(5)
-        found.append(api.collect(5, 3))
-        found.append((api.docks()[3], api.agent(5).dock))
-        api.wait_until(lambda: api.agent(5).state == "CHARGING", timeout=30)
-        found.append(api.agent(5).state)
+    def script(api: Api) -> None:
+        home = api.get_location(5)
+        assert api.collect(5, 3) and (api.docks()[3], api.agent(5).dock) == (5, 3)
+        assert api.wait_until(lambda: api.agent(5).state == "CHARGING", timeout=30)
         charge = api.battery(5)
         api.sleep(30)
-        found.append(api.battery(5) > charge)
-        found.append(api.deploy(5))
-        found.append(api.docks()[3])
-        found.append(api.wait_until(lambda: api.agent(5).state == "ACTIVE", timeout=30))
+        assert api.battery(5) > charge
+        assert api.deploy(5) and api.docks()[3] is None
+        assert api.wait_until(lambda: api.agent(5).state == "ACTIVE", timeout=30)
         there = api.get_location(5)
-        found.append(abs(there.north_m - home.north_m) + abs(there.east_m - home.east_m) < 2)
-        found.append([(it.kind, it.dock) for it in api.events(agent=5) if it.kind in ("docked", "undocked")])
+        assert abs(there.north_m - home.north_m) + abs(there.east_m - home.east_m) < 2
+        events = [(it.kind, it.dock) for it in api.events(agent=5) if it.kind in ("docked", "undocked")]
+        assert events == [("docked", 3), ("undocked", 3)]
 
-    collected, docked, state, rose, let_go, free, sank, at_home, events = results_of(pool, script)
-    assert (collected, docked, state, rose) == (True, (5, 3), "CHARGING", True)
-    assert (let_go, free, sank, at_home) == (True, None, True, True)
-    assert events == [("docked", 3), ("undocked", 3)]
+    flies(pool, script)
 
 
 def test_pausing_holds_and_resuming_goes_on(pool: Scenario) -> None:
-    def script(api: Api, found: list[Any]) -> None:
+    def script(api: Api) -> None:
         api.go_to_local(14.0, 20.5)
         api.sleep(4)
         api.pause()
         api.sleep(8)
-        before = api.get_location(api.id_self)
+        paused_m = api.get_location(api.id_self).east_m
         api.sleep(5)
-        after = api.get_location(api.id_self)
-        found.append(abs(after.east_m - before.east_m))
-        found.append(after.east_m)
-        found.append(api.goto_status())
+        assert api.get_location(api.id_self).east_m == pytest.approx(paused_m, abs=0.05)
+        assert 11 < paused_m < 16 and api.goto_status() == Status.RUNNING
         with pytest.raises(Refused, match="paused"):
             api.go_to_local(0, 0)
         api.resume()
-        found.append(api.wait_goto())
-        found.append(abs(api.get_location(api.id_self).east_m - 20.5))
+        assert api.wait_goto() is Status.DONE
+        assert api.get_location(api.id_self).east_m == pytest.approx(20.5, abs=0.5)
 
-    moved, paused_at, status, ended, missed = results_of(pool, script)
-    assert (status, ended) == (Status.RUNNING, Status.DONE)
-    assert moved < 0.05
-    assert 11 < paused_at < 16
-    assert missed <= 0.5
+    flies(pool, script)
 
 
 def test_a_held_place_is_held(pool: Scenario) -> None:
-    def script(api: Api, found: list[Any]) -> None:
+    def script(api: Api) -> None:
         api.go_to_local(14.0, 20.5)
         api.sleep(3)
         api.hold()
-        found.append(api.wait_goto(5))
+        assert api.wait_goto(5) is Status.PREEMPTED
         api.sleep(10)
-        first = api.get_location(api.id_self)
+        held_m = api.get_location(api.id_self).east_m
         api.sleep(10)
-        found.append(abs(api.get_location(api.id_self).east_m - first.east_m))
+        assert api.get_location(api.id_self).east_m == pytest.approx(held_m, abs=0.05)
 
-    status, moved = results_of(pool, script)
-    assert status is Status.PREEMPTED
-    assert moved < 0.05
+    flies(pool, script)
 
 
 def test_abort_ends_the_flight_there(pool: Scenario) -> None:
@@ -196,23 +172,19 @@ def test_the_end_of_the_mission_s_time_ends_the_script(pool: Scenario) -> None:
 
 
 def test_events_are_waited_for_and_given_up(pool: Scenario) -> None:
-    def script(api: Api, found: list[Any]) -> None:
-        found.append(api.wait_event("heard", agent=4, timeout=20))
-        found.append(api.wait_event("docked", timeout=3))
-        found.append(api.now())
+    def script(api: Api) -> None:
+        heard = api.wait_event("heard", agent=4, timeout=20)
+        assert heard is not None and (heard.kind, heard.agent) == ("heard", 4)
+        assert api.wait_event("docked", timeout=3) is None and api.now() == heard.at_s + 3
         api.events()
         api.permit_surfacing(4)
         event = api.wait_event("state", agent=4, timeout=60)
-        found.append((event.reason, event.kind) if event else None)
-        up = api.wait_until(lambda: api.agent(4).state == "FLOATING", timeout=60)
+        assert event is not None and event.reason in ("SURFACING", "FLOATING")
+        assert api.wait_until(lambda: api.agent(4).state == "FLOATING", timeout=60)
         api.tell_clear(4)
-        found.append(up and api.wait_until(lambda: api.agent(4).state == "ACTIVE", timeout=60))
+        assert api.wait_until(lambda: api.agent(4).state == "ACTIVE", timeout=60)
 
-    heard, nothing, at_s, first, sank = results_of(pool, script)
-    assert (heard.kind, heard.agent) == ("heard", 4)
-    assert (nothing, at_s) == (None, heard.at_s + 3)
-    assert first in (("SURFACING", "state"), ("FLOATING", "state"))
-    assert sank is True
+    flies(pool, script)
 
 
 class Counting(Behaviour):
@@ -234,29 +206,25 @@ class Counting(Behaviour):
 
 
 def test_a_behaviour_acts_once_a_second_until_it_is_done_or_late(pool: Scenario) -> None:
-    def script(api: Api, found: list[Any]) -> None:
+    def script(api: Api) -> None:
         quick, slow = Counting(5), Counting(500)
-        found.append((api.run(quick), api.now() - quick.began_s, len(quick.heard)))
-        found.append((api.run(slow, timeout=10), api.now() - slow.began_s))
+        assert (api.run(quick), api.now() - quick.began_s, len(quick.heard)) == (True, 4.0, 12)
+        assert (api.run(slow, timeout=10), api.now() - slow.began_s) == (False, 10.0)
 
-    assert results_of(pool, script) == [(True, 4.0, 12), (False, 10.0)]
+    flies(pool, script)
 
 
 def test_plans_and_costs_are_the_mission_s(pool: Scenario) -> None:
-    def script(api: Api, found: list[Any]) -> None:
+    def script(api: Api) -> None:
         api.wait_until(lambda: len(api.pool()) >= 4, timeout=600)
         plan = api.plan_collection()
-        worst = sorted(api.pool(), key=api.battery)[:4]
-        found.append(([agent for agent, _ in plan.steps], worst, [dock for _, dock in plan.steps]))
+        lowest = sorted(api.pool(), key=api.battery)[:4]
+        assert list(plan.steps) == list(zip(lowest, (1, 2, 3, 4), strict=True))
         greedy = api.plan_collection(batch=2, strategy="greedy")
-        found.append((len(greedy.steps), api.cost_of(greedy).distance_m, api.cost_of(plan).distance_m))
-        found.append(api.plan_redeployment().steps)
+        assert len(greedy.steps) == 2 and api.cost_of(greedy).distance_m < api.cost_of(plan).distance_m
+        assert api.plan_redeployment().steps == ()
 
-    (agents, worst, docks), (count, short_m, long_m), nobody = results_of(pool, script)
-    assert (agents, docks) == (worst, [1, 2, 3, 4])
-    assert count == 2
-    assert short_m < long_m
-    assert nobody == ()
+    flies(pool, script)
 
 
 def test_a_dock_that_is_taken_is_refused(pool: Scenario) -> None:
@@ -269,7 +237,7 @@ def test_a_dock_that_is_taken_is_refused(pool: Scenario) -> None:
         with pytest.raises(Refused, match="dock 1 holds aMussel 10, not 4"):
             api.docking(False, 1, 4)
 
-    assert fly_script(pool, script).error is None
+    flies(pool, script)
 
 
 def failed(flight: ScriptFlight) -> str:

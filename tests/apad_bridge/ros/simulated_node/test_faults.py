@@ -186,6 +186,17 @@ class Bench:
             self.stack.advance(self.now_ms)
             self._settle()
 
+    def done(self, primitive: Primitive) -> tuple[int, Outcome]:
+        """Orders a primitive, and returns its end and the time of that."""
+        self.order(primitive)
+        return self.outcome(primitive.command_id)
+
+    def refused(self, primitive: Primitive) -> str:
+        """The reason why a primitive failed."""
+        _, outcome = self.done(primitive)
+        assert isinstance(outcome, PrimitiveFailed)
+        return outcome.reason
+
     def outcome(self, primitive_id: int) -> tuple[int, Outcome]:
         """The end of a primitive, and its time. Waits up to five minutes for it."""
         for _ in range(300):
@@ -254,8 +265,7 @@ def test_without_a_fault_all_primitives_succeed(stack: WithA | WithB) -> None:
 
 def test_of_a_silent_release_the_dock_is_open_after_two_seconds() -> None:
     bench = Bench(WithA(Fault.RELEASE_SILENT))
-    bench.order(CloseDock(1, 0, 7))
-    bench.outcome(1)
+    bench.done(CloseDock(1, 0, 7))
     bench.order(OpenDock(2, 0, 7))
     begun_ms = bench.now_ms + 5_000  # the virtual profile's time
     at_ms, outcome = bench.outcome(2)
@@ -265,10 +275,8 @@ def test_of_a_silent_release_the_dock_is_open_after_two_seconds() -> None:
 
 def test_after_a_release_that_crashes_the_server_the_next_order_fails() -> None:
     bench = Bench(WithA(Fault.RELEASE_CRASHES))
-    bench.order(CloseDock(1, 0, 7))
-    bench.outcome(1)
-    bench.order(OpenDock(2, 0, 7))
-    assert isinstance(bench.outcome(2)[1], PrimitiveSucceeded)
+    bench.done(CloseDock(1, 0, 7))
+    assert isinstance(bench.done(OpenDock(2, 0, 7))[1], PrimitiveSucceeded)
     bench.order(replace(AWAY, command_id=3))
     begun_ms = bench.now_ms
     at_ms, outcome = bench.outcome(3)
@@ -284,17 +292,14 @@ def test_a_go_to_whose_server_died_arrives_by_its_position_and_the_next_order_fa
     assert isinstance(outcome, PrimitiveSucceeded)
     assert loud_ms < silent_ms <= loud_ms + 4_000 and ROWS["server_dies"].startswith("3 s within")
     assert silent.stack.core.dropped["the action server fell silent"] == 1
-    silent.order(CloseDock(2, 0, 7))
-    _, outcome = silent.outcome(2)
-    assert isinstance(outcome, PrimitiveFailed) and outcome.reason == documented(Fault.SERVER_DIES)
+    assert silent.refused(CloseDock(2, 0, 7)) == documented(Fault.SERVER_DIES)
 
 
 def test_a_go_to_of_a_dead_server_that_comes_no_nearer_has_failed() -> None:
-    stack = WithA(Fault.SERVER_DIES)
-    bench = Bench(stack)
+    bench = Bench(WithA(Fault.SERVER_DIES))
     bench.order(AWAY)
     bench.run(4_000)
-    stack.vehicle._apad.receive(Coast(), stack.vehicle.now_ms)  # the water stops it
+    bench.stack.vehicle._apad.receive(Coast(), bench.stack.vehicle.now_ms)  # the water stops it
     at_ms, outcome = bench.outcome(1)
     assert isinstance(outcome, PrimitiveFailed)
     assert outcome.reason == "the aPad's action server fell silent after it took the goal"
@@ -307,17 +312,13 @@ def test_a_higher_dock_that_falls_silent_with_a_lower_ones_release_is_still_clos
     stack.answers = answers
     bench = Bench(stack)
     for n, agent_id in enumerate((7, 8, 9), start=1):
-        bench.order(CloseDock(n, 0, agent_id))
-        bench.outcome(n)
-    bench.order(OpenDock(4, 0, 7))
-    bench.outcome(4)
-    bench.order(replace(AWAY, command_id=5))
-    bench.outcome(5)
+        bench.done(CloseDock(n, 0, agent_id))
+    bench.done(OpenDock(4, 0, 7))
+    bench.done(replace(AWAY, command_id=5))
     bench.run(20_000)
     assert bench.port.docked == ((1, 8), (2, 9))
     assert carried(bench.facts, 9)[-1] == pytest.approx(stack.vehicle._apad.dock_position(2), abs=1e-6)
-    bench.order(OpenDock(6, 2, 9))
-    assert isinstance(bench.outcome(6)[1], PrimitiveSucceeded)
+    assert isinstance(bench.done(OpenDock(6, 2, 9))[1], PrimitiveSucceeded)
     assert stack.vehicle.held == ["amussel8"]
     assert (
         stack.core.dropped["silence on position_static of an aMussel that the aPad holds: dead reckoning"]
@@ -327,17 +328,14 @@ def test_a_higher_dock_that_falls_silent_with_a_lower_ones_release_is_still_clos
 
 
 def test_what_a_crashed_server_held_is_let_go_after_a_silence() -> None:
-    stack = WithA(Fault.RELEASE_CRASHES)
-    bench = Bench(stack)
+    bench = Bench(WithA(Fault.RELEASE_CRASHES))
     for n, agent_id in enumerate((7, 8), start=1):
-        bench.order(CloseDock(n, 0, agent_id))
-        bench.outcome(n)
-    bench.order(OpenDock(3, 0, 7))
-    bench.outcome(3)
+        bench.done(CloseDock(n, 0, agent_id))
+    bench.done(OpenDock(3, 0, 7))
     assert bench.port.docked == ((1, 8),)
     bench.run(16_000)
     assert not bench.port.docked
-    assert stack.core.dropped["silence on position_static, taken for a release without an order"] == 1
+    assert bench.stack.core.dropped["silence on position_static, taken for a release without an order"] == 1
 
 
 def foreign(north_m: float) -> GoalOrder:
@@ -345,65 +343,62 @@ def foreign(north_m: float) -> GoalOrder:
 
 
 def test_anothers_go_to_during_a_hold_is_let_end_and_then_the_hold_goes_on() -> None:
-    stack = WithA(Fault.NONE)
-    bench = Bench(stack)
+    bench = Bench(WithA(Fault.NONE))
     bench.order(Hold(1, NORTH_M, EAST_M))
     bench.run(5_000)
-    stack.send(foreign(NORTH_M + 6.0), bench.now_ms)
+    bench.stack.send(foreign(NORTH_M + 6.0), bench.now_ms)
     north_m = []
     for _ in range(60):
         bench.run(1_000)
-        north_m.append(stack.vehicle.pose.north_m - NORTH_M)
+        north_m.append(bench.stack.vehicle.pose.north_m - NORTH_M)
     assert max(north_m) > 5.5, "the other's go-to was cut short"
     assert north_m[-1] == pytest.approx(0.0, abs=0.5)
-    assert stack.core.dropped == {"another client sent the aPad away from its hold": 1}
+    assert bench.stack.core.dropped == {"another client sent the aPad away from its hold": 1}
     assert isinstance(bench.port.running, Hold)
 
 
 def test_a_real_apad_stays_where_another_sent_it_until_the_next_order() -> None:
-    stack = WithA(Fault.NONE, takes_back=False)
-    bench = Bench(stack)
+    bench = Bench(WithA(Fault.NONE, takes_back=False))
     bench.order(Hold(2, NORTH_M, EAST_M))
     bench.run(5_000)
-    stack.send(foreign(NORTH_M + 6.0), bench.now_ms)
+    bench.stack.send(foreign(NORTH_M + 6.0), bench.now_ms)
     bench.run(90_000)
-    assert stack.vehicle.pose.north_m == pytest.approx(NORTH_M + 6.0, abs=0.5)
-    assert stack.core.dropped == {"another client sent the aPad away from its hold": 1}
+    assert bench.stack.vehicle.pose.north_m == pytest.approx(NORTH_M + 6.0, abs=0.5)
+    assert bench.stack.core.dropped == {"another client sent the aPad away from its hold": 1}
     assert [type(it) for it in bench.facts if isinstance(it, CommandedByOthers)] == [CommandedByOthers]
-    bench.order(AWAY)
-    assert isinstance(bench.outcome(1)[1], PrimitiveSucceeded)
+    assert isinstance(bench.done(AWAY)[1], PrimitiveSucceeded)
 
 
 def test_a_hold_does_not_stop_what_another_ordered_of_a_real_apad() -> None:
     """A mission that stands aside orders a hold first."""
-    stack = WithA(Fault.NONE, takes_back=False)
-    bench = Bench(stack)
+    bench = Bench(WithA(Fault.NONE, takes_back=False))
     bench.order(AWAY)
     bench.run(3_000)
-    stack.send(foreign(NORTH_M - 8.0), bench.now_ms)
+    bench.stack.send(foreign(NORTH_M - 8.0), bench.now_ms)
     bench.run(2_000)
     assert any(isinstance(it, CommandedByOthers) for it in bench.facts)
-    bench.order(Hold(2, stack.vehicle.pose.north_m, EAST_M))
+    bench.order(Hold(2, bench.stack.vehicle.pose.north_m, EAST_M))
     bench.run(90_000)
-    assert stack.vehicle.pose.north_m == pytest.approx(NORTH_M - 8.0, abs=0.5)
+    assert bench.stack.vehicle.pose.north_m == pytest.approx(NORTH_M - 8.0, abs=0.5)
     assert isinstance(bench.port.running, Hold)
 
 
 def test_a_go_to_that_anothers_pre_empted_fails_when_the_others_has_ended() -> None:
-    stack = WithA(Fault.NONE)
-    bench = Bench(stack)
+    bench = Bench(WithA(Fault.NONE))
     bench.order(AWAY)
     bench.run(3_000)
-    stack.send(foreign(NORTH_M - 8.0), bench.now_ms)
+    bench.stack.send(foreign(NORTH_M - 8.0), bench.now_ms)
     _, outcome = bench.outcome(1)
     assert isinstance(outcome, PrimitiveFailed)
     assert outcome.reason == "the aPad's action server reports PREEMPTED: another client's goal replaced it"
-    assert stack.vehicle.pose.north_m == pytest.approx(NORTH_M - 8.0, abs=0.6), "the other's was cut short"
+    assert bench.stack.vehicle.pose.north_m == pytest.approx(NORTH_M - 8.0, abs=0.6), (
+        "the other's was cut short"
+    )
 
 
 def test_anothers_goal_that_never_ends_is_left_alone_for_a_minute() -> None:
-    stack = WithA(Fault.NONE)
-    bench = Bench(stack)
+    bench = Bench(WithA(Fault.NONE))
+    stack = bench.stack
     bench.order(Hold(1, NORTH_M, EAST_M))
     bench.run(5_000)
     stack.send(GoalOrder("another's-1", 7), bench.now_ms)  # of no known kind: active for ever
@@ -415,10 +410,8 @@ def test_anothers_goal_that_never_ends_is_left_alone_for_a_minute() -> None:
 
 def test_a_perch_that_holds_nothing_fails() -> None:
     bench = Bench(WithA(Fault.PERCHES_NOTHING))
-    bench.order(CloseDock(1, 0, 7))
-    _, outcome = bench.outcome(1)
-    assert isinstance(outcome, PrimitiveFailed) and outcome.reason == documented(Fault.PERCHES_NOTHING)
-    assert bench.port.first_failure == outcome
+    reason = bench.refused(CloseDock(1, 0, 7))
+    assert reason == documented(Fault.PERCHES_NOTHING) == bench.port.first_failure.reason
 
 
 @pytest.mark.parametrize("kind", [WithA, WithB])
