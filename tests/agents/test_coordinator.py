@@ -99,8 +99,7 @@ def test_only_what_is_due_is_granted() -> None:
     host = NotingHost(next_due_ms=300_000)
     coordinator = Coordinator(host, {1: 0, 2: 0}, TimeScale(30))
     coordinator.advance(0)
-    assert coordinator.next_due_ms == 10_000
-    assert coordinator.advance(9_999) == []
+    assert coordinator.next_due_ms == 10_000 and coordinator.advance(9_999) == []
     coordinator.receive(2, ContactOpened(), 9_999)
     coordinator.advance(9_999)
     coordinator.advance(10_000)

@@ -14,10 +14,8 @@ def test_an_agents_event_has_happened_at_its_mission_time(agent_ms, mission_ms):
 
 def test_a_mission_second_is_theta_agent_seconds():
     scale = TimeScale(30)
-    assert scale.agent_ms(MissionMs(1_000)) == 30_000
-    assert scale.agent_span(60) == 1_800
-    assert scale.mission_span(59) == 1
-    assert scale.agent_time(0.5) == 15.0
+    assert scale.agent_ms(MissionMs(1_000)) == 30_000 and scale.agent_span(60) == 1_800
+    assert scale.mission_span(59) == 1 and scale.agent_time(0.5) == 15.0
     assert scale.mission_time(45) == 1.5
 
 

@@ -278,8 +278,7 @@ def test_a_board_that_no_battery_can_lift_stays_where_it_is() -> None:
     below.run(minutes=1)
     below.command(Kind.PERMISSION)
     below.run(minutes=5)
-    assert below.state is State.EMPTY
-    assert not below.did(RunBuoyancy)
+    assert below.state is State.EMPTY and not below.did(RunBuoyancy)
     afloat = Bench(config, primary=0.0, secondary=0.05)
     afloat.run(minutes=1)
     afloat.command(Kind.PERMISSION)

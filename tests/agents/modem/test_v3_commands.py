@@ -67,8 +67,7 @@ def test_a_row_of_the_table(pair: Pair, command: bytes, at_once: bytes, later: b
     assert water.printed("near")[: len(at_once)] == at_once
     water = pair()
     water.write("near", command, until_ms=6000)
-    assert water.printed("near") == at_once + later
-    assert water.printed("far") == remote
+    assert water.printed("near") == at_once + later and water.printed("far") == remote
 
 
 @pytest.fixture
@@ -178,8 +177,7 @@ def test_a_timer_s_answer_begins_with_its_state(water: Any) -> None:
 
 def test_a_ping_to_oneself_is_an_error(water: Any) -> None:
     water.write("near", b"$P001", until_ms=6000)
-    assert water.printed("near") == b"E\r\n"
-    assert water.of("near", EmitFrame) == []
+    assert water.printed("near") == b"E\r\n" and water.of("near", EmitFrame) == []
     water.write("near", b"$A009", until_ms=6100)
     water.write("near", b"$P009", until_ms=6200)
     assert water.printed("near") == b"#A009\r\nE\r\n"
@@ -223,8 +221,7 @@ def test_sending_is_put_off_by_the_timer(water: Any) -> None:
 def test_sending_into_the_past_or_beyond_2_s_is_an_error(water: Any, timer_us: int) -> None:
     water.write("near", b"$XTE", until_ms=100)
     water.write("near", b"$B02abT%014d" % timer_us, until_ms=5000)
-    assert water.printed("near").endswith(b"\r\nE\r\n")
-    assert water.of("near", EmitFrame) == []
+    assert water.printed("near").endswith(b"\r\nE\r\n") and water.of("near", EmitFrame) == []
 
 
 def test_without_a_time_the_command_is_over_at_the_next_byte_or_after_silence(water: Any) -> None:

@@ -268,14 +268,12 @@ def test_a_silent_bus_repeats_the_last_counts_as_another_record() -> None:
 )
 def test_a_write_that_fails_spoils_its_record_alone(part: BoardPart, value: int) -> None:
     mussel = sampled((2, PartFailed(part, value)), (4, PartFailed(part, 0)))
-    assert readable(mussel) == [0, 1, 4]
-    assert mussel.physical.samples == 5
+    assert readable(mussel) == [0, 1, 4] and mussel.physical.samples == 5
 
 
 def test_a_flash_that_does_not_answer_misses_its_records_and_keeps_the_others() -> None:
     mussel = sampled((2, PartFailed(BoardPart.FLASH, 1)), (4, PartFailed(BoardPart.FLASH, 0)))
-    assert readable(mussel) == [0, 1, 4]
-    assert mussel.physical.samples == 5
+    assert readable(mussel) == [0, 1, 4] and mussel.physical.samples == 5
     mussel.receive(PartFailed(BoardPart.FLASH, 1), 6 * HOUR_MS)
     assert readable(mussel) == []
 
@@ -289,8 +287,7 @@ def test_a_page_whose_erasure_failed_takes_no_record_until_it_is_erased() -> Non
     flash.parts = {}
     flash.program(96, b"new")
     flash.program(100, b"free")
-    assert flash.read(0, 4) == bytes(4)
-    assert flash.read(96, 8) == b"old\0free"
+    assert flash.read(0, 4) == bytes(4) and flash.read(96, 8) == b"old\0free"
     flash.erase(1)
     flash.program(96, b"new")
     assert flash.read(96, 8) == b"new" + bytes(5)

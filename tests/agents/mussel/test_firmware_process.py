@@ -110,8 +110,7 @@ def test_the_c_board_does_what_ours_does(
         for cut_ms in cuts:
             theirs.run_until(min(end_ms, theirs.now_ms + cut_ms))
         theirs.run_until(end_ms)
-    assert seen(theirs.trace) == seen(ours.trace)
-    assert theirs.state is ours.state
+    assert seen(theirs.trace) == seen(ours.trace) and theirs.state is ours.state
     assert (theirs.board.primary, theirs.board.secondary) == (ours.board.primary, ours.board.secondary)
 
 

@@ -311,16 +311,13 @@ def test_a_write_that_fails_is_an_error_of_the_flash() -> None:
     flash = FailingFlash(MemoryFlash())
     bus, _ = devices(flash=flash)
     flash.parts = {BoardPart.WRITES: 3}
-    assert bus.flash_program(0, b"torn") is None
-    assert bus.flash_read(0, 4) == b"tor\0"
+    assert bus.flash_program(0, b"torn") is None and bus.flash_read(0, 4) == b"tor\0"
     flash.parts = {BoardPart.CELLS: 0x20}
-    assert bus.flash_program(8, b"worn") is None
-    assert bus.flash_read(8, 4) == b"WORN"
+    assert bus.flash_program(8, b"worn") is None and bus.flash_read(8, 4) == b"WORN"
     flash.parts = {BoardPart.SUPPLY: 2}
     with pytest.raises(PowerLost):
         bus.flash_program(16, b"dark")
-    assert bus.flash_read(16, 4) == b"da\0\0"
-    assert bus.flash_program(32, b"whole") == b""
+    assert bus.flash_read(16, 4) == b"da\0\0" and bus.flash_program(32, b"whole") == b""
 
 
 def test_a_silent_sensor_gives_no_answer() -> None:
@@ -333,8 +330,7 @@ def test_a_silent_sensor_gives_no_answer() -> None:
 def test_flash_is_programmed_once_within_a_page() -> None:
     bus, _ = devices()
     assert bus.flash_program(4090, b"over the edge") is None
-    assert bus.flash_program(4000, b"once") == b""
-    assert bus.flash_program(4002, b"twice") is None
+    assert bus.flash_program(4000, b"once") == b"" and bus.flash_program(4002, b"twice") is None
     assert bus.flash_read(3999, 6) == b"\0once\0"
     assert bus.flash_erase(0) == b"" and bus.flash_read(4000, 4) == b"\0\0\0\0"
     assert bus.flash_erase(16) is None and bus.flash_read(16 * 4096 - 1, 2) is None

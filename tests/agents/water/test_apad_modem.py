@@ -19,8 +19,7 @@ def test_it_sends_one_after_the_other(keel: APadModem) -> None:
     assert keel.ask(3, WORDS) and keel.ask(4, WORDS)
     assert keel.advance(1000) == [ModemSend(0, 3, WORDS), ModemSend(505, 4, WORDS)]
     keel.ask(5, WORDS)
-    assert keel.next_due_ms == 1010
-    assert keel.advance(5000) == [ModemSend(1010, 5, WORDS)]
+    assert keel.next_due_ms == 1010 and keel.advance(5000) == [ModemSend(1010, 5, WORDS)]
 
 
 def test_asked_late_it_sends_at_once(keel: APadModem) -> None:
@@ -32,10 +31,8 @@ def test_asked_late_it_sends_at_once(keel: APadModem) -> None:
 def test_nothing_is_sent_while_an_answer_is_awaited(keel: APadModem) -> None:
     keel.ask(3, PING)
     keel.ask(4, WORDS)
-    assert keel.advance(1000) == [ModemSend(0, 3, PING)]
-    assert not keel.answered(4, 1000)
-    assert keel.answered(3, 1000)
-    assert keel.advance(1000) == [ModemSend(1000, 4, WORDS)]
+    assert keel.advance(1000) == [ModemSend(0, 3, PING)] and not keel.answered(4, 1000)
+    assert keel.answered(3, 1000) and keel.advance(1000) == [ModemSend(1000, 4, WORDS)]
 
 
 def test_an_answer_that_does_not_come_is_given_up_after_four_seconds(keel: APadModem) -> None:

@@ -54,8 +54,7 @@ def outcomes(results: list[MediumResult]) -> dict[tuple[int, int], PacketOutcome
 def test_a_packet_acts_at_its_end_after_its_way() -> None:
     """750 m at 1500 m/s are 500 ms; 16 bytes last 505 ms."""
     water = medium(0, 750)
-    assert water.receive(Began(0, unicast(0, 1)), 1000) == []
-    assert water.next_due_ms == 2005
+    assert water.receive(Began(0, unicast(0, 1)), 1000) == [] and water.next_due_ms == 2005
     assert water.advance(2004) == []
     heard, ended = water.advance(2005)
     assert isinstance(heard, FrameHeard) and isinstance(ended, PacketEnded)

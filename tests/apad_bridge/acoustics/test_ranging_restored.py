@@ -115,8 +115,7 @@ def test_without_anything_new_there_are_no_updates() -> None:
     it = ranging()
     assert it.updates() is None
     it.advance(beliefs().all(), 0)
-    assert it.updates() is not None
-    assert it.updates() is None
+    assert it.updates() is not None and it.updates() is None
 
 
 @pytest.mark.parametrize("row", [[], [7], ["moved"], ["range", 1, 2], [1000, 7, 5.0, 1.0, 2.0, 3.0]])

@@ -11,12 +11,9 @@ FRAME = TdmaWindow(300_000, 60_000)
 
 
 def test_by_hand() -> None:
-    assert FRAME.first_ms(0, 500) == 60_000
-    assert FRAME.first_ms(59_999, 500) == 60_000
-    assert FRAME.first_ms(60_001, 500) == 60_001
-    assert FRAME.first_ms(299_500, 500) == 299_500
-    assert FRAME.first_ms(299_501, 500) == 360_000
-    assert FRAME.first_ms(310_000, 500) == 360_000
+    assert FRAME.first_ms(0, 500) == 60_000 and FRAME.first_ms(59_999, 500) == 60_000
+    assert FRAME.first_ms(60_001, 500) == 60_001 and FRAME.first_ms(299_500, 500) == 299_500
+    assert FRAME.first_ms(299_501, 500) == 360_000 and FRAME.first_ms(310_000, 500) == 360_000
 
 
 def test_where_there_is_no_choice_it_is_now() -> None:

@@ -34,5 +34,4 @@ def test_an_answer_costs_what_a_board_spends_on_it(kept_on: int, turnaround_ms: 
 def test_a_needless_way_up_and_down_is_two_runs_of_the_motors() -> None:
     """Table I's fit gives 0.0268 a run."""
     whole = board(HOURLY, power()).whole
-    assert whole is not None
-    assert wrong_plan_charge(whole) == pytest.approx(2 * 0.0268, rel=1e-6)
+    assert whole is not None and wrong_plan_charge(whole) == pytest.approx(2 * 0.0268, rel=1e-6)

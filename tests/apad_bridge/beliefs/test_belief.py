@@ -19,8 +19,7 @@ def test_every_state_has_a_mode() -> None:
 def test_a_belief_without_deviations_answers_yes_or_no() -> None:
     belief = Belief(3, 1000, State.ACTIVE, 0.5, 1.0, 2.0, 3.0)
     assert (belief.probability_at_most(0.49), belief.probability_at_most(0.5)) == (0.0, 1.0)
-    assert belief.charge_interval() == pytest.approx((0.5, 0.5))
-    assert belief.mode is Mode.IDLE
+    assert belief.charge_interval() == pytest.approx((0.5, 0.5)) and belief.mode is Mode.IDLE
     assert (belief.probability_of(Mode.IDLE), belief.probability_of(*DOCKED)) == (1.0, 0.0)
     assert (belief.at_ms, belief.age_s(4000)) == (1000, 3.0)
 

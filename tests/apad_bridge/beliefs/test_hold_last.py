@@ -16,8 +16,7 @@ PACKET = StatusPacket(5, 0, State.ACTIVE, 0.7, 1.0, 3.0, 4.0, 3.0, 60_000)
 
 def test_it_believes_the_newest_packet() -> None:
     beliefs = HoldLast([5, 6])
-    assert beliefs.get(5) is None
-    assert beliefs.hear(PACKET, 2000) is None
+    assert beliefs.get(5) is None and beliefs.hear(PACKET, 2000) is None
     assert beliefs.hear(replace(PACKET, primary=0.6, agent_ms=90_000), 3000) is None
     found = beliefs.get(5)
     assert (found.primary, found.heard_ms, found.age_s(5500)) == (0.6, 3000, 2.5)
@@ -94,8 +93,7 @@ def test_a_short_status_says_the_state_and_the_charges_of_one_whose_place_is_kno
     beliefs = HoldLast([5, 6])
     short = ShortStatus(5, State.EMPTY, 0.0, 0.8)
     reason = "a short status of an aMussel whose place is not known"
-    assert beliefs.hear_short(short, 1000) == reason
-    assert beliefs.all() == []
+    assert beliefs.hear_short(short, 1000) == reason and beliefs.all() == []
     beliefs.hear(PACKET, 2000)
     assert beliefs.hear_short(short, 3000) is None
     found = beliefs.get(5)

@@ -83,8 +83,7 @@ def test_an_interval_holds_95_of_100() -> None:
 
 def test_what_rests_at_an_end_is_counted_there() -> None:
     parts = [Gaussian(1.0, 1.2, 0.1)]
-    assert interval(parts, 0.95)[1] == 1.0
-    assert below(parts, 1.0) == 1.0
+    assert interval(parts, 0.95)[1] == 1.0 and below(parts, 1.0) == 1.0
     assert below_strictly(parts, 1.0) == pytest.approx(0.0228, abs=1e-4)
     assert quantile([Gaussian(1.0, -0.2, 0.1)], 0.5) == 0.0
 

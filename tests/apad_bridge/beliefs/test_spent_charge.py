@@ -124,6 +124,5 @@ def test_a_shape_keeps_the_first_two_moments() -> None:
     load = Load(Load.known(Mode.ASLEEP).by_mode, Spent(0.0, 0.0, 0.0), Mode.ASLEEP, unscheduled_decisions=3)
     rest = Spent(0.4, 0.2, 0.01)
     parts = load.skewed_parts(rest)
-    assert merged(parts) == pytest.approx(rest, rel=1e-4)
-    assert parts[1][1] > parts[0][1]
+    assert merged(parts) == pytest.approx(rest, rel=1e-4) and parts[1][1] > parts[0][1]
     assert Load.known(Mode.ASLEEP).skewed_parts(rest) == [rest]

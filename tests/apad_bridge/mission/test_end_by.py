@@ -37,8 +37,7 @@ def scenario(end_by: object) -> Scenario:
 @pytest.mark.parametrize("end_by_s", [400, 700, 1100])
 def test_it_is_home_in_time_and_has_brought_back_whom_it_held(end_by_s: int) -> None:
     flight, records = open_flight(scenario(end_by_s))
-    assert flight.run().reason is EndReason.END_BY
-    assert flight.now_ms <= 1000 * end_by_s
+    assert flight.run().reason is EndReason.END_BY and flight.now_ms <= 1000 * end_by_s
     pose = flight.supervisor.pose
     assert pose is not None and math.dist((pose.north_m, pose.east_m), HOME_M) <= 1.5
     assert flight.supervisor.mission.docks == (None, None, None, None)

@@ -31,7 +31,6 @@ from apad_bridge.scenario.schema import Mission as MissionConfig
 from apad_bridge.vehicle.commands import CloseDock, GoTo, Hold, OpenDock, Primitive
 from apad_bridge.vehicle.outcomes import (
     DockChanged,
-    NothingCaught,
     PrimitiveFailed,
     PrimitiveSucceeded,
     after_report,
@@ -135,6 +134,20 @@ class Bench:
         self.orders = self.mission.receive(PrimitiveSucceeded(self.now_ms, done.command_id), self.now_ms)
         return done
 
+    def release(self, charge: float | None = None) -> GoTo:
+        """From the go-to just ordered to the released aMussel, which then sinks with a charge, if any; the go-to."""
+        there = self.succeed()
+        released = self.succeed()
+        assert isinstance(there, GoTo) and isinstance(released, OpenDock)
+        if charge is not None:
+            self.told.say(released.agent_id, self.now_ms, State.ACTIVE, charge, there.north_m, there.east_m)
+        return there
+
+    def miss(self) -> None:
+        """Lets the docking just ordered find nothing to catch."""
+        missed = NothingCaught(self.now_ms, self.primitive().command_id)
+        self.orders = self.mission.receive(missed, self.now_ms)
+
     def fail(self, reason: str) -> None:
         failed = PrimitiveFailed(self.now_ms, self.primitive().command_id, reason)
         self.orders = self.mission.receive(failed, self.now_ms)
@@ -216,15 +229,12 @@ def test_a_whole_round_charges_all_to_99_percent_and_brings_them_home() -> None:
     bench.hears(4, State.CHARGING, 0.991)
     for expected in (4, 3, 2, 1):  # nearest home first, from 40 m north
         goto = bench.succeed()
-        assert isinstance(goto, GoTo)
-        assert goto.north_m == 10.0 * expected
+        assert isinstance(goto, GoTo) and goto.north_m == 10.0 * expected
         undock = bench.succeed()
-        assert isinstance(undock, OpenDock)
-        assert undock.agent_id == expected
+        assert isinstance(undock, OpenDock) and undock.agent_id == expected
         assert TellClear(expected) in bench.orders
         bench.told.say(expected, bench.now_ms, State.SINKING, 1.0)
-    assert bench.mission.state.phase is Phase.IDLE
-    assert bench.mission.state.services == 4
+    assert bench.mission.state.phase is Phase.IDLE and bench.mission.state.services == 4
 
 
 def test_a_docked_one_whose_charge_does_not_rise_is_not_waited_for() -> None:
@@ -387,8 +397,7 @@ def test_a_dock_that_never_opens_is_given_up_and_the_others_go_on() -> None:
         "tries": MISSION.collection_attempts,
         "reason": "its dock does not open: the dock did not open",
     }
-    assert bench.mission.state.phase is Phase.IDLE
-    assert bench.mission.state.docked == ((0, 1),)
+    assert bench.mission.state.phase is Phase.IDLE and bench.mission.state.docked == ((0, 1),)
     # The three others are a batch: nobody else can be collected. Their docks are those that are free.
     bench.hears((2, 3, 4), State.ACTIVE, 0.5)
     assert [(it.agent_id, it.dock_index) for it in bench.mission.state.plan] == [(2, 1), (3, 2), (4, 3)]
@@ -449,8 +458,7 @@ def test_one_that_the_catch_radius_does_not_hold_is_searched_for_and_docked(benc
     bench.tick()
     float_beside_the_apad(bench)
     for _ in range(3):
-        missed = NothingCaught(bench.now_ms, bench.primitive().command_id)
-        bench.orders = bench.mission.receive(missed, bench.now_ms)
+        bench.miss()
         assert isinstance(bench.primitive(), GoTo)
         bench.tick(2)
         assert not any(isinstance(order, Primitive) for order in bench.orders)  # its go-to goes on
@@ -466,12 +474,10 @@ def test_a_search_in_vain_is_a_failed_docking(bench: Bench) -> None:
     bench.tick()
     float_beside_the_apad(bench)
     for _ in range(DOCKINGS_PER_STEP):
-        missed = NothingCaught(bench.now_ms, bench.primitive().command_id)
-        bench.orders = bench.mission.receive(missed, bench.now_ms)
+        bench.miss()
         bench.now_ms += round(SEARCH_S * 1000)
         bench.succeed()
-        missed = NothingCaught(bench.now_ms, bench.primitive().command_id)
-        bench.orders = bench.mission.receive(missed, bench.now_ms)
+        bench.miss()
         if not bench.notes("given_up"):
             bench.hears(1, State.FLOATING, 0.5, *bench.mission.pose)
     assert bench.notes("given_up")[0] == {"agent": 1, "what": "collect", "reason": NOT_FOUND}
@@ -481,8 +487,7 @@ def test_a_search_in_vain_is_a_failed_docking(bench: Bench) -> None:
 def test_an_ended_mission_searches_no_further(bench: Bench) -> None:
     bench.tick()
     float_beside_the_apad(bench)
-    missed = NothingCaught(bench.now_ms, bench.primitive().command_id)
-    bench.orders = bench.mission.receive(missed, bench.now_ms)
+    bench.miss()
     go_to = bench.primitive()
     bench.mission.end(MissionEnd(EndReason.OPERATOR), bench.now_ms)
     assert bench.mission.receive(PrimitiveSucceeded(bench.now_ms, go_to.command_id), bench.now_ms) == []
@@ -653,8 +658,7 @@ def test_one_docked_by_hand_and_never_heard_does_not_take_a_dock_for_ever(alone:
     alone.tick()
     alone.tick(int(MISSION.silence_timeout_s) + 1)
     alone.succeed()
-    assert isinstance(alone.succeed(), OpenDock)
-    assert alone.mission.docks == (None,) * 4
+    assert isinstance(alone.succeed(), OpenDock) and alone.mission.docks == (None,) * 4
 
 
 def test_a_resumed_step_waits_for_its_aMussel_to_be_heard_again() -> None:
@@ -806,8 +810,7 @@ def test_asynchronous_dispatch_releases_the_full_one_and_goes_on_charging_the_ot
     single.told.say(1, single.now_ms, State.CHARGING, 0.995)
     single.hears(3, State.ACTIVE, 0.5)
     assert [(step.kind, step.agent_id) for step in single.mission.state.plan] == [(StepKind.DEPLOY, 1)]
-    single.succeed()
-    assert isinstance(single.succeed(), OpenDock)
+    single.release()
     assert single.mission.state.services == 1 and single.mission.docks[:2] == (None, 2)
 
 
@@ -906,8 +909,7 @@ def test_docked_ones_come_along_or_leave_first(docked: DockedAtHome) -> None:
     bench.tick(seconds=20)
     if docked is DockedAtHome.RELEASED:
         assert [step.kind for step in bench.mission.state.plan] == [StepKind.DEPLOY]
-        bench.succeed()
-        assert isinstance(bench.succeed(), OpenDock)
+        bench.release()
         bench.hears(1, State.SINKING, 0.6)
     come_home(bench)
     assert (bench.mission.docks[0] == 1) is (docked is DockedAtHome.CHARGE)
@@ -957,8 +959,7 @@ def test_who_was_charged_for_the_time_that_is_left_is_released_and_its_service_c
     assert bench.mission.state.phase is Phase.CHARGE
     bench.hears(1, State.CHARGING, 0.81)
     assert [(step.kind, step.agent_id) for step in bench.mission.state.plan] == [(StepKind.DEPLOY, 1)]
-    bench.succeed()
-    assert isinstance(bench.succeed(), OpenDock)
+    bench.release()
     assert bench.mission.state.services == 1 and bench.mission.state.failed_tries == ()
 
 
@@ -1066,7 +1067,7 @@ def test_one_for_whom_nobody_waits_is_released_at_the_nearest_empty_place(exchan
     assert exchange.mission.pose == (20.0, 0.0)
     note = plan_one_by_one(exchange, 1.0, 0.3, 0.99, 0.99)
     assert note["what"] == "redeploy" and note["exchanged"] == [{"released": 1, "collected": 2}]
-    there = release(exchange, 1)
+    there = exchange.release(0.95)
     assert (there.north_m, there.east_m) == (20.0, 0.0)
     assert homes_of(exchange) == {1: 20.0, 2: 10.0, 3: 30.0, 4: 40.0}
 
@@ -1097,8 +1098,7 @@ def test_a_tour_that_is_resumed_after_every_step_is_flown_to_its_end() -> None:
         if step.kind is StepKind.COLLECT:
             bench.collect(step.agent_id)
         else:
-            bench.succeed()
-            assert isinstance(bench.succeed(), OpenDock)
+            bench.release()
             bench.told.say(step.agent_id, bench.now_ms, State.ACTIVE, 0.99)
     assert bench.mission.state.phase is Phase.CHARGE
     assert {it for it in bench.mission.docks if it} == {3, 4}
@@ -1117,14 +1117,6 @@ def told_exchanges(bench: Bench) -> list[tuple[int, int, str]]:
     ]
 
 
-def release(bench: Bench, agent_id: int) -> GoTo:
-    """Flies a release to its end, and returns its go-to."""
-    there = bench.succeed()
-    assert isinstance(there, GoTo) and isinstance(bench.succeed(), OpenDock)
-    bench.told.say(agent_id, bench.now_ms, State.ACTIVE, 0.95, there.north_m, there.east_m)
-    return there
-
-
 def test_an_exchange_whose_partner_is_not_collected_is_undone_while_the_other_one_is_aboard(
     exchange: Bench,
 ) -> None:
@@ -1132,9 +1124,9 @@ def test_an_exchange_whose_partner_is_not_collected_is_undone_while_the_other_on
     exchange.tick()
     exchange.fail("the way is barred")
     assert told_exchanges(exchange) == [(2, 4, "undone")]
-    assert release(exchange, 2).north_m == 20.0
+    assert exchange.release(0.95).north_m == 20.0
     exchange.collect(3)
-    assert release(exchange, 1).north_m == 30.0
+    assert exchange.release(0.95).north_m == 30.0
     assert homes_of(exchange) == {1: 30.0, 2: 20.0, 3: 10.0, 4: 40.0}
     assert exchange.mission.state.exchanged == ()
 
@@ -1144,11 +1136,11 @@ def half_done() -> Bench:
     bench = exchanging(collection_attempts=2)
     bench.mission.set(dock_count=2)
     bench.tick()
-    release(bench, 2)
+    bench.release(0.95)
     bench.fail("the way is barred")
     assert told_exchanges(bench) == [(2, 4, "half done")]
     assert homes_of(bench) == {1: 30.0, 2: 40.0, 3: 10.0, 4: 20.0}
-    assert release(bench, 1).north_m == 30.0
+    assert bench.release(0.95).north_m == 30.0
     bench.collect(3)
     return bench
 
@@ -1157,7 +1149,7 @@ def test_an_exchange_that_is_half_done_is_finished_when_the_missing_one_is_colle
     bench = half_done()
     bench.told.say(3, bench.now_ms, State.CHARGING, 1.0)
     bench.tick(200)
-    release(bench, 3)
+    bench.release(0.95)
     bench.hears(1, State.ACTIVE, 0.5, 30.0, 0.0)
     bench.collect(4)
     assert told_exchanges(bench) == [(2, 4, "half done"), (2, 4, "finished")]
@@ -1167,7 +1159,7 @@ def test_an_exchange_that_is_half_done_is_finished_when_the_missing_one_is_colle
 def test_an_exchange_that_is_half_done_is_undone_when_the_other_one_is_aboard_again() -> None:
     bench = half_done()
     bench.hears(3, State.CHARGING, 1.0)
-    release(bench, 3)
+    bench.release(0.95)
     bench.told.say(4, bench.now_ms, State.ACTIVE, 0.95)
     bench.hears((1, 2), State.ACTIVE, 0.5)
     bench.collect(1)

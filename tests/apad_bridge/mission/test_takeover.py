@@ -27,7 +27,7 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.control import NOTHING_STOPPED, carry_out
 from apad_bridge.supervisor.control_client import Act, Request
 from apad_bridge.supervisor.run_spec import RunSpec
-from apad_bridge.vehicle.commands import CommandedByOthers, GoTo, OpenDock, PoseReported
+from apad_bridge.vehicle.commands import GoTo, OpenDock, PoseReported
 from apad_bridge.vehicle.link import LinkFact
 from apad_bridge.vehicle.outcomes import DockChanged, PrimitiveSucceeded
 from apad_bridge.world.apad.in_process import InProcessVehicle
@@ -127,8 +127,7 @@ def test_a_mechanism_that_opens_when_a_person_takes_over_is_a_service_all_the_sa
     takeover.receive(DockChanged(4000, 0, 3, False, ()), 4000)
     orders = takeover.receive(PrimitiveSucceeded(4000, undock), 4000)
     assert TellClear(3) in orders
-    assert takeover.state.services == 1
-    assert takeover.by_hand.docking is Status.DONE
+    assert takeover.state.services == 1 and takeover.by_hand.docking is Status.DONE
     assert takeover.by_hand.events.take("docking")[0].agent == 3
     # A person who gives the aPad back gives those another chance that were left alone.
     assert takeover.state.failed_tries == ((7, 5),)
@@ -145,8 +144,7 @@ def test_an_apad_that_is_given_back_under_a_stop_stays_there_and_the_answer_name
     flying.call_mission(lambda mission: answers.append(mission.give_back()))
     assert answers[0].startswith("the mission waits: stop 1 (hold")
     flying.seconds(30)
-    assert flying.gate.stops.in_force is not None
-    assert asked(flying, Act.CONTINUE)[0]
+    assert flying.gate.stops.in_force is not None and asked(flying, Act.CONTINUE)[0]
     flying.call_mission(lambda mission: answers.append(mission.give_back()))
     assert answers[1] == FLIES_ALREADY
 
@@ -165,8 +163,7 @@ def test_a_resumed_flight_goes_on_in_the_hands_in_which_it_was(flying: Flying) -
     again = FlightMission(
         mission._planned, mission._by_hand, CallQueue(), MissionState(phase=Phase.COMMANDED, cost_m=7.0)
     )
-    assert again.by_hand is not None
-    assert again.state.cost_m == 7.0
+    assert again.by_hand is not None and again.state.cost_m == 7.0
 
 
 def test_a_flight_by_hand_has_nobody_to_give_it_back_to(pool: Scenario) -> None:
@@ -175,18 +172,6 @@ def test_a_flight_by_hand_has_nobody_to_give_it_back_to(pool: Scenario) -> None:
     assert hand.take_over() == "no mission plans in this flight: orders are taken without it"
     with pytest.raises(Refused, match="no mission to which to give the aPad back"):
         hand.give_back()
-
-
-def test_a_mission_stands_aside_while_another_party_commands_the_apad(flying: Flying) -> None:
-    flying.until(lambda: flying.phase is Phase.GO_COLLECT)
-    flying.flight.supervisor.receive(CommandedByOthers(flying.now_ms + 1000))
-    flying.seconds(2)
-    assert flying.phase is Phase.COMMANDED and flying.events("override") == [{"taken": True, "by": "vehicle"}]
-    plans = len(flying.events("plan"))
-    flying.seconds(300)
-    assert len(flying.events("plan")) == plans, "it planned, though another party commands the aPad"
-    flying.call_mission(lambda mission: mission.give_back())
-    flying.until(lambda: len(flying.events("plan")) > plans)
 
 
 def asked(flying: Flying, act: Act, text: str = "") -> tuple[bool, str]:
@@ -199,8 +184,7 @@ def test_a_stopped_mission_holds_until_a_person_continues_however_often_it_was_s
     flying: Flying,
 ) -> None:
     flying.until(lambda: flying.phase is Phase.GO_COLLECT)
-    assert asked(flying, Act.STOP) == (True, "")
-    assert flying.phase is Phase.COMMANDED
+    assert asked(flying, Act.STOP) == (True, "") and flying.phase is Phase.COMMANDED
     assert asked(flying, Act.STOP) == (True, "")
     flying.seconds(5)
     held = flying.flight.supervisor.pose
@@ -209,8 +193,7 @@ def test_a_stopped_mission_holds_until_a_person_continues_however_often_it_was_s
     pose = flying.flight.supervisor.pose
     # The second stop is OFF: the hull coasts on.
     assert pose is not None and math.dist((pose.north_m, pose.east_m), (held.north_m, held.east_m)) < 1.0
-    assert len(flying.events("plan")) == plans
-    assert asked(flying, Act.CONTINUE) == (True, "")
+    assert len(flying.events("plan")) == plans and asked(flying, Act.CONTINUE) == (True, "")
     flying.until(lambda: len(flying.events("plan")) > plans)
     assert asked(flying, Act.CONTINUE) == (False, f"{NOTHING_STOPPED}; the mission steers")
     assert flying.events("operator") == [
@@ -232,24 +215,20 @@ def test_who_commands_the_apad_is_no_word_that_a_persons_hold_is_over(flying: Fl
     assert flying.gate.stops.in_force is not None and flying.gate.stops.in_force.rest_ms is not None
     moved = [it for it in flying.events("primitive")[len(orders) :] if it["phase"] == "succeeded"]
     assert [it["name"] for it in moved if it["name"] == "go to point"] == []
-    assert asked(flying, Act.CONTINUE) == (True, "")
-    assert flying.gate.stops.in_force is None
+    assert asked(flying, Act.CONTINUE) == (True, "") and flying.gate.stops.in_force is None
 
 
 def test_a_go_to_of_a_person_is_stopped_and_continued(flying: Flying) -> None:
     flying.seconds(3)
     flying.call_mission(lambda flown: flown.take_over())
     flying.call(lambda mission: mission.go_to(10.0, 10.0))
-    assert asked(flying, Act.STOP) == (True, "")
-    assert flying.by_hand.paused
+    assert asked(flying, Act.STOP) == (True, "") and flying.by_hand.paused
     flying.seconds(60)
-    assert flying.by_hand.goto is Status.RUNNING
-    assert asked(flying, Act.CONTINUE) == (True, "")
+    assert flying.by_hand.goto is Status.RUNNING and asked(flying, Act.CONTINUE) == (True, "")
     flying.until(lambda: flying.by_hand.goto is Status.DONE)
     accepted, why = asked(flying, Act.CONTINUE)
     assert not accepted and "a person steers: only give-back" in why
-    assert asked(flying, Act.GIVE_BACK) == (True, "")
-    assert flying.phase is not Phase.COMMANDED
+    assert asked(flying, Act.GIVE_BACK) == (True, "") and flying.phase is not Phase.COMMANDED
 
 
 @pytest.mark.parametrize("words", [("take over", "stop"), ("stop", "take over")])
@@ -270,17 +249,6 @@ def test_a_stop_changes_nobodys_right_to_steer(flying: Flying, words: tuple[str,
     flying.until(lambda: len(flying.events("plan")) > plans)
 
 
-def test_an_aborted_mission_ends_with_a_hold_and_takes_no_more_orders(flying: Flying) -> None:
-    flying.until(lambda: flying.phase is Phase.GO_COLLECT)
-    assert asked(flying, Act.ABORT) == (True, "")
-    end = flying.flight.supervisor.mission.state.end
-    assert end == MissionEnd(EndReason.CALL, "a call: abort by Anna")
-    started = [it["name"] for it in flying.events("primitive") if it["phase"] == "started"]
-    assert started[-1] == "hold position"
-    answer = carry_out(Request(Act.CONTINUE, "Anna"), flying.calls, flying.gate)
-    assert not answer.accepted and answer.message == "the mission is over: a call: abort by Anna"
-
-
 def test_a_remark_stands_in_the_journal_and_changes_nothing_else(pool: Scenario) -> None:
     flying, undisturbed = Flying(pool), Flying(pool)
     flying.seconds(5)
@@ -297,8 +265,7 @@ def test_a_flight_by_hand_that_was_not_stopped_has_nothing_to_continue(pool: Sce
     flying.seconds(3)
     accepted, why = asked(flying, Act.CONTINUE)
     assert not accepted and why.startswith(NOTHING_STOPPED)
-    assert asked(flying, Act.STOP) == (True, "")
-    assert asked(flying, Act.CONTINUE) == (True, "")
+    assert asked(flying, Act.STOP) == (True, "") and asked(flying, Act.CONTINUE) == (True, "")
 
 
 class WithoutPosition(InProcessVehicle):
@@ -324,5 +291,4 @@ def test_a_stop_by_hand_that_stopped_no_order_is_continued_all_the_same(pool: Sc
     flying.seconds(3)
     flying.flight._vehicle.stop("the test", flying.now_ms, off=True)
     flying.seconds(2)
-    assert asked(flying, Act.CONTINUE) == (True, "")
-    assert flying.gate.stops.in_force is None
+    assert asked(flying, Act.CONTINUE) == (True, "") and flying.gate.stops.in_force is None

@@ -40,27 +40,6 @@ def fenced(pool: Scenario) -> Scenario:
     return replace(pool, area=replace(pool.area, fence=fence))
 
 
-def test_a_call_by_hand_across_the_fence_is_refused_journalled_and_holds_the_aPad(fenced: Scenario) -> None:
-    flying = Flying(fenced)
-    flying.until(lambda: flying.phase is Phase.GO_COLLECT)
-    flying.call_mission(lambda flown: flown.take_over())
-    flying.call(lambda hand: hand.go_to(20.0, 15.0))
-    flying.seconds(3)
-    flying.call(lambda hand: hand.go_to(20.0, 40.0))
-    flying.until(lambda: flying.calls.wait(0).goto is Status.FAILED)
-    (refused,) = flying.events("refused")
-    assert (refused["order"], refused["guard"]) == ("go to point", "fence")
-    assert refused["reason"] in str(flying.calls.wait(0).failure)
-    flying.seconds(20)
-    pose = flying.flight.supervisor.pose
-    flying.seconds(20)
-    assert flying.flight.supervisor.pose is not None and pose is not None
-    assert (pose.north_m, pose.east_m) == (
-        flying.flight.supervisor.pose.north_m,
-        flying.flight.supervisor.pose.east_m,
-    )
-
-
 def test_the_mission_calls_up_and_fetches_nobody_outside_the_fence(pool: Scenario) -> None:
     """Half of the pool is fenced off: aMussels there are neither permitted to surface nor gone to."""
     half = ((-4.0, -4.0), (32.0, -4.0), (32.0, 10.0), (-4.0, 10.0))

@@ -154,8 +154,7 @@ def test_killed_anywhere_it_goes_on_with_the_same_beliefs_to_the_last_bit(
         writer.flush(now_ms)
     for beliefs in (uninterrupted, resumed):
         beliefs.advance(now_ms + gap_ms)
-    assert resumed.kept() == uninterrupted.kept()
-    assert resumed.all() == uninterrupted.all()
+    assert resumed.kept() == uninterrupted.kept() and resumed.all() == uninterrupted.all()
     # It would take an old packet for new if it did not remember the newest packet's time.
     late = status(State.ACTIVE, 0.5, 0.5, 0.0, 9, 600_000)
     for beliefs in (uninterrupted, resumed):
@@ -304,8 +303,7 @@ def test_an_admitted_aMussel_comes_with_the_beliefs_of_others(name: str, tmp_pat
     writer.close()
     restored = ESTIMATORS[name]()
     restore(tmp_path / "checkpoint.jsonl", restored)
-    assert here.get(newcomer) is not None
-    assert here.get(newcomer) == elsewhere.get(newcomer)
+    assert here.get(newcomer) is not None and here.get(newcomer) == elsewhere.get(newcomer)
     restored.advance(20_000)
     assert restored.get(newcomer) == here.get(newcomer)
     here.dismiss(newcomer)

@@ -45,8 +45,7 @@ TEXTS = [
 
 @pytest.mark.parametrize(("line", "text"), TEXTS)
 def test_an_event_has_its_text(line, text):
-    assert fault_of(line["kind"], line) is None
-    assert event_of(line["kind"], line).text() == text
+    assert fault_of(line["kind"], line) is None and event_of(line["kind"], line).text() == text
 
 
 FAILED = {"name": "go to point", "phase": "failed", "north_m": 1.0, "east_m": 2.0}

@@ -89,8 +89,7 @@ def test_it_is_the_program_of_the_other_environment_in_a_session_of_its_own() ->
 
 def test_it_ends_with_its_input_and_is_waited_for() -> None:
     Ros2Process("node").close()
-    assert Started.newest.calls == ["wait", "kill", "wait"]
-    assert Started.newest.stdout.closed
+    assert Started.newest.calls == ["wait", "kill", "wait"] and Started.newest.stdout.closed
 
 
 @pytest.mark.parametrize("says", [b"", b"Traceback\n"])

@@ -87,8 +87,7 @@ def test_the_clock_and_events_come_at_once_and_a_state_each_second(
 
     desk = Desk(tick, alarm, *[nothing] * 12)
     came = desk.show(tmp_path, monkeypatch)
-    assert came[1] == ["/clock"]
-    assert came[2] == ["/clock", "/apad1/events"]
+    assert came[1] == ["/clock"] and came[2] == ["/clock", "/apad1/events"]
     assert came[3:9] == [[]] * 6
     # After ten waits of a tenth each, which do not add up to a second exactly.
     states = [at for at, topics in enumerate(came) if "/tf" in topics]

@@ -23,8 +23,7 @@ def test_a_battery_charges_in_a_dock_until_both_are_full(mode: Mode) -> None:
 
 
 def test_a_battery_is_dead_when_it_is_empty_or_its_aMussel_lost() -> None:
-    assert AMUSSEL.health == 1
-    assert replace(AMUSSEL, charge=0.001).health == 1
+    assert AMUSSEL.health == 1 and replace(AMUSSEL, charge=0.001).health == 1
     assert replace(AMUSSEL, charge=0.0).health == 3
     assert replace(AMUSSEL, state=State.LOST).health == 3
 

@@ -105,8 +105,7 @@ def test_a_prepared_fleet_with_other_firmware_is_not(begun: RunDirectory, tmp_pa
     prepare_fleet(another)
     prepare_fleet(begun)
     shutil.copy(another.path / FOLDER / FLEET_NAME, begun.path / FOLDER)
-    assert not is_own(begun)
-    assert code_of(begun)[-1] == f"{FOLDER}/{FLEET_NAME}"
+    assert not is_own(begun) and code_of(begun)[-1] == f"{FOLDER}/{FLEET_NAME}"
 
 
 def test_a_fleet_of_another_version_is_refused_in_a_line(

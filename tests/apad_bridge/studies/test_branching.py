@@ -49,8 +49,7 @@ def as_if_by_a_clock(run: Path) -> None:
 @given(at_ms=st.integers(1, DURATION_S * 1000 - 1))
 def test_with_the_same_rules_a_branch_is_the_run_to_the_last_figure(run: Path, at_ms: int) -> None:
     found = branch(run, Turn(at_ms, {"collection": "cautious", "pool_threshold": 0.8}))
-    assert found.is_exact
-    assert found.flown == found.unchanged == found.changed
+    assert found.is_exact and found.flown == found.unchanged == found.changed
 
 
 def test_other_rules_count_from_the_moment_on(run: Path) -> None:

@@ -129,8 +129,7 @@ def test_a_flight_ends_by_the_operator_or_the_time(
     supervisor.receive(PoseReported(900, 3.0, 4.0, 0.0))
     supervisor.receive(fact)
     actions = supervisor.advance(now_ms)
-    assert supervisor.has_ended
-    assert str(supervisor.mission.state.ended_by) == reason
+    assert supervisor.has_ended and str(supervisor.mission.state.ended_by) == reason
     held = [action for action in actions if isinstance(action, Hold)]
     assert (held[-1].north_m, held[-1].east_m) == (3.0, 4.0)
 

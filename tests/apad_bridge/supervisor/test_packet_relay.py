@@ -236,16 +236,14 @@ def test_of_several_apads_exactly_the_one_concerned_receives_each_packet(
 def test_a_contact_that_is_none_is_dropped_and_counted(data: bytes) -> None:
     process = Process(FLEET_ALONE)
     process.arrived = [RelayedPacket(PacketOrigin.REMOTE_DOCK, 1, None, data, 0)]
-    assert process.relay.advance(0) == []
-    assert process.relay.dropped.total() == 1
+    assert process.relay.advance(0) == [] and process.relay.dropped.total() == 1
 
 
 def test_a_packet_without_a_medium_that_is_no_contact_is_dropped_and_counted() -> None:
     process = Process(MISSION_ALONE)
     data = json.dumps(to_wire(ContactClosed(1, 2))).encode()
     process.arrived = [RelayedPacket(PacketOrigin.REMOTE_AMUSSEL, 1, None, data, 0)]
-    assert process.relay.advance(0) == []
-    assert process.relay.dropped.total() == 1
+    assert process.relay.advance(0) == [] and process.relay.dropped.total() == 1
 
 
 def test_a_relay_without_outlets_receives_and_transmits_nothing() -> None:

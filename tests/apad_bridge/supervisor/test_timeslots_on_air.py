@@ -109,8 +109,7 @@ def test_with_50_ppm_and_no_beacon_as_many_collide_as_predicted(seed: int) -> No
         for it in statuses(flown, PPM_50)
         if outcome(it) == "collided"
     }
-    assert collided == predicted_collisions(flown, PPM_50)
-    assert len(collided) > 50
+    assert collided == predicted_collisions(flown, PPM_50) and len(collided) > 50
 
 
 def test_the_expected_number_of_collisions_is_that_of_the_triangle() -> None:

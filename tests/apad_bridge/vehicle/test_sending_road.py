@@ -293,8 +293,7 @@ def test_an_off_ends_a_hold_under_way_and_no_hold_ends_an_off(alone: Alone) -> N
 def test_no_answer_is_awaited_for_ever(alone: Alone, rank: Rank, patience_ms: int) -> None:
     order = alone.put(rank, 0)
     alone.road.advance(0)
-    assert alone.road.next_due_ms() == patience_ms
-    assert alone.road.advance(patience_ms - 1) == []
+    assert alone.road.next_due_ms() == patience_ms and alone.road.advance(patience_ms - 1) == []
     assert Ended(order, TOO_LATE) in alone.road.advance(patience_ms)
 
 

@@ -47,8 +47,7 @@ def test_the_real_one_holds_99_days_of_a_sample_an_hour() -> None:
 
 def test_it_is_read_in_parts_and_the_newest_alone() -> None:
     log = filled(8)
-    assert log.read(2, 4) == (record(2), record(3))
-    assert log.newest() == record(7)
+    assert log.read(2, 4) == (record(2), record(3)) and log.newest() == record(7)
     assert filled(0).newest() is None
     assert log.read(8, 20) == ()
 
@@ -70,10 +69,8 @@ def test_what_it_overwrote_unacknowledged_is_counted() -> None:
 
 def test_an_acknowledgement_of_nothing_new_or_of_what_is_not_there_is_refused() -> None:
     log = filled(5)
-    assert log.acknowledge(3)
-    assert not log.acknowledge(3)
-    assert not log.acknowledge(2)
-    assert not log.acknowledge(6)
+    assert log.acknowledge(3) and not log.acknowledge(3)
+    assert not log.acknowledge(2) and not log.acknowledge(6)
     assert log.acknowledged == 3
 
 

@@ -22,10 +22,8 @@ def test_a_reading_by_hand() -> None:
 
 
 def test_beyond_its_range_it_reads_as_at_the_end() -> None:
-    assert LINEAR.read(100.0, 0.0) == (220, False)
-    assert LINEAR.read(100.1, 0.0) == (220, True)
-    assert LINEAR.read(-5.0, 0.0) == (10, False)
-    assert LINEAR.read(-5.1, 0.0) == (10, True)
+    assert LINEAR.read(100.0, 0.0) == (220, False) and LINEAR.read(100.1, 0.0) == (220, True)
+    assert LINEAR.read(-5.0, 0.0) == (10, False) and LINEAR.read(-5.1, 0.0) == (10, True)
     assert LINEAR.read(99.0, 1.0) == (220, True)  # its noise took it there
 
 

@@ -86,42 +86,6 @@ def until(condition: Callable[[], bool], timeout_s: float = 60.0) -> None:
         pause.wait(0.02)
 
 
-def range_in_s(driver: serial.Serial) -> float:
-    """The time of aMussel 3's answer to a ping, in seconds."""
-    began_s = time.monotonic()
-    driver.write(b"$P003")
-    assert driver.read_until(b"\r\n") == b"$P003\r\n"
-    answer = driver.read_until(b"\r\n")
-    assert answer.startswith(b"#R003T") and answer[6:11].isdigit()
-    return time.monotonic() - began_s
-
-
-def test_a_driver_talks_to_an_opened_modem_while_the_mission_flies(tmp_path: Path) -> None:
-    with (
-        open_serial_lines(tmp_path, (7,), "", 0, print) as serial_lines,
-        flying(whole_boards(water={}), serial_lines, (7,)) as (_, recorder),
-        serial.Serial(str(tmp_path / "modems" / "amussel7"), 9600, timeout=60) as driver,
-    ):
-        driver.write(b"$?")
-        assert driver.read_until(b"\r\n").startswith(b"#A007V")
-        # It takes two frames of 105 ms and the serial line. A flight that polled its lines only at ticks would take a
-        # second each time, a busy machine only sometimes.
-        until(lambda: range_in_s(driver) < 0.9)
-        permission = MusselbedCodec().encode(CommandPacket(Kind.PERMISSION, 3))
-        driver.write(b"$U003%02d" % len(permission) + permission)
-        assert driver.read_until(b"\r\n") == b"$U003%02d\r\n" % len(permission)
-        wire = [it.hex() if isinstance(it, bytes) else it for it in to_wire(SoundArrived(permission))]
-        until(lambda: any(kind == "stimulus" and it["wire"] == wire for _, kind, it in facts_of(recorder)))
-        # It has ended once its sound has passed the last modem, which may be a tick after it reached this one.
-        until(
-            lambda: any(
-                kind == "packet" and it["from"] == 7 and it["data"] == permission.hex()
-                for _, kind, it in facts_of(recorder)
-            )
-        )
-    assert not (tmp_path / "modems" / "amussel7").exists()
-
-
 def status(agent_id: int) -> bytes:
     packet = StatusPacket(agent_id, 9, State.SLEEPING, 0.9, 0.9, 1.0, 2.0, 3.0, 1000)
     return MusselbedCodec().encode(packet)

@@ -133,8 +133,7 @@ def test_a_lost_port_is_told_and_what_was_being_sent_is_sent_again(queue: ModemQ
     queue.read(b"$B09\r\n", 120)
     (lost,) = queue.port_lost("unplugged", 200)
     assert isinstance(lost, ModemNotice) and "unplugged" in lost.what
-    assert queue.advance(5000) == []
-    assert written(queue.port_opened(5000)) == b"$W$?"
+    assert queue.advance(5000) == [] and written(queue.port_opened(5000)) == b"$W$?"
     assert b"status" in written(queue.read(IDENTITY, 5050))
 
 

@@ -132,8 +132,7 @@ def test_csv_and_parquet_say_the_same(pool_run, tmp_path):
         table = parquet.read_table(tmp_path / "parquet" / f"{name}.parquet")
         with (tmp_path / "csv" / f"{name}.csv").open(newline="") as file:
             read = list(csv.DictReader(file))
-        assert len(read) == table.num_rows == count
-        assert list(read[0]) == table.column_names
+        assert len(read) == table.num_rows == count and list(read[0]) == table.column_names
     truths = parquet.read_table(tmp_path / "parquet" / "truth.parquet").to_pylist()
     with (tmp_path / "csv" / "truth.csv").open(newline="") as file:
         assert [float(it["primary"]) for it in csv.DictReader(file)] == [it["primary"] for it in truths]

@@ -358,8 +358,7 @@ def test_a_sample_that_is_taken_again_has_the_lines_that_came_after_it():
     view.add(journal_of([end]))
     assert view.has_late_lines
     view.sample(4000)
-    assert not view.has_late_lines
-    assert view.data(None) == data_of(*story())
+    assert not view.has_late_lines and view.data(None) == data_of(*story())
 
 
 def test_the_newest_sample_brings_what_a_page_lacks_and_no_more():
@@ -542,8 +541,7 @@ def test_a_thinned_track_keeps_its_ends_and_says_how_far_off_it_is():
     assert data_of(run_line(1), *straight)["thinned"]["track_m"] == 0
     bent = [*straight[:4001], {**straight[4001], "east_m": 2.5}, *straight[4002:]]
     data = data_of(run_line(1), *bent)
-    assert data["thinned"]["track_m"] == 2.5
-    assert len(data["trace"]) <= MAX_TRACE + 1
+    assert data["thinned"]["track_m"] == 2.5 and len(data["trace"]) <= MAX_TRACE + 1
     assert (data["trace"][0][0], data["trace"][-1][0]) == (0, 1000 * (2 * MAX_TRACE - 1))
 
 

@@ -219,8 +219,7 @@ def test_each_message_counts_once_and_in_order(
             message = ways[second].pop(0)
             if arrivals.is_new(int(second), message, 0.0):
                 taken.append(message)
-    assert taken == sorted(set(taken))
-    assert taken[-1:] == list(range(min(begins), count))[-1:]
+    assert taken == sorted(set(taken)) and taken[-1:] == list(range(min(begins), count))[-1:]
     if begins[0] == begins[1]:
         assert taken == list(range(begins[0], count))
 

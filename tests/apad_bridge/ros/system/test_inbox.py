@@ -10,8 +10,7 @@ def test_a_full_inbox_counts_what_it_drops_and_takes_what_must_not_be_lost() -> 
     for item in range(5):
         inbox.put(item)
     inbox.put(99, always=True)
-    assert inbox.take() == [0, 1, 99]
-    assert inbox.dropped.total() == 3
+    assert inbox.take() == [0, 1, 99] and inbox.dropped.total() == 3
     assert inbox.take() == []
 
 

@@ -136,8 +136,7 @@ def test_a_service_is_flown_by_the_real_apad_s_limits(generation: Generation, se
 def test_a_vehicle_at_its_greatest_speed_is_not_too_fast(generation: Generation, seed: int) -> None:
     bench = bench_of(generation, seed, replace(real_limits(), speed_limit_m_s=0.5))
     bench.go(50.0, 50.0)
-    assert isinstance(run_to_end(bench), PrimitiveSucceeded)
-    assert bench.events == []
+    assert isinstance(run_to_end(bench), PrimitiveSucceeded) and bench.events == []
 
 
 def frozen(bench: Bench) -> None:

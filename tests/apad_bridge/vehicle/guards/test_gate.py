@@ -335,8 +335,7 @@ def test_a_simulated_vehicle_goes_on_when_its_position_is_back(simulated: Guarde
 def test_outside_the_fence_it_is_off_and_a_pilot_is_called_and_both_ends_are_told() -> None:
     bench = Guarded(place=(1.0, 5.0))
     bench.at(-1.0, 5.0)
-    assert bench.events() == [("guard", "outside the fence")]
-    assert bench.wire.out == [Stop(-1)]
+    assert bench.events() == [("guard", "outside the fence")] and bench.wire.out == [Stop(-1)]
     assert bench.command(GoTo(1, 5.0, 5.0, 0.5, 0.5)) == []
     bench.at(-1.0, 5.0)
     bench.at(1.0, 5.0)

@@ -47,8 +47,7 @@ def test_the_ledger_has_a_row_for_docks_for_the_hotel_load_and_for_travel(apad):
     apad.advance(300_000)
     ledger = apad.ledger
     assert ledger.handed_wh == pytest.approx(10 * 300 / 3600, rel=1e-12)
-    assert ledger.hotel_wh == pytest.approx(25 * 300 / 3600, rel=1e-12)
-    assert ledger.travel_wh > 0
+    assert ledger.hotel_wh == pytest.approx(25 * 300 / 3600, rel=1e-12) and ledger.travel_wh > 0
     assert ledger.used_wh == pytest.approx(apad.energy_used_fraction * 230, rel=1e-12)
 
 
@@ -120,8 +119,7 @@ def test_an_empty_battery_stops_thrusters_and_mechanisms_and_says_so(small_batte
     assert (apad.pose.speed_m_s, dict(apad.docked)) == (0.0, {0: 5})
     for command in (OpenDock(3, 0, 5), CloseDock(4, 1, 6), Hold(5, 0.0, 0.0), GoTo(6, 0.0, 0.0, 0.5, 0.5)):
         [fact] = apad.receive(command, 120_000)
-        assert isinstance(fact, CommandFailed)
-        assert fact.command_id == command.command_id
+        assert isinstance(fact, CommandFailed) and fact.command_id == command.command_id
     assert len([fact for fact in apad.advance(123_000) if isinstance(fact, BatteryReported)]) == 3
 
 
@@ -159,8 +157,7 @@ def test_docks_close_and_open_at_once(apad):
 def test_what_a_dock_refuses(apad, command, word):
     apad.receive(CloseDock(1, 0, 7), 10)
     [fact] = apad.receive(command, 20)
-    assert isinstance(fact, CommandFailed)
-    assert fact.command_id == 9
+    assert isinstance(fact, CommandFailed) and fact.command_id == 9
     assert word in fact.reason
     assert dict(apad.docked) == {0: 7}
 

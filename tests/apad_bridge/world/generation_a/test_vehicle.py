@@ -87,8 +87,7 @@ def test_feedback_is_the_percentage_covered_and_negative_farther_away(apad: Gene
 def test_a_cancelled_go_to_is_pre_empted_and_keeps_moving(apad: GenerationAVehicle) -> None:
     apad.receive(go_to("there", NORTH_M + 5), 0)
     assert ends(apad.cancel("there", 2_000)) == [("there", GoalOutcome.PREEMPTED)]
-    assert ends(apad.advance(30_000)) == []
-    assert apad.pose.north_m == pytest.approx(NORTH_M + 5)
+    assert ends(apad.advance(30_000)) == [] and apad.pose.north_m == pytest.approx(NORTH_M + 5)
 
 
 def under_way(drift_m_s: tuple[float, float] = (0.0, 0.0)) -> GenerationAVehicle:
@@ -139,8 +138,7 @@ def test_controllers_that_come_on_again_steer_to_the_old_reference_though_its_go
     apad.advance(60_000)
     here_m = apad.pose.north_m
     apad.configure_axes([2, 2, 0, 0, 0, 0], 60_000)
-    assert ends(apad.advance(80_000)) == []
-    assert apad.pose.north_m > here_m + 5
+    assert ends(apad.advance(80_000)) == [] and apad.pose.north_m > here_m + 5
 
 
 def test_a_perch_asks_for_no_nearness_and_takes_the_first_free_dock(apad: GenerationAVehicle) -> None:
@@ -196,8 +194,7 @@ def test_a_release_of_what_is_not_held_is_aborted(apad: GenerationAVehicle, name
 def test_a_silent_release_lets_go_without_a_message() -> None:
     apad = vehicle(fault=Fault.RELEASE_SILENT)
     apad.receive(perch("amussel1"), 0)
-    assert apad.receive(release("amussel1"), 0) == []
-    assert held(apad.advance(3_000)) == []
+    assert apad.receive(release("amussel1"), 0) == [] and held(apad.advance(3_000)) == []
     assert ends(apad.receive(perch("amussel2"), 3_000)) == [("perch amussel2", GoalOutcome.SUCCEEDED)]
 
 
