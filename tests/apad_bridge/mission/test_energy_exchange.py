@@ -31,6 +31,7 @@ from apad_bridge.scenario.schema import Mission as MissionConfig
 from apad_bridge.vehicle.commands import CloseDock, GoTo, Hold, OpenDock, Primitive
 from apad_bridge.vehicle.outcomes import (
     DockChanged,
+    NothingCaught,
     PrimitiveFailed,
     PrimitiveSucceeded,
     after_report,

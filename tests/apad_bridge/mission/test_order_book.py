@@ -65,13 +65,6 @@ def test_an_aPad_that_does_not_move_costs_nothing(book: OrderBook) -> None:
     assert book.state.cost_m == book.state.planned_m == 0.0
 
 
-def test_a_failed_go_to_counts_what_it_drove(book: OrderBook) -> None:
-    goto = go(book)
-    book.moved(*along(0.4))
-    book.note_outcome(PrimitiveFailed(0, goto, "stalled"))
-    assert (book.state.cost_m, book.state.planned_m) == (pytest.approx(20.0), pytest.approx(20.0))
-
-
 def test_a_go_to_that_led_away_from_its_goal_counts_no_planned_way(book: OrderBook) -> None:
     goto = go(book)
     book.moved(-3.0, -4.0)

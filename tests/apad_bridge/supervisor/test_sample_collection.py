@@ -61,25 +61,11 @@ def collection() -> SampleCollection:
     return SampleCollection([AGENT])
 
 
-def test_a_repeated_packet_brings_nothing_and_is_acknowledged_again(collection: SampleCollection) -> None:
-    taken(collection, packet(0, 2, 0, 1))
-    collection.acknowledgements()
-    assert taken(collection, packet(0, 2, 0, 1)) == ([], [])
-    assert collection.acknowledgements() == [LogAck(AGENT, 2)]
-
-
 def test_what_never_will_come_is_said_once_and_not_waited_for(collection: SampleCollection) -> None:
     assert taken(collection, packet(3, 3, 3, 5, oldest=3)) == ([3, 5], [0, 1, 2, 4])
     assert taken(collection, packet(3, 3, 3, 5, oldest=3)) == ([], [])
     assert collection.acknowledgements() == [LogAck(AGENT, 6)]
     assert collection.gone == {AGENT: {0, 1, 2, 4}}
-
-
-def test_a_record_that_was_given_up_and_comes_late_is_kept(collection: SampleCollection) -> None:
-    taken(collection, packet(3, 1, 3, oldest=3))
-    assert taken(collection, packet(0, 3, 0, 1, 2)) == ([0, 1, 2], [])
-    assert collection.gone == {AGENT: set()}
-    assert taken(collection, packet(0, 3, 0, 1, 2)) == ([], [])
 
 
 def test_a_stranger_and_an_impossible_packet_change_nothing() -> None:
