@@ -2,20 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 from patient import PATIENCE_S
 from selenium import webdriver
 from selenium.webdriver.chrome.service import Service
 from selenium.webdriver.support.wait import WebDriverWait
 
+FLAGS = (
+    "--headless=new",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--force-device-scale-factor=1",
+    "--window-size=1400,1200",
+    "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
+)
+"""Without a network but the loopback."""
+
 
 @contextmanager
-def chromium(flags: Iterable[str]) -> Iterator[webdriver.Chrome]:
+def chromium() -> Iterator[webdriver.Chrome]:
     """A browser that keeps its console's lines; it ends with the context."""
     options = webdriver.ChromeOptions()
-    for flag in flags:
+    for flag in FLAGS:
         options.add_argument(flag)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
     driver = webdriver.Chrome(options=options, service=Service("/usr/bin/chromedriver"))
@@ -31,6 +47,36 @@ def load_page(browser: webdriver.Chrome, address: str) -> None:
     browser.get(address)
     loaded = "return location.href !== 'about:blank' && document.readyState === 'complete'"
     WebDriverWait(browser, PATIENCE_S, 0.05).until(lambda it: it.execute_script(loaded))
+
+
+def text(browser: webdriver.Chrome, element: str) -> str:
+    """The text of the element of this id, shown or not, with single spaces."""
+    found = "return document.getElementById(arguments[0]).textContent.replace(/\\s+/g, ' ').trim()"
+    return str(browser.execute_script(found, element))
+
+
+def cells(browser: webdriver.Chrome, rows: str) -> list[list[str]]:
+    """The texts of what stands in each of the rows that a selector finds."""
+    found = """
+      return [...document.querySelectorAll(arguments[0])].map((it) => [...it.children].map((one) => one.textContent));
+    """
+    return list(browser.execute_script(found, rows))
+
+
+def errors(browser: webdriver.Chrome) -> list[Any]:
+    return [it for it in browser.get_log("browser") if it["level"] == "SEVERE"]  # type: ignore[no-untyped-call]
+
+
+def screen(browser: webdriver.Chrome, width: int, height: int = 900, scale: int = 1) -> None:
+    """The size of the screen in CSS pixels; a narrow one is a phone's."""
+    size = {"width": width, "height": height, "deviceScaleFactor": scale, "mobile": width < 600}
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+
+
+def scheme(browser: webdriver.Chrome, name: str, media: str = "screen") -> None:
+    """The colours that the system asks for: `light` or `dark`."""
+    feature = {"name": "prefers-color-scheme", "value": name}
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": media, "features": [feature]})
 
 
 LEAST_CONTRAST = 4.5
@@ -62,13 +108,11 @@ _LOW_CONTRAST = """
 """
 
 
-def low_contrast(browser: webdriver.Chrome, scheme: str) -> list[str]:
-    """The visible texts of the page in that colour scheme that stand out too little from what lies below them."""
-    browser.execute_cdp_cmd(
-        "Emulation.setEmulatedMedia", {"features": [{"name": "prefers-color-scheme", "value": scheme}]}
-    )
-    try:
-        found: list[str] = browser.execute_script(_LOW_CONTRAST, LEAST_CONTRAST)
-        return found
-    finally:
-        browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
+def low_contrast(browser: webdriver.Chrome) -> list[str]:
+    """The visible texts, in light and in dark colours, that stand out too little from what lies below them."""
+    found: list[str] = []
+    for name in ("light", "dark"):
+        scheme(browser, name)
+        found += browser.execute_script(_LOW_CONTRAST, LEAST_CONTRAST)
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
+    return found

@@ -5,16 +5,11 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-import threading
-import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-import yaml
-from journals import Line, lines_in
-from patient import PATIENCE_S
-from scenario_files import POOL_FILE
+from scenario_files import write_scenario
 
 from apad_bridge.ros.simulated_node.apad_process import start_apad_node, stop_apad_node
 from apad_bridge.ros.system.master import loopback_environment, start_master
@@ -22,15 +17,16 @@ from apad_bridge.ros.system.master import loopback_environment, start_master
 
 def served_pool(path: Path, side_m: float, duration_s: float) -> Path:
     """Writes a scenario of four low aMussels in a square, which an aPad in its middle serves in a short time."""
-    data = yaml.safe_load(POOL_FILE.read_text())
-    data.update(name=path.stem, duration_s=duration_s, theta=600)
-    data["fleet"].update(count=4, start={"charge": [0.5, 0.75]})
-    data["area"]["polygon_m"] = [[0, 0], [side_m, 0], [side_m, side_m], [0, side_m]]
-    data["apad"]["start_m"] = [side_m / 2, side_m / 2]
-    data["mission"]["docking"].update(dock_s=3, undock_s=1)
-    data["board"]["float_timeout_s"] = 432000
-    path.write_text(yaml.safe_dump(data))
-    return path
+    return write_scenario(
+        path,
+        duration_s=duration_s,
+        theta=600,
+        fleet={"count": 4, "start": {"charge": [0.5, 0.75]}},
+        area={"polygon_m": [[0, 0], [side_m, 0], [side_m, side_m], [0, side_m]]},
+        apad={"start_m": [side_m / 2, side_m / 2]},
+        mission={"docking": {"dock_s": 3, "undock_s": 1}},
+        board={"float_timeout_s": 432000},
+    )
 
 
 @contextmanager
@@ -53,16 +49,3 @@ def somebodys_graph(
             stack.callback(process.wait, 180)
             stack.callback(process.terminate)
         yield environment
-
-
-def lines_of(run: Path) -> list[Line]:
-    """The lines of its journal so far."""
-    return lines_in(run / "journal.jsonl")
-
-
-def wait_until(holds: Callable[[], bool], *flights: subprocess.Popen[str]) -> None:
-    """Until it holds while the flights go on. Files announce nothing, so it is polled."""
-    until_s, pause = time.monotonic() + PATIENCE_S, threading.Event()
-    while not holds():
-        assert time.monotonic() < until_s and all(it.poll() is None for it in flights)
-        pause.wait(0.5)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
-from apad_bridge.scenario.loader import from_data, load, resolve
+from apad_bridge.scenario.loader import from_data, load, resolve, write_resolved
 from apad_bridge.scenario.schema import Scenario
 
 SCENARIO_FILES = Path(__file__).with_name("scenarios")
@@ -22,6 +23,20 @@ _TWIN = {
     "unscheduled": 0.01,
     "fix_deviation_m": 1.0,
 }
+
+
+def write_scenario(path: Path, base: Path = POOL_FILE, /, **changes: Any) -> Path:
+    """Writes the base by the file's name, with other values: a block keeps what its change does not name."""
+    data = changed({**resolve(load(base)), "name": path.stem}, changes)
+    write_resolved(path, from_data(data, path.stem))
+    return path
+
+
+def changed(block: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
+    def value(old: Any, new: Any) -> Any:
+        return changed(old, new) if isinstance(old, dict) and isinstance(new, dict) else new
+
+    return block | {key: value(block.get(key), new) for key, new in changes.items()}
 
 
 def silent_in_its_dock(generation: str = "a") -> Scenario:

@@ -8,11 +8,11 @@ import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
+from programs import Begin, done, line_of
 from rosbags.rosbag1 import Reader
 from scenario_files import POOL_FILE
 
@@ -25,7 +25,6 @@ from apad_bridge.records.bag import BagWriter
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.samples import TruthSample
-from apad_bridge.ros.system.master import Master, loopback_environment, start_master
 from apad_bridge.ros.types.generate import generate
 from apad_bridge.scenario.loader import load
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
@@ -86,53 +85,24 @@ def bag(tmp_path: Path) -> Path:
     return directory.path / "run.bag"
 
 
-def tool_environment(messages: Path, base: dict[str, str] | None = None) -> dict[str, str]:
+def rosbag(messages: Path, *words: object) -> str:
     """Debian's tools run /usr/bin/python3: they find our messages on these two paths only."""
-    environment = dict(os.environ) if base is None else dict(base)
-    return environment | {"PYTHONPATH": str(messages), "ROS_PACKAGE_PATH": str(messages)}
+    environment = os.environ | dict.fromkeys(("PYTHONPATH", "ROS_PACKAGE_PATH"), str(messages))
+    return done("/usr/bin/rosbag", *words, env=environment).stdout
 
 
-@pytest.fixture
-def master(tmp_path: Path) -> Iterator[Master]:
-    running = start_master(tmp_path / "ros", timeout_s=120, orphan_s=0)
-    yield running
-    running.stop()
-
-
-def rosbag_program() -> str:
-    tool = shutil.which("rosbag")
-    assert tool, "rosbag is missing: apt-get install python3-rosbag"
-    return tool
-
-
-def rosbag(*words: str, environment: dict[str, str]) -> str:
-    words = (rosbag_program(), *words)
-    done = subprocess.run(words, env=environment, capture_output=True, text=True, timeout=PATIENCE_S)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
-
-
-def test_rosbag_info_knows_the_bag(bag: Path, messages: Path) -> None:
-    said = rosbag("info", str(bag), environment=tool_environment(messages))
+def test_rosbag_knows_the_bag_and_finds_nothing_to_migrate(bag: Path, messages: Path) -> None:
+    said = rosbag(messages, "info", bag)
     for topic, count, kind in (
-        ("truth", TICKS, "FleetTruth"),
-        ("beliefs", TICKS, "FleetBeliefs"),
-        ("apad", TICKS, "APadStatus"),
-        ("mission", 1, "MissionEvent"),
+        ("truth", f"{TICKS} msgs", "FleetTruth"),
+        ("beliefs", f"{TICKS} msgs", "FleetBeliefs"),
+        ("apad", f"{TICKS} msgs", "APadStatus"),
+        ("mission", "1 msg", "MissionEvent"),
     ):
         (line,) = [line for line in said.splitlines() if f"/musselbed/{topic} " in line]
-        assert line.split()[-4:] == [
-            str(count),
-            "msg" if count == 1 else "msgs",
-            ":",
-            f"musselbed_msgs/{kind}",
-        ]
+        assert line.split()[-4:] == [*count.split(), ":", f"musselbed_msgs/{kind}"]
     assert f"{3 * TICKS + 1}" in said and "9.0s" in said
-
-
-def test_rosbag_check_finds_nothing_to_migrate(bag: Path, messages: Path) -> None:
-    said = rosbag("check", str(bag), environment=tool_environment(messages))
-    assert said == "Bag file does not need any migrations.\n"
+    assert rosbag(messages, "check", bag) == "Bag file does not need any migrations.\n"
 
 
 def test_rosbag_reindex_mends_a_bag_that_was_never_closed(tmp_path: Path, messages: Path) -> None:
@@ -140,61 +110,32 @@ def test_rosbag_reindex_mends_a_bag_that_was_never_closed(tmp_path: Path, messag
     for now_ms in range(0, 30_000, 1000):
         truth = TruthSample(7, State.ACTIVE, 0.25, 1.0, 1.0 + now_ms, 2.0, 3.0, False, 30 * now_ms)
         writer.sample(now_ms, [truth], [], None)
-    torn = tmp_path / "torn.bag"
-    shutil.copy(writer.path, torn)  # what a kill leaves of it
+    torn = shutil.copy(writer.path, tmp_path / "torn.bag")  # what a kill leaves of it
     writer.close()
-    rosbag("reindex", str(torn), environment=tool_environment(messages))
-    said = rosbag("info", str(torn), environment=tool_environment(messages))
+    rosbag(messages, "reindex", torn)
     # Chunks of seconds 0 to 10 and 11 to 20 are whole.
-    assert [line.split()[1] for line in said.splitlines() if line.startswith("messages:")] == ["21"]
-    shown = rosbag(
-        "filter", str(torn), str(tmp_path / "all.bag"), "True", environment=tool_environment(messages)
-    )
-    assert "100%" in shown
+    said = rosbag(messages, "info", torn).splitlines()
+    assert [line.split()[1] for line in said if line.startswith("messages:")] == ["21"]
+    assert "100%" in rosbag(messages, "filter", torn, tmp_path / "all.bag", "True")
     with Reader(tmp_path / "all.bag") as bag:
         stamps_ns = [stamp_ns for _, stamp_ns, _ in bag.messages()]
     assert stamps_ns == [max(1, second * 10**9) for second in range(21)]
 
 
 def test_rosbag_play_gives_every_tick_to_a_subscriber(
-    bag: Path, messages: Path, master: Master, tmp_path: Path
+    bag: Path, messages: Path, shell: dict[str, str], begin: Begin
 ) -> None:
-    environment = loopback_environment(tmp_path / "ros", master.uri)
-    listener = subprocess.Popen(
-        [sys.executable, "-c", SUBSCRIBER, str(messages), str(TICKS)],
-        env=environment,
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-        cwd=ROOT,
+    words = (sys.executable, "-c", SUBSCRIBER, messages, TICKS)
+    listener = begin(*words, env=shell, stdin=subprocess.PIPE, ends_by=signal.SIGTERM)
+    assert line_of(listener) == "ready"
+    # At its end the player drops what a busy subscriber has not read, so it stays.
+    options = ("--rate=20", "--wait-for-subscribers", "--keep-alive", "--topics", "/musselbed/truth")
+    paths = dict.fromkeys(("PYTHONPATH", "ROS_PACKAGE_PATH"), str(messages))
+    player = begin(
+        "/usr/bin/rosbag", "play", *options, "--bags", bag, env=shell | paths, start_new_session=True
     )
-    assert listener.stdout is not None
-    try:
-        assert listener.stdout.readline() == "ready\n"
-        # At its end the player drops what a busy subscriber has not read, so it stays.
-        words = (
-            "--rate=20",
-            "--wait-for-subscribers",
-            "--keep-alive",
-            "--topics",
-            "/musselbed/truth",
-            "--bags",
-        )
-        player = subprocess.Popen(
-            [rosbag_program(), "play", *words, str(bag)],
-            env=tool_environment(messages, environment),
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            start_new_session=True,
-        )
-        try:
-            readable, _, _ = select.select([listener.stdout], [], [], PATIENCE_S)
-            heard = listener.stdout.readline() if readable else "nothing"
-        finally:
-            os.killpg(player.pid, signal.SIGKILL)
-            player.wait(PATIENCE_S)
-    finally:
-        listener.communicate(timeout=PATIENCE_S)
+    readable, _, _ = select.select([listener.stdout], [], [], PATIENCE_S)
+    os.killpg(player.pid, signal.SIGKILL)
+    assert readable, "it got nothing"
     times = list(range(0, 1000 * TICKS, 1000))
-    assert heard == f"{times} 7 0.5 1.5 True {30 * times[-1]}\n"
+    assert line_of(listener) == f"{times} 7 0.5 1.5 True {30 * times[-1]}"

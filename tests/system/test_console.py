@@ -7,26 +7,23 @@ import json
 import re
 import shlex
 import signal
-import subprocess
-import sys
 import threading
 import time
 import urllib.error
 import urllib.request
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, ClassVar
 
 import pytest
-import yaml
-from browsers import chromium, load_page
-from journals import lines_in
+from browsers import errors, load_page, text
 from killing import kill_9, pid_of_supervisor, standing_still
+from programs import MUSSELBED, begun, code_here, line_of, lines_of, parent_of, wait_until
+from scenario_files import write_scenario
 from selenium import webdriver
 from selenium.webdriver.common.by import By
-from selenium.webdriver.support.wait import WebDriverWait
 from stalled import stalled_s
 
 from apad_bridge.analysis.invariants import check_run
@@ -36,8 +33,6 @@ from apad_bridge.scenario.errors import UserError
 from apad_bridge.supervisor.control_client import listens
 
 pytestmark = pytest.mark.system
-ROOT = Path(__file__).parents[2]
-MUSSELBED = [sys.executable, "-m", "apad_bridge.commands.main"]
 PATIENCE_S = 180.0
 WATCH_WARNINGS = """
 window.warned = [];
@@ -47,44 +42,22 @@ new MutationObserver(() => {
   setTimeout(() => window.warned.push([text, !document.getElementById("stop").disabled, Date.now()]));
 }).observe(document.getElementById("warning"), {childList: true});
 """
-FLAGS = (
-    "--headless=new",
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-    "--window-size=1400,1200",
-    "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
-)
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[webdriver.Chrome]:
-    with chromium(FLAGS) as driver:
-        yield driver
 
 
 @contextmanager
 def live_run(folder: Path) -> Iterator[Path]:
     """Six aMussels close together, flown over ROS ten times faster than real time, for longer than any test lasts."""
-    data = yaml.safe_load((ROOT / "launch_scripts/scenarios/pool-12.yaml").read_text())
-    data.update(name="live", description="<script>window.hurt = 1</script>", duration_s=14_400, theta=30)
-    data["fleet"].update(count=6, start={"charge": [0.5, 0.75]})
     path, out = folder / "live.yaml", folder / "run"
-    path.write_text(yaml.safe_dump(data))
-    process = subprocess.Popen(
-        [*MUSSELBED, "run", path, "--speed", "10", "--out", out, "--json", "--on-supervisor-death", "resume"],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        cwd=ROOT,
+    write_scenario(
+        path,
+        description="<script>window.hurt = 1</script>",
+        duration_s=14_400,
+        fleet={"count": 6, "start": {"charge": [0.5, 0.75]}},
     )
-    wait_until(lambda: listens(out) if out.is_dir() else process.poll() is not None)
-    assert process.poll() is None
-    yield out
-    process.send_signal(signal.SIGINT)
-    process.communicate(timeout=PATIENCE_S)
+    fly = ("run", path, "--speed", 10, "--out", out, "--json", "--on-supervisor-death", "resume")
+    with begun(*MUSSELBED, *fly) as process:
+        wait_until(lambda: out.is_dir() and listens(out), process)
+        yield out
 
 
 @pytest.fixture
@@ -100,11 +73,6 @@ def shared_run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     with live_run(tmp_path_factory.mktemp("shared")) as out:
         yield out
     assert check_run(RunDirectory.open(out)) == []
-
-
-def wait_until(holds: Callable[[], Any]) -> Any:
-    """Polls what announces nothing."""
-    return WebDriverWait(None, PATIENCE_S, 0.05).until(lambda _: holds())  # type: ignore[arg-type]
 
 
 def press(browser: webdriver.Chrome, selector: str) -> None:
@@ -135,14 +103,6 @@ def warned(browser: webdriver.Chrome, beginning: str) -> list[tuple[str, bool, f
     return [(said, can_stop, at_ms / 1000) for said, can_stop, at_ms in rows if said.startswith(beginning)]
 
 
-def text(browser: webdriver.Chrome, element: str) -> str:
-    return str(browser.execute_script("return document.getElementById(arguments[0]).textContent", element))
-
-
-def journalled(run_dir: Path, kind: str) -> list[dict[str, Any]]:
-    return [line for line in lines_in(run_dir / "journal.jsonl") if line["kind"] == kind]
-
-
 def seconds(browser: webdriver.Chrome) -> float:
     return float(browser.execute_script("return document.body.dataset.timeMs")) / 1000
 
@@ -167,20 +127,20 @@ def test_a_person_follows_a_run_stops_it_and_lets_it_go_on(browser: webdriver.Ch
         """
         assert browser.execute_script(pale)
         # An order is answered in its tick, and its line is in the file when the tick ends.
-        wait_until(lambda: [line["order"] for line in journalled(run_dir, "operator")] == ["stop"])
+        wait_until(lambda: [line["order"] for line in lines_of(run_dir, "operator")] == ["stop"])
         browser.find_element(By.ID, "remark-text").send_keys("<b>gulls</b>\n")
         wait_until(lambda: "<b>gulls</b>" in text(browser, "events"))
-        assert [line["text"] for line in journalled(run_dir, "remark")] == ["<b>gulls</b>"]
+        assert [line["text"] for line in lines_of(run_dir, "remark")] == ["<b>gulls</b>"]
 
         # Another speed, and time that stands still, with a step.
         choose = "const it = document.getElementById('flight-speed'); it.value = arguments[0]; it.onchange()"
         browser.execute_script(choose, "0")
         wait_until(lambda: "time stands still" in text(browser, "about"))
         press(browser, "#step")
-        wait_until(lambda: len(journalled(run_dir, "speed")) == 2)
+        wait_until(lambda: len(lines_of(run_dir, "speed")) == 2)
         browser.execute_script(choose, "20")
         wait_until(lambda: "flying at 20 times real time" in text(browser, "about"))
-        assert [line["times"] for line in journalled(run_dir, "speed")] == [0.0, 0.0, 20.0]
+        assert [line["times"] for line in lines_of(run_dir, "speed")] == [0.0, 0.0, 20.0]
 
         # An act that moves something asks first, and "no" orders nothing.
         press(browser, "#continue")
@@ -191,9 +151,7 @@ def test_a_person_follows_a_run_stops_it_and_lets_it_go_on(browser: webdriver.Ch
         wait_until(lambda: browser.find_element(By.ID, "stop").is_enabled())
         assert not browser.find_element(By.ID, "stopped").is_displayed()
         assert not browser.execute_script(pale)
-        wait_until(
-            lambda: [line["order"] for line in journalled(run_dir, "operator")] == ["stop", "continue"]
-        )
+        wait_until(lambda: [line["order"] for line in lines_of(run_dir, "operator")] == ["stop", "continue"])
 
         # A person who looks back is left there until "Live".
         browser.execute_script("document.querySelector('#events button').click()")
@@ -230,11 +188,7 @@ def test_a_person_follows_a_run_stops_it_and_lets_it_go_on(browser: webdriver.Ch
         summary = json.loads((run_dir / "summary.json").read_text())
         wait_until(lambda: f"{summary['cost_m']:.0f} m" in text(browser, "figures"))
         assert f"{summary['uptime_paper']['mean']:.2f} %" in text(browser, "figures")
-    assert [it for it in browser.get_log("browser") if it["level"] == "SEVERE"] == []  # type: ignore[no-untyped-call]
-
-
-def parent_of(pid: int) -> int:
-    return int(Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[1])
+    assert errors(browser) == []
 
 
 def test_a_person_orders_about_one_amussel(browser: webdriver.Chrome, shared_run: Path) -> None:
@@ -257,7 +211,7 @@ def test_a_person_orders_about_one_amussel(browser: webdriver.Chrome, shared_run
         )
         press(browser, "#sure button[value=yes]")
         wait_until(lambda: text(browser, "answer") == "cause a fault (aMussel 6): done")
-        (fault,) = wait_until(lambda: journalled(run_dir, "fault"))
+        (fault,) = wait_until(lambda: lines_of(run_dir, "fault"))
         assert (fault["id"], fault["fault"]) == (6, "watchdog")
         # It is among the events, and its effect on the page: the board begins anew, and works again.
         wait_until(lambda: "fault of aMussel 6: watchdog" in text(browser, "events"))
@@ -267,31 +221,28 @@ def test_a_person_orders_about_one_amussel(browser: webdriver.Chrome, shared_run
         press(browser, "[data-act='hand over']")
         press(browser, "#sure button[value=yes]")
         wait_until(lambda: text(browser, "answer") == "hand over (aMussel 6): done")
-        (presence,) = wait_until(lambda: journalled(run_dir, "presence"))
+        (presence,) = wait_until(lambda: lines_of(run_dir, "presence"))
         assert (presence["id"], presence["is"], presence["by"]) == (6, "real", "console")
         # The roster refuses from a page what it refuses from a service.
         press(browser, cause)
         press(browser, "#sure button[value=yes]")
         wait_until(lambda: "is real: faults are for simulated ones" in text(browser, "answer"))
-        assert len(journalled(run_dir, "fault")) == 1
+        assert len(lines_of(run_dir, "fault")) == 1
 
 
 def states_since(run_dir: Path, fault: dict[str, Any]) -> set[str]:
     """The true states of the fault's aMussel after it."""
-    return {
-        it["state"]
-        for it in journalled(run_dir, "truth")
-        if it["id"] == fault["id"] and it["t"] >= fault["t"]
-    }
+    truths = lines_of(run_dir, "truth")
+    return {it["state"] for it in truths if it["id"] == fault["id"] and it["t"] >= fault["t"]}
 
 
 def journalled_first(run_dir: Path) -> float:
     """Mission seconds of the first event that the page lists: here, always the first plan."""
-    return float(journalled(run_dir, "plan")[0]["t"]) / 1000
+    return float(lines_of(run_dir, "plan")[0]["t"]) / 1000
 
 
 def test_without_its_token_a_console_shows_and_orders_nothing(shared_run: Path) -> None:
-    ordered = journalled(shared_run, "operator")
+    ordered = lines_of(shared_run, "operator")
     with console_service().beside(shared_run) as url:
         base, token = url.split("/?token=")
         of_this_page = {"Origin": base, "Sec-Fetch-Site": "same-origin"}
@@ -335,7 +286,7 @@ def test_without_its_token_a_console_shows_and_orders_nothing(shared_run: Path) 
             assert refused.value.code == 400
             assert json.load(refused.value)["message"].startswith(mistake)
             refused.value.close()
-    assert journalled(shared_run, "operator") == ordered
+    assert lines_of(shared_run, "operator") == ordered
 
 
 class Stranger(http.server.BaseHTTPRequestHandler):
@@ -366,7 +317,7 @@ def test_a_page_of_another_port_gets_no_cookie_and_gives_no_order(
     browser: webdriver.Chrome, shared_run: Path
 ) -> None:
     """Cookies ignore ports, and so does SameSite: a page of another port sent a person's cookie along with its order."""
-    ordered = journalled(shared_run, "operator")
+    ordered = lines_of(shared_run, "operator")
     with (
         console_service().beside(shared_run) as url,
         http.server.ThreadingHTTPServer(("127.0.0.1", 0), Stranger) as stranger,
@@ -391,22 +342,18 @@ def test_a_page_of_another_port_gets_no_cookie_and_gives_no_order(
             assert "token" not in browser.current_url
             begun_s = seconds(browser)
             wait_until(lambda: seconds(browser) > begun_s)
-            browser.get_log("browser")  # type: ignore[no-untyped-call]
+            errors(browser)
         finally:
             stranger.shutdown()
             serving.join()
-    assert journalled(shared_run, "operator") == ordered
+    assert lines_of(shared_run, "operator") == ordered
 
 
 def test_a_page_whose_console_stands_still_says_so_within_3_s(
     browser: webdriver.Chrome, shared_run: Path
 ) -> None:
-    console = subprocess.Popen(
-        [*MUSSELBED, "console", shared_run, "--json"], stdout=subprocess.PIPE, text=True, cwd=ROOT
-    )
-    try:
-        assert console.stdout is not None
-        load_page(browser, json.loads(console.stdout.readline())["url"])
+    with begun(*MUSSELBED, "console", shared_run, "--json", ends_by=signal.SIGKILL) as console:
+        load_page(browser, json.loads(line_of(console))["url"])
         begun_s = seconds(browser)
         wait_until(lambda: seconds(browser) > begun_s)
         browser.execute_script(WATCH_WARNINGS)
@@ -417,40 +364,28 @@ def test_a_page_whose_console_stands_still_says_so_within_3_s(
         _, can_stop, said_s = wait_until(lambda: warned(browser, silence))[-1]
         assert not can_stop
         assert said_s - stopped_s - (stalled_s() - others_s) < 3.0
-    finally:
-        console.kill()
-        console.communicate(timeout=PATIENCE_S)
 
 
 def test_the_line_that_the_console_prints_gives_an_order_from_a_program(shared_run: Path) -> None:
-    console = subprocess.Popen(
-        [*MUSSELBED, "console", shared_run, "--json"], stdout=subprocess.PIPE, text=True, cwd=ROOT
-    )
-    try:
-        assert console.stdout is not None
-        line = json.loads(console.stdout.readline())["order"]
-        program, *words, url = shlex.split(line)
+    with begun(*MUSSELBED, "console", shared_run, "--json") as console:
+        program, *words, url = shlex.split(json.loads(line_of(console))["order"])
         assert (program, words[-2:]) == ("curl", ["-d", '{"act": "stop", "by": "NAME"}'])
         # The run is shared: a remark in place of the stop.
         remark = json.dumps({"act": "remark", "text": "by a program", "by": "NAME"}).encode()
         headers = dict(it.split(": ") for flag, it in pairwise(words) if flag == "-H")
-        with urllib.request.urlopen(
-            urllib.request.Request(url, remark, headers), timeout=PATIENCE_S
-        ) as answer:
+        request = urllib.request.Request(url, remark, headers)
+        with urllib.request.urlopen(request, timeout=PATIENCE_S) as answer:
             assert json.load(answer)["accepted"] is True
-    finally:
-        console.send_signal(signal.SIGINT)
-        console.communicate(timeout=PATIENCE_S)
-    assert "by a program" in [it["text"] for it in journalled(shared_run, "remark")]
+    assert "by a program" in [it["text"] for it in lines_of(shared_run, "remark")]
 
 
-def test_a_console_of_what_is_no_run_does_not_start(tmp_path: Path) -> None:
+def test_a_console_of_what_is_no_run_does_not_start(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     with (
         pytest.raises(UserError, match=r"no run: it has no scenario\.yaml"),
         console_service().beside(tmp_path),
     ):
         pytest.fail("it started")
-    answered = subprocess.run(
-        [*MUSSELBED, "console", str(tmp_path / "gone")], capture_output=True, text=True, timeout=PATIENCE_S
-    )
-    assert answered.returncode == 2 and answered.stderr.count("\n") == 1
+    assert code_here("console", tmp_path / "gone") == 2
+    assert capsys.readouterr().err.count("\n") == 1

@@ -4,66 +4,66 @@ from __future__ import annotations
 
 import json
 import re
+import signal
 import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import pytest
+from programs import Begin, done, line_of, musselbed
 from scenario_files import POOL_FILE
 
 from apad_bridge.commands.fly.run_checks import tell_docks_in_use
 from apad_bridge.doctor import network
-from apad_bridge.ros.system.master import Master, loopback_environment, start_master
+from apad_bridge.ros.system.master import Master, loopback_environment
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource
 
 pytestmark = pytest.mark.system
-ROOT = Path(__file__).parents[2]
-
-OTHER_FLEET = """
-import sys, rospy
-from std_msgs.msg import Float64
-rospy.init_node("other_fleet", disable_signals=True)
-topic = rospy.Publisher("/amussel5/position", Float64, queue_size=1)
-print("ready", flush=True)
-sys.stdin.read()
-rospy.signal_shutdown("the test is over")
-"""
+NODE = ("-m", "apad_bridge.ros.simulated_node.apad_node", "--scenario", POOL_FILE, "--generation")
 
 
 @pytest.fixture
-def master(tmp_path: Path) -> Iterator[Master]:
-    running = start_master(tmp_path / "ros", timeout_s=120, orphan_s=0)
-    yield running
-    running.stop()
+def on_master(tmp_path: Path, master: Master) -> dict[str, str]:
+    return loopback_environment(tmp_path, master.uri)
 
 
-def run_doctor(environment: dict[str, str], *arguments: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "apad_bridge.commands.main", "doctor", *arguments]
-    return subprocess.run(command, env=environment, cwd=ROOT, capture_output=True, text=True, timeout=180)
+@pytest.fixture
+def running(begin: Begin, on_master: dict[str, str]) -> Begin:
+    """Starts a program of Python that says `ready`; the test may end it."""
+
+    def start(*arguments: object) -> subprocess.Popen[str]:
+        words = (sys.executable, *arguments)
+        process = begin(*words, env=on_master, stdin=subprocess.PIPE, ends_by=signal.SIGTERM)
+        assert line_of(process) == "ready"
+        return process
+
+    return start
 
 
-def checks(environment: dict[str, str], *arguments: str) -> dict[str, dict[str, Any]]:
-    done = run_doctor(environment, "--json", *arguments)
-    assert done.stderr == ""
-    findings = json.loads(done.stdout)
+def run_doctor(environment: dict[str, str], *arguments: object) -> subprocess.CompletedProcess[str]:
+    return musselbed("doctor", *arguments, env=environment, code=None)
+
+
+def checks(environment: dict[str, str], *arguments: object) -> dict[str, dict[str, Any]]:
+    ended = run_doctor(environment, "--json", *arguments)
+    assert ended.stderr == ""
+    findings = json.loads(ended.stdout)
     failed = {finding["check"] for finding in findings if finding["status"] == "FAIL"}
-    assert done.returncode == (0 if not failed else 2 if failed == {"scenario"} else 3)
+    assert ended.returncode == (0 if not failed else 2 if failed == {"scenario"} else 3)
     assert all(set(finding) == {"check", "status", "found", "mend"} for finding in findings)
     return {finding["check"]: finding for finding in findings}
 
 
 def test_without_a_master_a_sound_machine_is_sound(tmp_path: Path) -> None:
-    done = run_doctor(loopback_environment(tmp_path), str(POOL_FILE), "--all")
-    assert done.returncode == 0, done.stdout + done.stderr
-    *lines, total = done.stdout.splitlines()
+    ended = run_doctor(loopback_environment(tmp_path), POOL_FILE, "--all")
+    assert ended.returncode == 0, ended.stdout + ended.stderr
+    *lines, total = ended.stdout.splitlines()
     assert all(line.startswith(("OK ", "WARN ")) and ": " in line for line in lines)
     fine = sum(line.startswith("OK ") for line in lines)
     assert total == f"{fine} of {len(lines)} checks are OK" and fine > 8
-    *short, its_total = run_doctor(loopback_environment(tmp_path), str(POOL_FILE)).stdout.splitlines()
+    *short, its_total = run_doctor(loopback_environment(tmp_path), POOL_FILE).stdout.splitlines()
     assert [line.split()[1] for line in short] == [line.split()[1] for line in lines if line[:2] != "OK"]
     assert its_total == f"{total}; --all prints them"
     (master_line,) = [line for line in lines if line.split()[1] == "master:"]
@@ -72,28 +72,17 @@ def test_without_a_master_a_sound_machine_is_sound(tmp_path: Path) -> None:
 
 
 def test_a_scenario_that_cannot_be_read_is_the_user_s_mistake_as_it_is_elsewhere(tmp_path: Path) -> None:
-    done = run_doctor(loopback_environment(tmp_path), str(tmp_path / "none.yaml"))
-    assert done.returncode == 2, done.stdout
-    assert [it.split()[1] for it in done.stdout.splitlines() if it.startswith("FAIL")] == ["scenario:"]
+    found = checks(loopback_environment(tmp_path), tmp_path / "none.yaml")
+    assert [check for check, it in found.items() if it["status"] == "FAIL"] == ["scenario"]
 
 
-def test_a_master_elsewhere_that_does_not_answer_is_a_failure(tmp_path: Path) -> None:
-    done = run_doctor(loopback_environment(tmp_path, "http://apad1.invalid:11311"), str(POOL_FILE))
-    (master_line,) = [line for line in done.stdout.splitlines() if line.split()[1] == "master:"]
-    assert done.returncode == 3, done.stdout
-    assert master_line.startswith("FAIL") and "/etc/hosts" in master_line
-
-
-def test_a_master_that_is_gone_is_no_failure(tmp_path: Path, master: Master) -> None:
-    master.stop()
-    found = checks(loopback_environment(tmp_path, master.uri))
-    assert found["master"]["status"] == "WARN" and master.uri in found["master"]["found"]
-
-
-def test_a_wrong_scenario_is_a_failure(tmp_path: Path) -> None:
-    (tmp_path / "odd.yaml").write_text("name: odd\n")
-    found = checks(loopback_environment(tmp_path), str(tmp_path / "odd.yaml"))
-    assert found["scenario"]["status"] == "FAIL"
+def test_a_master_elsewhere_that_does_not_answer_is_a_failure_and_one_that_is_gone_is_none(
+    tmp_path: Path,
+) -> None:
+    found = checks(loopback_environment(tmp_path, "http://apad1.invalid:11311"), POOL_FILE)["master"]
+    assert found["status"] == "FAIL" and "/etc/hosts" in found["mend"]
+    found = checks(loopback_environment(tmp_path, "http://127.0.0.1:9/"))["master"]
+    assert found["status"] == "WARN" and "http://127.0.0.1:9" in found["found"]
 
 
 @pytest.mark.parametrize(
@@ -104,19 +93,14 @@ def test_a_wrong_scenario_is_a_failure(tmp_path: Path) -> None:
     ],
 )
 def test_the_simulated_apad_on_a_real_master(
-    tmp_path: Path, master: Master, generation: str, md5: str
+    on_master: dict[str, str], master: Master, running: Begin, generation: str, md5: str
 ) -> None:
-    environment = loopback_environment(tmp_path, master.uri)
+    assert checks(on_master)["call back"]["status"] == "OK"
+    # The doctor leaves nothing on the master.
+    assert checks(on_master)["nodes"]["found"] == "none on the graph"
     network.call(master.uri, "setParam", "/use_sim_time", True)
-    command = [sys.executable, "-m", "apad_bridge.ros.simulated_node.apad_node", "--scenario", str(POOL_FILE)]
-    command += ["--generation", generation]
-    with subprocess.Popen(command, env=environment, cwd=ROOT, stdout=subprocess.PIPE, text=True) as node:
-        try:
-            assert node.stdout is not None and node.stdout.readline() == "ready\n"
-            found = checks(environment, str(POOL_FILE))
-        finally:
-            node.terminate()
-            node.wait(180)
+    running(*NODE, generation)
+    found = checks(on_master, POOL_FILE)
     for name in ("master", "own address", "call back", "nodes", "aMussel ids", "/apad1"):
         assert found[name]["status"] == "OK", found[name]
     assert md5 in found["/apad1"]["found"]
@@ -127,37 +111,6 @@ def test_the_simulated_apad_on_a_real_master(
     # Nobody publishes /clock here, which the aPad's node follows: both are said.
     assert found["clock"]["status"] == "FAIL"
     assert found["/apad1 clock"]["status"] == "CANNOT TELL"
-
-
-def test_it_leaves_nothing_on_the_master(tmp_path: Path, master: Master) -> None:
-    environment = loopback_environment(tmp_path, master.uri)
-    assert checks(environment)["call back"]["status"] == "OK"
-    assert checks(environment)["nodes"]["found"] == "none on the graph"
-
-
-def test_a_name_that_the_master_cannot_call(tmp_path: Path, master: Master) -> None:
-    environment = loopback_environment(tmp_path, master.uri) | {"ROS_HOSTNAME": "mussel.invalid"}
-    found = checks(environment)
-    for name in ("own address", "call back"):
-        assert found[name]["status"] == "FAIL" and "ROS_IP=127.0.0.1" in found[name]["mend"]
-
-
-def test_ids_of_another_fleet(tmp_path: Path, master: Master) -> None:
-    environment = loopback_environment(tmp_path, master.uri)
-    fleet = subprocess.Popen(
-        [sys.executable, "-c", OTHER_FLEET],
-        env=environment,
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    try:
-        assert fleet.stdout is not None and fleet.stdout.readline() == "ready\n"
-        found = checks(environment, str(POOL_FILE))
-    finally:
-        fleet.communicate(timeout=180)
-    assert found["aMussel ids"]["status"] == "FAIL"
-    assert "/other_fleet" in found["aMussel ids"]["found"]
 
 
 HALF_A_SERVER = """
@@ -178,7 +131,6 @@ if "takes goals" in sys.argv:
     rospy.Subscriber("/apad1/action_server/cancel", rospy.AnyMsg, print)
 print("ready", flush=True)
 sys.stdin.read()
-rospy.signal_shutdown("the test is over")
 """
 
 CLOCK = """
@@ -216,80 +168,52 @@ rospy.signal_shutdown("done")
 """
 
 
-@contextmanager
-def running(environment: dict[str, str], *arguments: str) -> Iterator[None]:
-    """A process that says `ready`, and ends when its stdin does or it is told to."""
-    with subprocess.Popen(
-        [sys.executable, *arguments],
-        env=environment,
-        cwd=ROOT,
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-    ) as process:
-        try:
-            assert process.stdout is not None and process.stdout.readline() == "ready\n"
-            yield
-        finally:
-            process.terminate()
-            process.communicate(timeout=180)
-
-
 def order(environment: dict[str, str], topic: str, *goals: str) -> None:
-    subprocess.run(
-        [sys.executable, "-c", ORDER, topic, *goals], env=environment, cwd=ROOT, timeout=180, check=True
-    )
+    done(sys.executable, "-c", ORDER, topic, *goals, env=environment)
 
 
 def test_docks_in_use_are_told_with_commands_that_empty_them(
-    tmp_path: Path, master: Master, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    on_master: dict[str, str],
+    master: Master,
+    running: Begin,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    environment = loopback_environment(tmp_path, master.uri)
     monkeypatch.setenv("ROS_MASTER_URI", master.uri)
     options = RunOptions(BenchPart.WHOLE, APadKind.ROS, TimeSource.WALL, 1.0, OnDeath.WAIT)
-    scenario = load(POOL_FILE)
-    node = [
-        "-m",
-        "apad_bridge.ros.simulated_node.apad_node",
-        "--scenario",
-        str(POOL_FILE),
-        "--generation",
-        "a",
-    ]
-    with running(environment, "-c", CLOCK), running(environment, *node):
-        assert checks(environment, str(POOL_FILE))["/apad1 docks"]["status"] == "OK"
-        tell_docks_in_use(options, scenario)
-        assert capsys.readouterr().err == ""
-        perches = [f"{{goal: {{id: 1, object: amussel{agent_id}}}}}" for agent_id in (3, 99)]
-        order(environment, "/apad1/action_server/goal", *perches)
-        found = checks(environment, str(POOL_FILE))
-        tell_docks_in_use(options, scenario)
-        docks = found["/apad1 docks"]
-        assert docks["status"] == "WARN" and "apad.docks: 2 in the scenario" in docks["mend"]
-        ours, others = docks["found"].split("; ")
-        assert ours.startswith("hold amussel3: ") and others.startswith("amussel99, which a run does not see")
-        assert (
-            capsys.readouterr().err
-            == f"musselbed: warning: /apad1 docks: {docks['found']}: {docks['mend']}\n"
-        )
-        commands = re.findall(r"rostopic pub -1 (\S+) apad/aPadActionGoal '([^']*)'", docks["mend"])
-        assert len(commands) == 2
-        for topic, goal in commands:
-            order(environment, topic, goal)
-        assert checks(environment, str(POOL_FILE))["/apad1 docks"]["status"] == "OK"
+    running("-c", CLOCK)
+    running(*NODE, "a")
+    tell_docks_in_use(options, load(POOL_FILE))
+    assert capsys.readouterr().err == ""
+    perches = [f"{{goal: {{id: 1, object: amussel{agent_id}}}}}" for agent_id in (3, 99)]
+    order(on_master, "/apad1/action_server/goal", *perches)
+    found = checks(on_master, POOL_FILE)
+    tell_docks_in_use(options, load(POOL_FILE))
+    docks = found["/apad1 docks"]
+    assert docks["status"] == "WARN" and "apad.docks: 2 in the scenario" in docks["mend"]
+    ours, others = docks["found"].split("; ")
+    assert ours.startswith("hold amussel3: ") and others.startswith("amussel99, which a run does not see")
+    told = f"musselbed: warning: /apad1 docks: {docks['found']}: {docks['mend']}\n"
+    assert capsys.readouterr().err == told
+    commands = re.findall(r"rostopic pub -1 (\S+) apad/aPadActionGoal '([^']*)'", docks["mend"])
+    assert len(commands) == 2
+    for topic, goal in commands:
+        order(on_master, topic, goal)
+    assert checks(on_master, POOL_FILE)["/apad1 docks"]["status"] == "OK"
     for name in ("/apad1 action server", "/apad1 battery"):
         assert found[name]["status"] == "OK", found[name]
 
 
-def test_a_dead_action_server_and_a_silent_battery(tmp_path: Path, master: Master) -> None:
-    environment = loopback_environment(tmp_path, master.uri)
-    with running(environment, "-c", HALF_A_SERVER):
-        found = checks(environment)
-        assert "aPad" not in found
-        server = found["/apad1 action server"]
-        assert server["status"] == "FAIL" and "subscribes to goal" in server["found"]
-    with running(environment, "-c", HALF_A_SERVER, "takes goals"):
-        found = checks(environment)
-        server, battery = found["/apad1 action server"], found["/apad1 battery"]
-        assert server["status"] == "FAIL" and "/apad1/action_server/status is silent" in server["found"]
-        assert battery["status"] == "WARN" and "says 0 %" in battery["found"]
+def test_a_dead_action_server_and_a_silent_battery(on_master: dict[str, str], running: Begin) -> None:
+    half = running("-c", HALF_A_SERVER)
+    found = checks(on_master)
+    assert "aPad" not in found
+    server = found["/apad1 action server"]
+    assert server["status"] == "FAIL" and "subscribes to goal" in server["found"]
+    half.terminate()
+    half.wait()
+    running("-c", HALF_A_SERVER, "takes goals")
+    found = checks(on_master)
+    server, battery = found["/apad1 action server"], found["/apad1 battery"]
+    assert server["status"] == "FAIL" and "/apad1/action_server/status is silent" in server["found"]
+    assert battery["status"] == "WARN" and "says 0 %" in battery["found"]

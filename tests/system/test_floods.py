@@ -12,7 +12,7 @@ import subprocess
 import sys
 import urllib.request
 import xmlrpc.client
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,21 +20,19 @@ from typing import Any
 from urllib.parse import urlsplit
 
 import pytest
-import yaml
-from journals import lines_in
 from killing import kill_9, standing_still
 from patient import PATIENCE_S
-from selenium.webdriver.support.wait import WebDriverWait
+from programs import MUSSELBED, begun, done, line_of, lines_of, musselbed, processes_of, wait_until
+from scenario_files import write_scenario
 
 from apad_bridge.commands.look.console import console_service
 from apad_bridge.imc.commands.imc import imc_service
 from apad_bridge.records.journal import read_journal
-from apad_bridge.ros.system.master import loopback_environment, start_master
+from apad_bridge.ros.system.master import Master, loopback_environment
 from apad_bridge.supervisor.control_client import SOCKET_NAME, listens
 
 pytestmark = pytest.mark.system
 ROOT = Path(__file__).parents[2]
-MUSSELBED = [sys.executable, "-m", "apad_bridge.commands.main"]
 HARD_LIMIT = 512
 STRANGERS = 1100
 
@@ -44,39 +42,26 @@ class Flown:
     path: Path
     page: str
     master: str
+    said: Path
 
 
-@contextmanager
-def flown(folder: Path) -> Iterator[Flown]:
-    """A run of six aMussels with its console, whose processes may have few descriptors."""
-    data = yaml.safe_load((ROOT / "launch_scripts/scenarios/pool-12.yaml").read_text())
-    data.update(name="flooded", duration_s=14_400, theta=30)
-    data["fleet"].update(count=6, start={"charge": [0.5, 0.75]})
-    scenario, out, said = folder / "flooded.yaml", folder / "run", folder / "said"
-    scenario.write_text(yaml.safe_dump(data))
-    with said.open("wb") as output:
-        process = subprocess.Popen(
-            [*MUSSELBED, "run", scenario, "--speed", "10", "--out", out, "--console"],
-            stdout=output,
-            stderr=output,
-            cwd=ROOT,
-            preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_NOFILE, (HARD_LIMIT, HARD_LIMIT)),
-        )
-    try:
-        wait_until(lambda: listens(out) if out.is_dir() else process.poll() is not None)
-        assert process.poll() is None, said.read_text()
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Flown]:
+    """A run of six aMussels with its console, whose processes may have few descriptors. No test here ends it."""
+    folder = tmp_path_factory.mktemp("flooded")
+    fleet = {"count": 6, "start": {"charge": [0.5, 0.75]}}
+    scenario = write_scenario(folder / "flooded.yaml", duration_s=14_400, fleet=fleet)
+    out, said = folder / "run", folder / "said"
+    command = (*MUSSELBED, "run", scenario, "--speed", 10, "--out", out, "--console")
+    few: dict[str, Any] = {
+        "preexec_fn": lambda: resource.setrlimit(resource.RLIMIT_NOFILE, (HARD_LIMIT, HARD_LIMIT))
+    }
+    with said.open("wb") as output, begun(*command, stdout=output, stderr=output, **few) as process:
+        wait_until(lambda: out.is_dir() and listens(out), process, why=said.read_text())
         page = re.search(r"live page: (\S+)", said.read_text())
         master = re.search(r"ROS_MASTER_URI=(\S+)", said.read_text())
         assert page and master, said.read_text()
-        yield Flown(out, page[1], master[1])
-    finally:
-        process.send_signal(signal.SIGINT)
-        process.wait(PATIENCE_S)
-
-
-def wait_until(holds: Callable[[], Any]) -> Any:
-    """Polls what announces nothing."""
-    return WebDriverWait(None, PATIENCE_S, 0.05).until(lambda _: holds())  # type: ignore[arg-type]
+        yield Flown(out, page[1], master[1], said)
 
 
 def flood(stack: ExitStack, family: int, address: Any) -> None:
@@ -100,12 +85,12 @@ def order(page: str, act: str) -> dict[str, Any]:
         return found
 
 
-def noted(run: Path, kind: str) -> list[dict[str, Any]]:
-    return [it for it in lines_in(run / "journal.jsonl") if it["kind"] == kind]
+def remarks(run: Flown) -> list[str]:
+    return [it["text"] for it in lines_of(run.path, "remark")]
 
 
-def test_1100_connections_to_each_door_take_no_stop_from_a_person(tmp_path: Path) -> None:
-    with flown(tmp_path) as run, ExitStack() as strangers:
+def test_1100_connections_to_each_door_take_no_stop_from_a_person(run: Flown) -> None:
+    with ExitStack() as strangers:
         with xmlrpc.client.ServerProxy(run.master) as master:
             _, _, services = master.lookupService("/test", "/musselbed_1/get_loggers")  # type: ignore[misc]
             _, _, calls = master.lookupNode("/test", "/musselbed_1")  # type: ignore[misc]
@@ -115,22 +100,13 @@ def test_1100_connections_to_each_door_take_no_stop_from_a_person(tmp_path: Path
         strangers.callback(os.close, folder)
         flood(strangers, socket.AF_UNIX, f"/proc/self/fd/{folder}/{SOCKET_NAME}")
 
-        stopped = subprocess.run(
-            [*MUSSELBED, "stop", run.path, "--json"], capture_output=True, text=True, timeout=PATIENCE_S
-        )
-        assert stopped.returncode == 0, stopped.stderr + stopped.stdout
+        musselbed("stop", run.path, "--json")
         assert order(run.page, "continue")["accepted"]
         assert order(run.page, "stop")["accepted"]
-        wait_until(lambda: len(noted(run.path, "operator")) == 3)
-        strangers.close()
-
-        # The graph hears again, or has heard all the time.
-        asked = subprocess.run(
-            [sys.executable, "-c", ASK],
-            env={**os.environ, "ROS_MASTER_URI": run.master, "ROS_IP": "127.0.0.1"},
-        )
-        assert asked.returncode == 0
-        assert noted(run.path, "remark") == []  # the console lived through it
+        wait_until(lambda: len(lines_of(run.path, "operator")) == 3)
+    # The graph hears again, or has heard all the time.
+    done(sys.executable, "-c", ASK, env={**os.environ, "ROS_MASTER_URI": run.master, "ROS_IP": "127.0.0.1"})
+    assert remarks(run) == []  # the console lived through it
 
 
 ASK = f"""
@@ -141,101 +117,81 @@ assert rospy.ServiceProxy("/musselbed_1/get_loggers", GetLoggers)().loggers
 """
 
 
-def test_a_deaf_node_is_told_and_a_shortage_of_files_deafens_none(tmp_path: Path) -> None:
-    with ExitStack() as stack:
-        master = start_master(tmp_path / "ros", PATIENCE_S)
-        stack.callback(master.stop)
-        environment = {**os.environ, **loopback_environment(tmp_path / "ros", master.uri)}
-        told = subprocess.run(
-            [sys.executable, ROOT / "tests/system/open_a_deaf_node.py"],
-            env=environment,
-            capture_output=True,
-            text=True,
-            timeout=PATIENCE_S,
-        )
-    assert told.returncode == 0, told.stderr
-    hears, outlasted, deaf, again = map(json.loads, told.stdout.splitlines())
+def test_a_deaf_node_is_told_and_a_shortage_of_files_deafens_none(tmp_path: Path, master: Master) -> None:
+    environment = {**os.environ, **loopback_environment(tmp_path / "ros", master.uri)}
+    told = done(sys.executable, ROOT / "tests/system/open_a_deaf_node.py", env=environment).stdout
+    hears, outlasted, deaf, again = map(json.loads, told.splitlines())
     assert hears is outlasted is None
     assert [kind for kind, _ in deaf] == ["graph_deaf"] and "timed out" in deaf[0][1]["why"]
     assert again == ["graph_hears"]
 
 
-def pid_beside(run: Path, command: str) -> int | None:
-    """The process of ours that serves the run by this command, if there is one."""
-    for entry in Path("/proc").glob("[0-9]*"):
-        try:
-            words = (entry / "cmdline").read_bytes().decode(errors="replace").split("\0")
-        except OSError:
-            continue
-        if command in words and str(run) in words and "apad_bridge.commands.main" in words:
-            return int(entry.name)
-    return None
+def test_what_serves_beside_a_run_is_started_again_when_it_dies_and_that_is_told(run: Flown) -> None:
+    def gateway() -> list[int]:
+        """The process of ours that serves the run by IMC, if there is one."""
+        return [*processes_of(f"commands.main imc {run.path}")]
+
+    told, before = list[str](), len(remarks(run))
+    with (
+        console_service().beside(run.path, told.append) as page,
+        imc_service(("--port", "0")).beside(run.path, told.append),
+    ):
+        (own,) = wait_until(gateway)
+        kill_9(own)
+        wait_until(lambda: told == ["the imc died (SIGKILL)", "the imc was started again"])
+        assert gateway() not in ([], [own])
+        kill_9(serving(page))
+        wait_until(lambda: told[2:] == ["the console died (SIGKILL)", "the console was started again"])
+        # At the same address, with the same token.
+        assert order(page, "stop")["accepted"]
+        wait_until(lambda: remarks(run)[before:] == told)
+    # Ended in order, nothing is started again.
+    assert len(told) == 4 and not gateway()
 
 
-def test_what_serves_beside_a_run_is_started_again_when_it_dies_and_that_is_told(tmp_path: Path) -> None:
-    with flown(tmp_path) as run:
-        told: list[str] = []
-        with (
-            console_service().beside(run.path, told.append) as page,
-            imc_service(("--port", "0")).beside(run.path, told.append),
-        ):
-            own = wait_until(lambda: pid_beside(run.path, "imc"))
-            kill_9(own)
-            wait_until(lambda: told == ["the imc died (SIGKILL)", "the imc was started again"])
-            assert pid_beside(run.path, "imc") not in (None, own)
-            kill_9(serving(page))
-            wait_until(lambda: told[2:] == ["the console died (SIGKILL)", "the console was started again"])
-            # At the same address, with the same token.
-            assert order(page, "stop")["accepted"]
-            wait_until(lambda: [it["text"] for it in noted(run.path, "remark")] == told)
-        # Ended in order, nothing is started again.
-        assert len(told) == 4 and pid_beside(run.path, "imc") is None
-
-
-def test_a_master_that_stands_still_is_told_and_so_is_its_return(tmp_path: Path) -> None:
+def test_a_master_that_stands_still_is_told_and_so_is_its_return(run: Flown) -> None:
     """No tool finds the run meanwhile, and its simulated aPad waits. The flight goes on when the master answers."""
 
     def said(words: str) -> int:
-        return " ".join((tmp_path / "said").read_text().split()).count(words)
+        return " ".join(run.said.read_text().split()).count(words)
 
-    with flown(tmp_path) as run:
-        with xmlrpc.client.ServerProxy(run.master) as master:
-            _, _, pid = master.getPid("/test")  # type: ignore[misc]
-        # Before its first tick the supervisor registers its services, and would wait for the master.
-        wait_until(lambda: read_journal(run.path / "journal.jsonl").last_ms > 0)
-        with standing_still(pid):
-            wait_until(lambda: said("ROS master stands still"))
-        wait_until(lambda: len(noted(run.path, "remark")) == 2)
-        still, again = (it["text"] for it in noted(run.path, "remark"))
-        assert still.startswith("the run's own ROS master stands still, so no ROS tool finds the run: ")
-        assert again == "the run's own ROS master answers again"
-        flown_ms = read_journal(run.path / "journal.jsonl").last_ms
-        wait_until(lambda: read_journal(run.path / "journal.jsonl").last_ms > flown_ms + 5_000)
+    def now_ms() -> int:
+        return int(read_journal(run.path / "journal.jsonl").last_ms)
+
+    with xmlrpc.client.ServerProxy(run.master) as master:
+        _, _, pid = master.getPid("/test")  # type: ignore[misc]
+    # Before its first tick the supervisor registers its services, and would wait for the master.
+    wait_until(lambda: now_ms() > 0)
+    before = len(remarks(run))
+    with standing_still(pid):
+        wait_until(lambda: said("ROS master stands still"))
+    still, again = wait_until(lambda: remarks(run)[before + 1 :] and remarks(run)[before:])
+    assert still.startswith("the run's own ROS master stands still, so no ROS tool finds the run: ")
+    assert again == "the run's own ROS master answers again"
+    flown_ms = now_ms()
+    wait_until(lambda: now_ms() > flown_ms + 5_000)
     assert said("ROS master stands still") == said("ROS master answers again") == 1
 
 
 def serving(page: str) -> int:
     """The process that listens at the page's address."""
-    found = subprocess.run(
-        ["ss", "-Hltnp", f"sport = :{urlsplit(page).port}"], capture_output=True, text=True
-    )
-    pid = re.search(r"pid=(\d+)", found.stdout)
-    assert pid, found.stdout
-    return int(pid[1])
+    found = done("ss", "-Hltnp", f"sport = :{urlsplit(page).port}").stdout
+    (pid,) = re.findall(r"pid=(\d+)", found)
+    return int(pid)
 
 
-def test_a_console_of_a_flight_that_begins_late_waits_for_it(tmp_path: Path) -> None:
-    with flown(tmp_path) as run, beside_a_late_flight(tmp_path, run.path, "console") as (late, process):
-        assert process.stdout is not None and process.stderr is not None
-        url = json.loads(process.stdout.readline())["url"]
+def test_a_console_of_a_flight_that_begins_late_waits_for_it(tmp_path: Path, run: Flown) -> None:
+    with beside_a_late_flight(tmp_path, run.path, "console") as (late, process):
+        assert process.stderr is not None
+        url = json.loads(line_of(process))["url"]
         assert "no flight began" in process.stderr.readline()
         assert "has not begun" in page_of(url)
         (late / "journal.jsonl").write_bytes((run.path / "journal.jsonl").read_bytes())
         wait_until(lambda: 'id="stop"' in page_of(url))
 
 
-def test_a_gateway_of_a_flight_that_begins_late_waits_for_it(tmp_path: Path) -> None:
-    with flown(tmp_path) as run, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as console:
+def test_a_gateway_of_a_flight_that_begins_late_waits_for_it(tmp_path: Path, run: Flown) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as console:
         console.bind(("127.0.0.1", 0))
         console.settimeout(PATIENCE_S)
         asked = ("--port", "0", "--neptus", f"127.0.0.1:{console.getsockname()[1]}")
@@ -259,22 +215,11 @@ def beside_a_late_flight(
         "from apad_bridge.records import journal; journal._BEGINS_S = 0.1; "
         "from apad_bridge.console import server; server._BEGUN_S = 0.1"
     )
-    process = subprocess.Popen(
-        [
-            sys.executable,
-            "-c",
-            f"{patience}; from apad_bridge.commands.main import main; raise SystemExit(main())",
-            *(command, late, "--json", *asked),
-        ],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    try:
+    main = f"{patience}; from apad_bridge.commands.main import main; raise SystemExit(main())"
+    with begun(
+        sys.executable, "-c", main, command, late, "--json", *asked, ends_by=signal.SIGTERM
+    ) as process:
         yield late, process
-    finally:
-        process.terminate()
-        process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 0
 
 

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import csv
 import json
-import signal
 import struct
 import subprocess
-import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -18,15 +16,11 @@ from xmlrpc.client import ServerProxy
 
 import pytest
 import websocket
-import yaml
-from graphs import wait_until
+from programs import MUSSELBED, begun, code_here, wait_until
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-from scenario_files import POOL_FILE
-
-from apad_bridge.commands.main import main
+from scenario_files import write_scenario
 
 pytestmark = pytest.mark.system
-MUSSELBED = [sys.executable, "-m", "apad_bridge.commands.main"]
 PATIENCE_S = 180.0
 IDS = range(1, 121)
 LOOKS_S = 600.0
@@ -97,18 +91,15 @@ def decoder(channel: dict[str, Any]) -> Callable[[bytes], Any]:
 @pytest.fixture
 def flight(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
     """The run, and the address of its server."""
-    scenario, out = tmp_path / "seen.yaml", tmp_path / "run"
-    data = yaml.safe_load(POOL_FILE.read_text())
-    data["fleet"].update(count=120, hosting="one_process", start={"charge": [0.5, 1.0]})
-    scenario.write_text(yaml.safe_dump(data))
-    command = [*MUSSELBED, "run", str(scenario), "--foxglove", "0", "--out", str(out)]
-    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
-    assert process.stderr is not None
-    line = next((it for it in process.stderr if "ws://" in it), "")
-    yield process, line[line.find("ws://") :].strip()
-    process.send_signal(signal.SIGINT)
-    _, told = process.communicate(timeout=PATIENCE_S)
-    assert process.returncode == 130, told
+    fleet = {"count": 120, "hosting": "one_process", "start": {"charge": [0.5, 1.0]}}
+    scenario = write_scenario(tmp_path / "seen.yaml", fleet=fleet)
+    with begun(
+        *MUSSELBED, "run", scenario, "--foxglove", 0, "--out", tmp_path / "run", stdout=None
+    ) as process:
+        assert process.stderr is not None
+        line = next((it for it in process.stderr if "ws://" in it), "")
+        yield process, line[line.find("ws://") :].strip()
+    assert process.returncode == 130
 
 
 def nodes_of(uri: str, role: int, topic: str | None = None) -> list[str]:
@@ -202,12 +193,20 @@ def test_no_tick_of_ten_minutes_comes_late(flight: tuple[subprocess.Popen[str], 
     assert late_s[-1] < 1.0
 
 
-def test_mistakes_are_told_in_a_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["run", "pool-12", "--foxglove", "8765", "--time", "asap"]) == 2
-    assert "--time asap flies without it" in capsys.readouterr().err
-    assert main(["run", "pool-12", "--foxglove", "65536"]) == 2
-    assert "0 to 65535" in capsys.readouterr().err
-    assert main(["foxglove", str(tmp_path), "--port", "0"]) == 2
-    assert "no run: it has no scenario.yaml" in capsys.readouterr().err
-    assert main(["foxglove", str(tmp_path), "--host", "192.0.2.1"]) == 2
-    assert "cannot listen on 192.0.2.1 port 8765: Cannot assign requested address" in capsys.readouterr().err
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("run", "pool-12", "--foxglove", 8765, "--time", "asap"), "--time asap flies without it"),
+        (("run", "pool-12", "--foxglove", 65536), "0 to 65535"),
+        (("foxglove", ".", "--port", 0), "no run: it has no scenario.yaml"),
+        (
+            ("foxglove", ".", "--host", "192.0.2.1"),
+            "cannot listen on 192.0.2.1 port 8765: Cannot assign requested address",
+        ),
+    ],
+)
+def test_mistakes_are_told_in_a_line(
+    words: tuple[object, ...], told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert code_here(*words) == 2
+    assert told in capsys.readouterr().err

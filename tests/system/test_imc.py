@@ -4,27 +4,20 @@ from __future__ import annotations
 
 import json
 import math
-import os
-import signal
 import socket
-import subprocess
-import sys
-import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
 from imc_codec import Codec, header_of, name_of
-from journals import lines_in
+from programs import MUSSELBED, begun, lines_of, wait_until
+from scenario_files import write_scenario
 
 from apad_bridge.scenario.area.local_frame import LocalFrame
 
 pytestmark = pytest.mark.system
-ROOT = Path(__file__).parents[2]
-MUSSELBED = [sys.executable, "-m", "apad_bridge.commands.main"]
 PATIENCE_S = 180.0
 NEPTUS = 0x4001
 USV = 3
@@ -101,33 +94,18 @@ def console(codec: Codec) -> Iterator[Console]:
 @pytest.fixture
 def run_dir(tmp_path: Path, console: Console) -> Iterator[Path]:
     """Six aMussels in a fenced pool, flown over ROS ten times faster than real time, with a gateway beside the run."""
-    data = yaml.safe_load((ROOT / "launch_scripts/scenarios/pool-12.yaml").read_text())
-    data.update(name="imc", duration_s=20_000, theta=1)
-    data["fleet"].update(count=6, start={"charge": [0.9, 1.0]})
-    data["area"]["fence"] = [[-2, -2], [30, -2], [30, 23], [-2, 23]]
-    path, out = tmp_path / "imc.yaml", tmp_path / "run"
-    path.write_text(yaml.safe_dump(data))
-    host, port = console.link.getsockname()
-    process = subprocess.Popen(
-        [
-            *(*MUSSELBED, "run", path, "--speed", "10", "--out", out, "--json"),
-            *("--imc", "--imc-port", "0", "--neptus", f"{NEPTUS:#x}@{host}:{port}"),
-        ],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        cwd=ROOT,
-        env=os.environ,
+    path = write_scenario(
+        tmp_path / "imc.yaml",
+        duration_s=20_000,
+        theta=1,
+        fleet={"count": 6, "start": {"charge": [0.9, 1.0]}},
+        area={"fence": [[-2, -2], [30, -2], [30, 23], [-2, 23]]},
     )
-    yield out
-    if process.poll() is None:
-        process.send_signal(signal.SIGINT)
-    process.communicate(timeout=PATIENCE_S)
+    host, port = console.link.getsockname()
+    fly = (*MUSSELBED, "run", path, "--speed", 10, "--out", tmp_path / "run", "--json")
+    with begun(*fly, "--imc", "--imc-port", 0, "--neptus", f"{NEPTUS:#x}@{host}:{port}") as process:
+        yield tmp_path / "run"
     assert process.returncode in (0, 130)
-
-
-def journalled(run_dir: Path, kind: str) -> list[dict[str, Any]]:
-    return [line for line in lines_in(run_dir / "journal.jsonl") if line["kind"] == kind]
 
 
 def test_a_scripted_console_watches_a_run_moves_the_apad_inside_the_fence_alone_and_aborts(
@@ -177,12 +155,12 @@ def test_a_scripted_console_watches_a_run_moves_the_apad_inside_the_fence_alone_
         "LogBookEntry", lambda it: it.text.startswith("the mission ended: a call: abort by IMC")
     )
     console.await_message("PlanControlState", lambda it: it.state == 0)
-    orders = [(it["order"], it["by"]) for it in journalled(run_dir, "operator")]
+    orders = [(it["order"], it["by"]) for it in lines_of(run_dir, "operator")]
     assert orders == [(it, "IMC 0x4001") for it in ("go to", "go to", "stop", "hold", "abort")]
 
-    assert [it["guard"] for it in journalled(run_dir, "refused")] == ["fence"]
+    assert [it["guard"] for it in lines_of(run_dir, "refused")] == ["fence"]
     # The mission lost the aPad to the first accepted order, and not before.
-    assert [it["t"] for it in journalled(run_dir, "override")] == [journalled(run_dir, "operator")[0]["t"]]
+    assert [it["t"] for it in lines_of(run_dir, "override")] == [lines_of(run_dir, "operator")[0]["t"]]
 
     (log,) = run_dir.glob("imc/*/*/Data.lsf")
 
@@ -190,10 +168,7 @@ def test_a_scripted_console_watches_a_run_moves_the_apad_inside_the_fence_alone_
         return [it for it in console.codec.read_log(log.read_bytes()) if name_of(it) == "Abort"]
 
     # The log is written at each heartbeat, and the summary after the journal's last line.
-    deadline_s, pause = time.monotonic() + PATIENCE_S, threading.Event()
-    while not (aborts() and (run_dir / "summary.json").exists()):
-        assert time.monotonic() < deadline_s
-        pause.wait(0.1)
+    wait_until(lambda: aborts() and (run_dir / "summary.json").exists())
     assert {header_of(it).src for it in aborts()} == {NEPTUS}
     times_s = [header_of(it).timestamp for it in console.codec.read_log(log.read_bytes())]
     assert len(times_s) > 100 and times_s == sorted(times_s)

@@ -5,20 +5,18 @@ from __future__ import annotations
 import json
 import os
 import re
-import signal
 import subprocess
 import sys
-import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
-import yaml
 from layout_topics import named_topics
+from programs import begun, done, lines_of, wait_until
 from rosbags.rosbag1 import Reader
-from scenario_files import POOL_FILE
+from scenario_files import write_scenario
 
 from apad_bridge.doctor.graph import Graph
 from apad_bridge.doctor.network import Unreachable
@@ -34,7 +32,6 @@ from apad_bridge.viewers.layouts.kinds import KINDS
 pytestmark = pytest.mark.system
 ROOT = Path(__file__).parents[2]
 LAUNCH = ROOT / "launch_scripts"
-PATIENCE_S = 180.0
 SPACES = {"basin": "basin", "lab/harbour": "harbour"}
 """Each with the folder of its run. The aPad of the first, of generation A, has a global name; the other's is relative."""
 
@@ -76,76 +73,58 @@ def environment(tmp_path: Path) -> dict[str, str]:
 
 @contextmanager
 def launched(folder: Path, environment: dict[str, str]) -> Iterator[subprocess.Popen[str]]:
-    data = yaml.safe_load(POOL_FILE.read_text())
-    data |= {"name": "short", "duration_s": 36_000, "theta": 600}
     starts = ["id,north,east,battery", *(f"{n},{13 + n / 2},11,0.6" for n in (1, 2, 3))]
     (folder / "three.csv").write_text("\n".join(starts) + "\n")
-    data["fleet"]["start"] = "three.csv"
-    data["mission"].update(batch=2)
-    data["mission"]["docking"].update(dock_s=3, undock_s=1)
-    data["board"]["float_timeout_s"] = 432000
-    (folder / "relative.yaml").write_text(yaml.safe_dump(data))
-    data["apad"]["name"] = "/apad1"
-    (folder / "global.yaml").write_text(yaml.safe_dump(data))
-    (folder / "two.launch").write_text(LAUNCHED.format(launch=LAUNCH, folder=folder))
-    port = environment["ROS_MASTER_URI"].rpartition(":")[2]
-    with (folder / "roslaunch.log").open("w") as log:
-        child = subprocess.Popen(
-            ["roslaunch", "-p", port, str(folder / "two.launch")],
-            env=environment,
-            cwd=folder,
-            stdout=log,
-            stderr=subprocess.STDOUT,
-            text=True,
+    for name, apad in (("relative", "apad1"), ("global", "/apad1")):
+        write_scenario(
+            folder / f"{name}.yaml",
+            duration_s=36_000,
+            theta=600,
+            fleet={"count": 3, "start": str(folder / "three.csv")},
+            mission={"batch": 2, "docking": {"dock_s": 3, "undock_s": 1}},
+            board={"float_timeout_s": 432000},
+            apad={"name": apad},
         )
-        try:
-            yield child
-        finally:
-            child.send_signal(signal.SIGINT)
-            child.wait(PATIENCE_S)
+    (folder / "two.launch").write_text(LAUNCHED.format(launch=LAUNCH, folder=folder))
+    command = ("roslaunch", "-p", environment["ROS_MASTER_URI"].rpartition(":")[2], folder / "two.launch")
+    there: dict[str, Any] = {"env": environment, "cwd": folder}
+    with (
+        (folder / "roslaunch.log").open("w") as log,
+        begun(*command, **there, stdout=log, stderr=log) as child,
+    ):
+        yield child
 
 
 def graph_of(uri: str, child: subprocess.Popen[str]) -> tuple[dict[str, list[str]], dict[str, str]]:
     """Nodes by topics and services, and types by topics, once both fleets are on the graph."""
-    until_s, pause = time.monotonic() + PATIENCE_S, threading.Event()
-    while time.monotonic() < until_s and child.poll() is None:
+    found: dict[str, list[str]] = {}
+
+    def both() -> Graph | None:
         try:
             graph = Graph.read(uri)
         except Unreachable:
-            pause.wait(0.1)
-            continue
-        found: dict[str, list[str]] = {}
-        for part in (graph.publishers, graph.subscribers, graph.services):
-            for name, nodes in part.items():
-                found.setdefault(name, []).extend(nodes)
+            return None
         # What a supervisor offers last.
-        if all(f"/{space}/musselbed/apad1/give_back" in found for space in SPACES):
-            return found, graph.types
-        pause.wait(0.1)
-    raise AssertionError("they never came to be on one graph")
+        return (
+            graph
+            if all(f"/{space}/musselbed/apad1/give_back" in graph.services for space in SPACES)
+            else None
+        )
+
+    graph = wait_until(both, child, why="they never came to be on one graph")
+    for part in (graph.publishers, graph.subscribers, graph.services):
+        for name, nodes in part.items():
+            found.setdefault(name, []).extend(nodes)
+    return found, graph.types
 
 
 def charged(run: Path) -> int:
     """Counts the aMussels that have charged."""
-    return len(
-        set(
-            re.findall(
-                r'"kind":"truth","id":(\d+),[^}]*"state":"CHARGING"', (run / "journal.jsonl").read_text()
-            )
-        )
-    )
+    return len({it["id"] for it in lines_of(run, "truth") if it["state"] == "CHARGING"})
 
 
-def tool(environment: dict[str, str], *command: str) -> str:
-    done = subprocess.run(
-        [f"/usr/bin/{command[0]}", *command[1:]],
-        env=environment,
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE_S,
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+def tool(environment: dict[str, str], *command: str | int) -> str:
+    return done(f"/usr/bin/{command[0]}", *command[1:], env=environment).stdout
 
 
 OF_ROSPY = re.compile(r".*/(?:get_loggers|set_logger_level|tf2_frames)|/rosout(?:_agg)?")
@@ -220,23 +199,16 @@ def test_two_fleets_with_the_same_ids_side_by_side(tmp_path: Path, environment: 
             re.findall(r'child_frame_id: "(.*)"', frames)
         )
         # Docked by whole names: a contact that is told to another namespace charges nobody here.
-        log = tmp_path / "roslaunch.log"
-        wait_until(lambda: all(charged(tmp_path / folder) >= 2 for folder in SPACES.values()), child, log)
+        wait_until(lambda: all(charged(tmp_path / folder) >= 2 for folder in SPACES.values()), child)
         for space in SPACES:
             assert "success: True" in tool(
                 environment, "rosservice", "call", f"/{space}/musselbed/apad1/abort"
             )
-        wait_until(lambda: log.read_text().count("process has finished cleanly") == len(SPACES), child, log)
+        log, clean = tmp_path / "roslaunch.log", "process has finished cleanly"
+        wait_until(lambda: log.read_text().count(clean) == len(SPACES), child)
     for space, folder in SPACES.items():
         summary = json.loads((tmp_path / folder / "summary.json").read_text())
         assert summary["ended_by"].startswith("a call: abort by node ") and summary["agents"] == 3
         assert json.loads((tmp_path / folder / "run.json").read_text())["namespace"] == space
         with Reader(tmp_path / folder / "run.bag") as bag:
             assert "/musselbed/beliefs" in {it.topic for it in bag.connections}
-
-
-def wait_until(met: Callable[[], bool], child: subprocess.Popen[str], log: Path) -> None:
-    until_s, pause = time.monotonic() + PATIENCE_S, threading.Event()
-    while not met():
-        assert child.poll() is None and time.monotonic() < until_s, log.read_text()
-        pause.wait(0.1)

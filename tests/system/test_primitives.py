@@ -1,29 +1,18 @@
 """Mission primitives over ROS, by whoever calls: a person's command line, a program's actions, a script of ours."""
 
 import json
-import os
 import re
-import signal
-import subprocess
 import sys
-import threading
-import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
-from journals import lines_in
-from scenario_files import POOL_FILE
+from programs import MUSSELBED, ROOT, Begin, done, ended_well, lines_of, musselbed, wait_until
+from scenario_files import write_scenario
 
 from apad_bridge.ros.system.master import loopback_environment
 
 pytestmark = pytest.mark.system
-
-ROOT = Path(__file__).parents[2]
-MUSSELBED = [sys.executable, "-m", "apad_bridge.commands.main"]
-PATIENCE_S = 180.0
 
 CLIENT = """
 import json, sys, threading, time
@@ -89,83 +78,39 @@ SUCCEEDED, PREEMPTED = 3, 2
 
 @pytest.fixture
 def scenario(tmp_path: Path) -> Path:
-    data = yaml.safe_load(POOL_FILE.read_text())
-    data.update(name="called", duration_s=36_000, theta=600)
-    data["fleet"].update(count=3, start={"charge": [0.5, 0.75]}, hosting="one_process")
-    data["area"]["polygon_m"] = [[0, 0], [6, 0], [6, 4], [0, 4]]
-    data["apad"]["start_m"] = [12, 2]
-    data["mission"]["docking"].update(dock_s=3, undock_s=1)
-    data["board"]["float_timeout_s"] = 432000
-    path = tmp_path / "called.yaml"
-    path.write_text(yaml.safe_dump(data))
-    return path
-
-
-@pytest.fixture
-def flights(tmp_path: Path) -> Iterator[list[subprocess.Popen[str]]]:
-    started: list[subprocess.Popen[str]] = []
-    yield started
-    for process in started:
-        if process.poll() is None:
-            process.send_signal(signal.SIGINT)
-        process.communicate(timeout=PATIENCE_S)
-
-
-def start(flights: list[subprocess.Popen[str]], *words: object) -> subprocess.Popen[str]:
-    process = subprocess.Popen(
-        [*MUSSELBED, *map(str, words)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT
+    return write_scenario(
+        tmp_path / "called.yaml",
+        duration_s=36_000,
+        theta=600,
+        fleet={"count": 3, "start": {"charge": [0.5, 0.75]}, "hosting": "one_process"},
+        area={"polygon_m": [[0, 0], [6, 0], [6, 4], [0, 4]]},
+        apad={"start_m": [12, 2]},
+        mission={"docking": {"dock_s": 3, "undock_s": 1}},
+        board={"float_timeout_s": 432000},
     )
-    flights.append(process)
-    return process
 
 
-def graph_of(run: Path, tmp_path: Path) -> dict[str, str]:
-    """The environment in which the run's own master is found, once it flies."""
-    until_s, poller = time.monotonic() + PATIENCE_S, threading.Event()
-    while not ((run / "journal.jsonl").exists() and '"mission"' in (run / "journal.jsonl").read_text()):
-        assert time.monotonic() < until_s, "the flight does not begin"
-        poller.wait(0.05)
-    uri = json.loads((run / "run.json").read_text())["master_uri"]
-    return {**os.environ, **loopback_environment(tmp_path / "ros", uri)}
-
-
-def finished(process: subprocess.Popen[str]) -> dict[str, Any]:
-    out, error = process.communicate(timeout=PATIENCE_S)
-    assert process.returncode == 0, error
-    summary: dict[str, Any] = json.loads(out)
-    return summary
-
-
-def test_an_apad_is_flown_by_calls(
-    scenario: Path, tmp_path: Path, flights: list[subprocess.Popen[str]]
-) -> None:
+def test_an_apad_is_flown_by_calls(scenario: Path, tmp_path: Path, begin: Begin) -> None:
     run = tmp_path / "run"
-    flight = start(
-        flights, "run", scenario, "--manual", "--generation", "b", "--speed", 30, "--out", run, "--json"
-    )
-    environment = graph_of(run, tmp_path)
+    options = ("--manual", "--generation", "b", "--speed", 30, "--out", run, "--json")
+    flight = begin(*MUSSELBED, "run", scenario, *options)
+    wait_until(lambda: lines_of(run, "mission"), flight)
+    uri = json.loads((run / "run.json").read_text())["master_uri"]
+    environment = loopback_environment(tmp_path / "ros", uri)
     # Debian's own rosservice, in a shell that sourced setup.bash, with every line of the page.
     calls = re.findall(r"^    (rosservice call .*)$", (ROOT / "docs/apads.md").read_text(), re.MULTILINE)
     script = "; ".join([f"source '{ROOT}/launch_scripts/setup.bash'", *calls])
-    called = subprocess.run(
-        ["bash", "-c", script], env=environment, capture_output=True, text=True, timeout=PATIENCE_S
-    )
+    called = done("bash", "-c", script, env=environment, code=None)
     assert called.stdout.count("accepted: True") == 4, called.stdout + called.stderr
     assert called.stdout.count("success: True") == 2
     assert len(calls) == 9 and "aMussel 7 never reported" in called.stdout
     assert "no mission to which to give the aPad back" in called.stdout
     # A stop by a service is a person's: numbered, taken by the vehicle, and in force until `continue`.
     assert "stop 1: hold, " in called.stdout
-    journal = lines_in(run / "journal.jsonl")
-    assert [it["order"] for it in journal if it["kind"] == "operator"] == ["stop", "continue"]
-    agent = journal[0]["agents"][0]
+    assert [it["order"] for it in lines_of(run, "operator")] == ["stop", "continue"]
+    agent = lines_of(run)[0]["agents"][0]
     where = [agent["id"], agent["north_m"], agent["east_m"]]
-    client = subprocess.run(
-        [sys.executable, "-c", CLIENT, *map(str, where)],
-        env=environment, capture_output=True, text=True, timeout=PATIENCE_S, cwd=ROOT,
-    )  # fmt: skip
-    assert client.returncode == 0, client.stderr
-    told = json.loads(client.stdout.splitlines()[-1])
+    told = json.loads(done(sys.executable, "-c", CLIENT, *where, env=environment).stdout.splitlines()[-1])
     assert told["too_far"][0] is False and "go there first" in told["too_far"][1]
     assert told["nowhere"][0] is False and "latitude" in told["nowhere"][1]
     assert told["went"] == [SUCCEEDED, 3, ""]
@@ -175,18 +120,12 @@ def test_an_apad_is_flown_by_calls(
     assert told["empty"] == [False, "dock 2 is empty"]
     assert told["cancelled"] == [PREEMPTED, 2, "cancelled"]
     assert told["ended"] is True
-    assert finished(flight)["ended_by"] == "a call: abort by node /somebody"
-    docks = [
-        (it["dock"], it["agent"], it["closed"])
-        for it in lines_in(run / "journal.jsonl")
-        if it["kind"] == "dock"
-    ]
+    assert json.loads(ended_well(flight)[0])["ended_by"] == "a call: abort by node /somebody"
+    docks = [(it["dock"], it["agent"], it["closed"]) for it in lines_of(run, "dock")]
     assert docks == [(1, agent["id"], True), (1, agent["id"], False)]
 
 
-def test_a_script_flies_over_ros_as_in_virtual_time(
-    scenario: Path, tmp_path: Path, flights: list[subprocess.Popen[str]]
-) -> None:
+def test_a_script_flies_over_ros_as_in_virtual_time(scenario: Path, tmp_path: Path) -> None:
     script = tmp_path / "serve.py"
     script.write_text(
         "worst = min(api.agents() or [1, 2, 3], key=api.battery)\n"
@@ -195,16 +134,12 @@ def test_a_script_flies_over_ros_as_in_virtual_time(
         "    api.deploy(worst)\n"
         "print('served', worst, api.docks()[1])\n"
     )
-    flown = []
-    for n, how in enumerate((("--time", "asap"), ("--speed", "30"))):
+    flown: list[Any] = []
+    for n, how in enumerate((("--time", "asap"), ("--speed", 100))):
         run = tmp_path / f"run-{n}"
-        flight = start(flights, "script", script, "--scenario", scenario, *how, "--out", run, "--json")
-        summary = finished(flight)
+        done = musselbed("script", script, "--scenario", scenario, *how, "--out", run, "--json")
+        summary = json.loads(done.stdout)
         assert (summary["ended_by"], summary["services"]) == ("the script's end", 1)
-        lines = lines_in(run / "journal.jsonl")
-        flown.append(
-            [(it["agent"], it["closed"]) for it in lines if it["kind"] == "dock"]
-            + [it["said"] for it in lines if it["kind"] == "script"]
-        )
-    assert flown[0] == flown[1]
-    assert len(flown[0]) == 3
+        flown.append([(it["agent"], it["closed"]) for it in lines_of(run, "dock")])
+        flown[-1] += [it["said"] for it in lines_of(run, "script")]
+    assert flown[0] == flown[1] and len(flown[0]) == 3

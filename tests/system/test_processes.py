@@ -7,30 +7,32 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import closing
 from itertools import accumulate
 from pathlib import Path
+from typing import Any
 
 import pytest
-from fleets import PAPER
+from fleets import KILL, PAPER, Story, command, deaths, fly, heard
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from killing import gone, kill_9, standing_still
+from programs import processes_of
 
-from agents.coordinator import AgentDied, Coordinator
+from agents.coordinator import Coordinator
 from agents.fleet import resting_on_bottom
 from agents.hosting.host import Grant, Host, Reply
 from agents.hosting.in_process import InProcessHost
 from agents.hosting.link_protocol import LIMIT_BYTES, WindowGrant, readable
 from agents.hosting.process_host import Fenced, ProcessHost
-from agents.mussel.outputs import Output, Truth, WifiSent
-from agents.mussel.stimuli import AgentStimulus, ContactClosed, ContactOpened, DockMoved, SoundArrived
+from agents.mussel.outputs import Truth, WifiSent
+from agents.mussel.stimuli import ContactClosed, ContactOpened, DockMoved
 from agents.nursery import protocol
 from agents.nursery.fleet_file import PHYSICAL_NAME, RestartPolicy
 from agents.nursery.launch import NurseryFailed, StartedNursery, launch_nursery, prepare
 from agents.nursery.state_file import RING_BYTES
 from agents.time_scale import TimeScale
-from firmware_model.packets import CommandPacket, Kind
-from firmware_model.packets.codec import MusselbedCodec
+from firmware_model.packets import Kind
 from firmware_model.power.charge import Flow
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
@@ -45,59 +47,31 @@ BIRTHS = {agent_id: resting_on_bottom(0.0, agent_id, 3.0, 0.3, 1.0) for agent_id
 PATIENT = RestartPolicy(restarts=1000)
 
 
-def command(kind: Kind, agent_id: int) -> SoundArrived:
-    return SoundArrived(MusselbedCodec().encode(CommandPacket(kind, agent_id)))
-
-
 def coordinator(host: Host) -> Coordinator:
     return Coordinator(host, dict.fromkeys(IDS, 0), TimeScale(THETA))
 
 
+def started(folder: Path, policy: RestartPolicy = PATIENT, **options: Any) -> ProcessHost:
+    """With a watchdog that lets a busy machine take its time."""
+    options = {"window_timeout_s": PATIENCE_S, "restart_policy": policy} | options
+    return ProcessHost.start(folder, FLEET, BIRTHS, **options)
+
+
 @pytest.fixture
 def host(tmp_path: Path) -> Iterator[ProcessHost]:
-    """With a watchdog that lets a busy machine take its time."""
-    started = ProcessHost.start(tmp_path, FLEET, BIRTHS, window_timeout_s=PATIENCE_S, restart_policy=PATIENT)
-    yield started
-    started.close()
-    assert gone(started.nursery_pid)
+    with closing(started(tmp_path)) as host:
+        yield host
+    assert gone(host.nursery_pid)
 
 
 EVENTS = st.one_of(
-    st.just("kill"),
+    st.just(KILL),
     st.sampled_from([ContactClosed(1, 2), DockMoved(9, 9), ContactOpened()]),
     st.sampled_from(
         [command(kind, agent_id) for kind in (Kind.PERMISSION, Kind.RELEASE) for agent_id in IDS]
     ),
 )
 STORIES = st.lists(st.tuples(st.integers(0, 20), st.sampled_from(IDS), EVENTS), max_size=12)
-Story = list[tuple[int, int, AgentStimulus | str]]
-
-
-def fly(
-    host: InProcessHost | ProcessHost, story: Story, steps_ms: list[int]
-) -> tuple[list[Output | AgentDied], list[Truth]]:
-    """Windows of the given lengths; an event of step k comes before that window, a kill as kill -9."""
-    clock = coordinator(host)
-    came: list[Output | AgentDied] = []
-    told: list[Truth] = []
-    now_ms = 0
-    for step, length_ms in enumerate([0, *steps_ms]):
-        now_ms += length_ms
-        for _, agent_id, event in (entry for entry in story if entry[0] == step):
-            if isinstance(event, str):
-                kill(host, agent_id)
-            else:
-                clock.receive(agent_id, event, now_ms)
-        came += clock.advance(now_ms)
-        told += host.take_truths()
-    return came, told
-
-
-def kill(host: InProcessHost | ProcessHost, agent_id: int) -> None:
-    if isinstance(host, InProcessHost):
-        host.kill(agent_id)
-    elif agent_id in host.pids:
-        kill_9(host.pids[agent_id])  # perhaps killed before, and not granted since
 
 
 @settings(max_examples=12, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
@@ -105,18 +79,9 @@ def kill(host: InProcessHost | ProcessHost, agent_id: int) -> None:
 def test_one_process_and_many_give_the_same_trace(
     tmp_path_factory: pytest.TempPathFactory, story: Story, steps_ms: list[int]
 ) -> None:
-    many = ProcessHost.start(
-        tmp_path_factory.mktemp("run"),
-        FLEET,
-        BIRTHS,
-        window_timeout_s=PATIENCE_S,
-        restart_policy=PATIENT,
-    )
-    try:
-        assert fly(many, story, steps_ms) == fly(InProcessHost(FLEET, BIRTHS), story, steps_ms)
+    with closing(started(tmp_path_factory.mktemp("run"))) as many:
+        assert fly(many, IDS, story, steps_ms) == fly(InProcessHost(FLEET, BIRTHS), IDS, story, steps_ms)
         assert not many.dropped
-    finally:
-        many.close()
 
 
 @settings(max_examples=12, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
@@ -130,41 +95,26 @@ def test_agents_that_run_ahead_give_the_same_trace(
     """A kill is noticed as soon as the killed agent's windows are used up: the death's time says when."""
     # A death at 0 ms may be of the first window or of the second.
     story = [entry for entry in story if entry[0] > 0]
-    ahead = ProcessHost.start(
-        tmp_path_factory.mktemp("run"),
-        FLEET,
-        BIRTHS,
-        window_timeout_s=PATIENCE_S,
-        restart_policy=PATIENT,
-        looks_ahead=True,
-    )
-    try:
-        came, told = fly(ahead, story, steps_ms)
+    with closing(started(tmp_path_factory.mktemp("run"), looks_ahead=True)) as ahead:
+        came, told = fly(ahead, IDS, story, steps_ms)
         assert not ahead.dropped
-    finally:
-        ahead.close()
     ends_ms = [THETA * end_ms for end_ms in accumulate(steps_ms, initial=0)]
     noticed: Story = [
-        (next(step for step, end_ms in enumerate(ends_ms) if end_ms > it.agent_ms), it.agent_id, "kill")
-        for it in came
-        if isinstance(it, AgentDied)
+        (next(step for step, end_ms in enumerate(ends_ms) if end_ms > it.agent_ms), it.agent_id, KILL)
+        for it in deaths(came)
     ]
-    facts = [entry for entry in story if entry[2] != "kill"]
-    assert (came, told) == fly(InProcessHost(FLEET, BIRTHS), [*noticed, *facts], steps_ms)
+    facts = [entry for entry in story if entry[2] != KILL]
+    assert (came, told) == fly(InProcessHost(FLEET, BIRTHS), IDS, [*noticed, *facts], steps_ms)
 
 
 def test_few_messages_pass_while_nothing_happens(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    ahead = ProcessHost.start(tmp_path, FLEET, BIRTHS, looks_ahead=True)
-    try:
+    with closing(started(tmp_path, looks_ahead=True)) as ahead:
         asked: list[dict[int, bytes]] = []
         ask = ahead.links.ask
         monkeypatch.setattr(ahead.links, "ask", lambda key, frames: asked.append(frames) or ask(key, frames))
         clock = coordinator(ahead)
-        heard = [it for now_s in range(101) for it in clock.advance(1000 * now_s) if isinstance(it, Output)]
-        assert len(heard) == 3 * 100
+        assert len(heard(it for now_s in range(101) for it in clock.advance(1000 * now_s))) == 3 * 100
         assert len(asked) == 1
-    finally:
-        ahead.close()
 
 
 def last_truths(truths: list[Truth]) -> dict[int, Truth]:
@@ -187,78 +137,39 @@ def test_kill_9_in_mid_charge_boots_and_charges_on(host: ProcessHost) -> None:
     assert before.state is State.CHARGING
     old_pid = host.pids[8]
     kill_9(old_pid)
-    came = clock.advance(20_000)
-    died = [it for it in came if isinstance(it, AgentDied)]
+    died = deaths(clock.advance(20_000))
     assert [(it.agent_id, it.agent_ms, it.cause, it.reason, it.gave_up) for it in died] == [
         (8, 300_000, ResetCause.BROWN_OUT, "killed by SIGKILL", None)
     ]
     mine = [truth for truth in host.take_truths() if truth.agent_id == 8]
-    assert [(truth.at_ms, truth.state) for truth in mine] == [
-        (300_000, State.BOOTING),
-        (302_000, State.CHARGING),
-    ]
-    assert all(
-        truth.physical == before.physical for truth in mine
-    )  # its battery's anchor and its place went on
+    assert [(it.at_ms, it.state) for it in mine] == [(300_000, State.BOOTING), (302_000, State.CHARGING)]
+    # Its battery's anchor and its place went on.
+    assert all(truth.physical == before.physical for truth in mine)
     assert mine[-1].physical.primary.flow is Flow.CHARGING
     assert host.pids[8] != old_pid and gone(old_pid)
 
 
-def test_an_idle_death_is_seen_in_the_next_window(host: ProcessHost) -> None:
-    clock = coordinator(host)
-    clock.advance(1_000)
-    pids = dict(host.pids)
-    for agent_id in IDS:
-        kill_9(pids[agent_id])
-    died = [it.agent_id for it in clock.advance(2_000) if isinstance(it, AgentDied)]
-    assert died == sorted(IDS)
-
-
-def test_a_stopped_agent_is_killed_by_the_watchdog(tmp_path: Path) -> None:
-    host = ProcessHost.start(tmp_path, FLEET, BIRTHS, window_timeout_s=3.0, restart_policy=PATIENT)
-    try:
-        clock = coordinator(host)
-        clock.advance(1_000)
-        host.take_truths()
-        with standing_still(host.pids[21]):
-            came = clock.advance(2_000)
-    finally:
-        host.close()
-    died = [it for it in came if isinstance(it, AgentDied)]
-    assert [(it.agent_id, it.cause, it.reason) for it in died] == [
-        (21, ResetCause.WATCHDOG, "no answer within 3 s: killed by the watchdog")
-    ]
-    assert sorted(it.agent_id for it in came if isinstance(it, Output)) == [3, 8, 21]
-
-
-@pytest.mark.parametrize(
-    "data", [b"", b"\xc1garbage", bytes(LIMIT_BYTES + 1)], ids=["empty", "garbage", "oversized"]
-)
-def test_a_bad_message_to_an_agent_disturbs_nothing(host: ProcessHost, data: bytes) -> None:
+def test_bad_messages_disturb_nothing(host: ProcessHost, tmp_path: Path) -> None:
+    """Of whoever sends them to an agent or to the nursery, which starts no stranger and nobody twice."""
     reference = InProcessHost(FLEET, BIRTHS)
     mine, theirs = coordinator(host), coordinator(reference)
     assert mine.advance(1_000) == theirs.advance(1_000)
-    host.links.link(3).send(data)
-    assert mine.advance(2_000) == theirs.advance(2_000)
-    assert host.take_truths() == reference.take_truths()
-    assert sum(host.dropped.values()) == 1
-    assert next(iter(host.dropped)).startswith("refused: ")
-
-
-def test_a_bad_message_to_the_nursery_disturbs_nothing(host: ProcessHost, tmp_path: Path) -> None:
-    clock = coordinator(host)
+    bad = [b"", b"\xc1garbage", bytes(LIMIT_BYTES + 1)]
+    for n, data in enumerate(bad, start=2):
+        host.links.link(3).send(data)
+        assert mine.advance(1_000 * n) == theirs.advance(1_000 * n)
+    assert sum(host.dropped.values()) == 3 and all(it.startswith("refused: ") for it in host.dropped)
     with protocol.connect(str(tmp_path), 5.0) as guest:
-        for data in (b"\xc1garbage", bytes(LIMIT_BYTES + 1), protocol.encode(protocol.End())):
+        for data in (*bad[1:], protocol.encode(protocol.End())):
             guest.send(data)
             answer = protocol.receive(guest)
             assert answer is not None and isinstance(answer[0], protocol.StartRefused)
-    assert len(clock.advance(1_000)) == 3
-
-
-def test_unknown_and_living_aMussels_are_not_started(host: ProcessHost) -> None:
     assert host.restart(99, 0, ResetCause.BROWN_OUT) == "aMussel 99 is not of this fleet"
     assert host.restart(8, 0, ResetCause.BROWN_OUT) == f"aMussel 8 lives already, as process {host.pids[8]}"
-    assert len(coordinator(host).advance(1_000)) == 3
+    with pytest.raises(NurseryFailed, match="another nursery"):
+        launch_nursery(tmp_path)
+    assert mine.advance(5_000) == theirs.advance(5_000)
+    assert host.take_truths() == reference.take_truths()
 
 
 def test_ids_and_fleets_that_cannot_be(tmp_path: Path) -> None:
@@ -269,12 +180,6 @@ def test_ids_and_fleets_that_cannot_be(tmp_path: Path) -> None:
         prepare(tmp_path, FLEET, BIRTHS)
 
 
-def test_a_second_nursery_has_no_place_in_a_run_directory(host: ProcessHost, tmp_path: Path) -> None:
-    with pytest.raises(NurseryFailed, match="another nursery"):
-        launch_nursery(tmp_path)
-    assert len(coordinator(host).advance(1_000)) == 3
-
-
 def test_a_nursery_that_nobody_waits_for_any_more_is_ended(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -282,20 +187,20 @@ def test_a_nursery_that_nobody_waits_for_any_more_is_ended(
 
     def interrupted(reading: int, timeout_s: float) -> bool:
         # Not before it speaks: for a moment after it was begun, a process has no command line to be known by.
-        assert readable(reading, timeout_s) and running_for(tmp_path) != []
+        assert readable(reading, timeout_s) and processes_of(tmp_path)
         raise KeyboardInterrupt
 
     monkeypatch.setattr("agents.nursery.launch.readable", interrupted)
     with pytest.raises(KeyboardInterrupt):
         launch_nursery(tmp_path)
-    assert running_for(tmp_path) == []
+    assert not processes_of(tmp_path)
 
 
 def test_a_nursery_is_ended_only_as_long_as_its_starter_has_not_waited_for_it(tmp_path: Path) -> None:
     prepare(tmp_path, FLEET, BIRTHS)
     abandoned = StartedNursery(tmp_path)
     abandoned.end()
-    assert running_for(tmp_path) == []
+    assert not processes_of(tmp_path)
     waited_for = StartedNursery(tmp_path)
     process = waited_for.ready()
     try:
@@ -306,50 +211,25 @@ def test_a_nursery_is_ended_only_as_long_as_its_starter_has_not_waited_for_it(tm
         process.wait()
 
 
-def running_for(run_dir: Path) -> list[str]:
-    """The processes that were started with this run directory, by number."""
-    return [
-        it.name
-        for it in Path("/proc").iterdir()
-        if it.name.isdigit() and it.name != str(os.getpid()) and str(run_dir).encode() in command_line(it)
-    ]
-
-
-def command_line(process: Path) -> bytes:
-    try:
-        return (process / "cmdline").read_bytes()
-    except OSError:  # it has ended
-        return b""
-
-
-def killed_each_second(run_dir: Path, restart_policy: RestartPolicy, kills: int) -> list[str | None]:
-    """Kills aMussel 3 in each of so many ticks; why it stays dead, by tick. A tick is 30 s of its time, boots included."""
-    host = ProcessHost.start(run_dir, FLEET, BIRTHS, restart_policy=restart_policy)
-    try:
+@pytest.mark.parametrize(("settled_s", "kills"), [(600.0, 3), (RestartPolicy().settled_s, 5)])
+def test_an_agent_that_dies_at_once_again_and_again_stays_dead_and_one_that_lived_in_between_does_not(
+    tmp_path: Path, settled_s: float, kills: int
+) -> None:
+    """Killed in each tick, which is 30 s of its time, boots included."""
+    with closing(started(tmp_path, RestartPolicy(restarts=2, settled_s=settled_s))) as host:
         clock = coordinator(host)
         gave_up: list[str | None] = []
         for second in range(1, kills + 1):
             kill_9(host.pids[3])
-            gave_up += [it.gave_up for it in clock.advance(second * 1_000) if isinstance(it, AgentDied)]
-        alive = [3, 8, 21] if gave_up[-1] is None else [8, 21]
-        assert clock.agent_ids == alive
-        assert len(clock.advance(1_000 * (kills + 1))) == len(alive)
-        return gave_up
-    finally:
-        host.close()
-
-
-def test_an_agent_that_dies_at_once_again_and_again_stays_dead(tmp_path: Path) -> None:
-    assert killed_each_second(tmp_path, RestartPolicy(restarts=2, settled_s=600.0), kills=3) == [
-        None,
-        None,
-        "aMussel 3 was restarted 2 times in a row and lived for less than 600 s of its time after each boot: "
-        "it stays dead",
-    ]
-
-
-def test_an_agent_that_lived_in_between_is_restarted_for_ever(tmp_path: Path) -> None:
-    assert killed_each_second(tmp_path, RestartPolicy(restarts=2), kills=12) == [None] * 12
+            gave_up += [it.gave_up for it in deaths(clock.advance(second * 1_000))]
+        assert gave_up[:-1] == [None] * (kills - 1)
+        stays = (
+            "aMussel 3 was restarted 2 times in a row and lived for less than 600 s of its time after each boot: "
+            "it stays dead"
+        )
+        assert gave_up[-1] == (stays if settled_s == 600 else None)
+        assert clock.agent_ids == heard(clock.advance(1_000 * (kills + 1)))
+        assert clock.agent_ids == ([8, 21] if gave_up[-1] else [3, 8, 21])
 
 
 @pytest.mark.parametrize("bytes_of_each", [4096, 2 * RING_BYTES])
@@ -424,9 +304,8 @@ def test_a_new_supervisor_adopts_the_fleet_of_a_killed_one(
     host = ProcessHost.adopt(tmp_path, 2)
     assert host.nursery_pid == orphans.pid
     assert host.granted_ms == dict.fromkeys(IDS, 300_000)
-    assert {agent_id: [out.at_ms for out in reply.outputs] for agent_id, reply in host.repeated.items()} == (
-        {agent_id: [300_000] for agent_id in IDS}
-    )
+    repeated = {agent_id: [out.at_ms for out in reply.outputs] for agent_id, reply in host.repeated.items()}
+    assert repeated == {agent_id: [300_000] for agent_id in IDS}
     reference = InProcessHost(FLEET, BIRTHS)
     theirs = coordinator(reference)
     for second in range(1, 11):
@@ -462,17 +341,21 @@ def test_an_old_supervisor_is_fenced_off(host: ProcessHost, tmp_path: Path) -> N
     newer.close()
 
 
+def kill_nursery(host: ProcessHost) -> None:
+    """Its agents end with it."""
+    pids = list(host.pids.values())
+    kill_9(host.nursery_pid)
+    assert all(gone(pid) for pid in pids)
+
+
 def test_agents_die_with_their_nursery_and_its_file_starts_them_again(host: ProcessHost) -> None:
     clock, truths = charging(host)
     before = last_truths(truths)
-    pids = dict(host.pids)
     first = host.nursery_pid
-    kill_9(first)
-    assert all(gone(pid) for pid in pids.values())
+    kill_nursery(host)
     came = clock.advance(11_000)
-    assert [(it.agent_id, it.reason) for it in came if isinstance(it, AgentDied)] == [
-        (agent_id, "its nursery died") for agent_id in IDS
-    ]
+    died = [(it.agent_id, it.reason) for it in deaths(came)]
+    assert died == [(agent_id, "its nursery died") for agent_id in IDS]
     assert host.nursery_pid != first and set(host.pids) == set(IDS)
     booted = {
         truth.agent_id: truth
@@ -495,10 +378,10 @@ def test_a_nursery_that_dies_while_it_is_asked_for_an_agent_is_followed_by_anoth
 
     first.start = dies  # type: ignore[method-assign,assignment]
     kill_9(host.pids[8])
-    died = [it for it in clock.advance(11_000) if isinstance(it, AgentDied)]
+    died = deaths(clock.advance(11_000))
     assert died[0].agent_id == 8 and [it.gave_up for it in died if it.gave_up] == []
     # The others died with that nursery, and are started by the next one.
-    died += [it for it in clock.advance(12_000) if isinstance(it, AgentDied)]
+    died += deaths(clock.advance(12_000))
     assert {it.agent_id for it in died} == set(IDS) and clock.agent_ids == sorted(IDS)
     assert host.nursery_pid != first.pid
 
@@ -506,27 +389,22 @@ def test_a_nursery_that_dies_while_it_is_asked_for_an_agent_is_followed_by_anoth
 def test_a_whole_crash_is_resumed_from_the_file(orphans: subprocess.Popen[bytes], tmp_path: Path) -> None:
     orphans.kill()
     orphans.wait(PATIENCE_S)
-    host = ProcessHost.adopt(tmp_path, 2)
-    try:
+    with closing(ProcessHost.adopt(tmp_path, 2)) as host:
         assert host.granted_ms == dict.fromkeys(IDS, 300_000)
-        clock = Coordinator(host, host.granted_ms, TimeScale(THETA), now_ms=10_000)
-        came = clock.advance(11_000)
-        assert sorted(it.agent_id for it in came if isinstance(it, AgentDied)) == list(IDS)
-        assert sorted(it.agent_id for it in came if isinstance(it, Output)) == list(IDS)
-    finally:
-        host.close()
+        came = Coordinator(host, host.granted_ms, TimeScale(THETA), now_ms=10_000).advance(11_000)
+        assert sorted(it.agent_id for it in deaths(came)) == heard(came) == list(IDS)
 
 
 def test_an_orphaned_fleet_ends(tmp_path: Path) -> None:
-    nursery, pids = orphaned(tmp_path, RestartPolicy(orphan_s=3.0))
+    nursery, pids = orphaned(tmp_path, RestartPolicy(orphan_s=2.0))
     assert nursery.wait(PATIENCE_S) == 0
     assert all(gone(pid) for pid in pids)
-    assert "no supervisor for 3 s: the fleet ends" in (tmp_path / "nursery.log").read_text()
+    assert "no supervisor for 2 s: the fleet ends" in (tmp_path / "nursery.log").read_text()
 
 
 def test_ending_is_bounded_though_an_agent_is_stopped(tmp_path: Path) -> None:
     ending_s = 0.2
-    host = ProcessHost.start(tmp_path, FLEET, BIRTHS, restart_policy=RestartPolicy(ending_s=ending_s))
+    host = started(tmp_path, RestartPolicy(ending_s=ending_s))
     pids = dict(host.pids)
     # A process that has not stopped yet would meet the earlier SIGTERM first, and end by it.
     with standing_still(pids[8]):
@@ -540,13 +418,11 @@ def test_ending_is_bounded_though_an_agent_is_stopped(tmp_path: Path) -> None:
 def test_a_fleet_whose_nursery_dies_again_and_again_is_lost(host: ProcessHost) -> None:
     clock = coordinator(host)
     clock.advance(1_000)
-    died: list[AgentDied] = []
+    died = deaths([])
     for second in range(2, 6):
         assert host.lost is None
-        pids = dict(host.pids)
-        kill_9(host.nursery_pid)
-        assert all(gone(pid) for pid in pids.values())
-        died = [it for it in clock.advance(second * 1_000) if isinstance(it, AgentDied)]
+        kill_nursery(host)
+        died = deaths(clock.advance(second * 1_000))
     assert host.lost == "its nursery died 4 times within 60 s, and no other is started"
     assert [(it.agent_id, it.gave_up) for it in died] == [(agent_id, host.lost) for agent_id in IDS]
     assert clock.agent_ids == []
@@ -564,9 +440,7 @@ def test_a_nursery_that_cannot_start_is_tried_again_and_then_given_up(
     monkeypatch.setattr("agents.hosting.process_host.launch_nursery", refuse)
     clock = coordinator(host)
     clock.advance(1_000)
-    pids = dict(host.pids)
-    kill_9(host.nursery_pid)
-    assert all(gone(pid) for pid in pids.values())
+    kill_nursery(host)
     clock.advance(2_000)
     assert len(tried) == 3 and host.lost is not None and host.lost.endswith("(it has no room)")
 

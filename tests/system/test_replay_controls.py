@@ -4,40 +4,26 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 import yaml
-from browsers import chromium, load_page
+from browsers import cells, errors, load_page, text
+from programs import code_here, wait_until
+from scenario_files import write_scenario
 from selenium import webdriver
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.remote.webelement import WebElement
-from selenium.webdriver.support.wait import WebDriverWait
 
 from apad_bridge.analysis.replay.build import build_comparison, build_replay
-from apad_bridge.commands.main import main
 
 pytestmark = pytest.mark.system
 ROOT = Path(__file__).parents[2]
-PATIENCE_S = 180.0
 HOSTILE = "<script>window.hurt = 1</script>"
-FLAGS = (
-    "--headless=new",
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-background-networking",
-    "--force-device-scale-factor=1",
-    "--window-size=1400,1600",
-    "--host-resolver-rules=MAP * ~NOTFOUND",
-)
 
-CELLS = """
-return [...document.querySelectorAll(arguments[0])].map((it) => [...it.children].map((one) => one.textContent));
-"""
 PAINTED_SLOTS = """
 const slots = $("slots"), count = data.timeslots.frame_ms / data.timeslots.slot_ms, painted = new Set();
 const paint = document.createElement("canvas").getContext("2d");
@@ -54,38 +40,28 @@ return [...painted];
 
 
 @pytest.fixture(scope="module")
-def browser() -> Iterator[webdriver.Chrome]:
-    with chromium(FLAGS) as driver:
-        yield driver
-
-
-@pytest.fixture(scope="module")
 def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Half an hour of three whole boards that speak by sound in timeslots."""
     folder = tmp_path_factory.mktemp("flown")
-    data = yaml.safe_load((ROOT / "launch_scripts/scenarios/sound-12.yaml").read_text())
-    data.update(name="sound", duration_s=1800)
-    data["fleet"].update(count=3, start={"charge": [0.5, 0.9]})
-    (folder / "sound.yaml").write_text(yaml.safe_dump(data))
-    words = ["--time", "asap", "--hosting", "one_process", "--json", "--out", str(folder / "run")]
-    assert main(["run", str(folder / "sound.yaml"), *words]) == 0
+    sound = ROOT / "launch_scripts/scenarios/sound-12.yaml"
+    fleet = {"count": 3, "start": {"charge": [0.5, 0.9]}, "hosting": "one_process"}
+    path = write_scenario(folder / "sound.yaml", sound, duration_s=1800, fleet=fleet)
+    assert code_here("run", path, "--time", "asap", "--json", "--out", folder / "run") == 0
     return folder / "run"
+
+
+@pytest.fixture(autouse=True)
+def no_errors(browser: webdriver.Chrome) -> Iterator[None]:
+    yield
+    assert errors(browser) == []
 
 
 def open_page(browser: webdriver.Chrome, page: Path, at: str = "") -> None:
     load_page(browser, page.as_uri() + at)
 
 
-def errors(browser: webdriver.Chrome) -> list[Any]:
-    return [it for it in browser.get_log("browser") if it["level"] == "SEVERE"]  # type: ignore[no-untyped-call]
-
-
 def the(browser: webdriver.Chrome, element: str) -> WebElement:
     return browser.find_element(By.ID, element)
-
-
-def text(browser: webdriver.Chrome, element: str) -> str:
-    return str(browser.execute_script("return document.getElementById(arguments[0]).textContent", element))
 
 
 def now_s(browser: webdriver.Chrome) -> float:
@@ -97,11 +73,6 @@ def listed(browser: webdriver.Chrome) -> list[str]:
         "return [...document.querySelectorAll('#events span')].map((it) => it.textContent)"
     )
     return list(found)
-
-
-def wait_until(holds: Callable[[], Any]) -> Any:
-    """Polls what announces nothing."""
-    return WebDriverWait(None, PATIENCE_S, 0.05).until(lambda _: holds())  # type: ignore[arg-type]
 
 
 def press(browser: webdriver.Chrome, *keys: str) -> None:
@@ -119,7 +90,7 @@ def shown_span_s(browser: webdriver.Chrome) -> list[list[float]]:
 def test_the_figures_are_those_of_the_summary(browser: webdriver.Chrome, flown: Path) -> None:
     open_page(browser, build_replay(flown), "#t=1800")
     summary = json.loads((flown / "summary.json").read_text())
-    figures = dict(browser.execute_script(CELLS, "#figures div"))
+    figures = dict(cells(browser, "#figures div"))
     assert figures == {
         "uptime at the end": f"{summary['uptime_paper']['mean']:.2f} %",
         "active": f"{summary['active_mean']:.2f}",
@@ -134,7 +105,6 @@ def test_the_figures_are_those_of_the_summary(browser: webdriver.Chrome, flown: 
     }
     taken = browser.execute_script("return data.agents.map((it) => it.taken[it.taken.length - 1])")
     assert sum(taken) == summary["samples_taken"]
-    assert errors(browser) == []
 
 
 def test_each_control_does_what_it_says(browser: webdriver.Chrome, flown: Path) -> None:
@@ -203,7 +173,6 @@ def test_each_control_does_what_it_says(browser: webdriver.Chrome, flown: Path) 
         "contrast",
         True,
     ]
-    assert errors(browser) == []
 
 
 def test_timeslots_and_modules_are_those_of_the_boards(browser: webdriver.Chrome, flown: Path) -> None:
@@ -221,7 +190,6 @@ def test_timeslots_and_modules_are_those_of_the_boards(browser: webdriver.Chrome
     assert 1 in painted <= set(own)
     browser.execute_script("show(0)")
     assert browser.execute_script(PAINTED_SLOTS) == []
-    assert errors(browser) == []
 
 
 def test_two_runs_stand_side_by_side_with_what_differs(browser: webdriver.Chrome, flown: Path) -> None:
@@ -235,19 +203,13 @@ def test_two_runs_stand_side_by_side_with_what_differs(browser: webdriver.Chrome
     page = build_comparison(flown, other)
     assert page == flown / "compared-with-other.html"
     open_page(browser, page, "#t=900&run=other")
-    rows = browser.execute_script(CELLS, "#differences tr")
+    rows = cells(browser, "#differences tr")
     cost_m = summary["cost_m"]
     titles = [row[0] for row in rows if row[1:] == ["run", "other", "change"]]
     assert titles == ["At 00:15:00", "At the end, where they differ", "Settings that differ"]
     ended, settings = (rows.index([title, "run", "other", "change"]) for title in titles[1:])
-    assert rows[ended + 1 : settings] == [
-        [
-            "cost m",
-            f"{cost_m:.2f}".rstrip("0").rstrip("."),
-            f"{cost_m + 10:.2f}".rstrip("0").rstrip("."),
-            "+10",
-        ]
-    ]
+    costs = [f"{it:.2f}".rstrip("0").rstrip(".") for it in (cost_m, cost_m + 10)]
+    assert rows[ended + 1 : settings] == [["cost m", *costs, "+10"]]
     assert rows[settings + 1 :] == [["mission.speed_m_s", "0.5", "0.25", ""]]
     assert [text(browser, it) for it in ("map-name", "other-name")] == ["run", "other"]
     assert the(browser, "other-map").is_displayed()
@@ -255,7 +217,6 @@ def test_two_runs_stand_side_by_side_with_what_differs(browser: webdriver.Chrome
         "other",
         3,
     ]
-    assert errors(browser) == []
 
 
 def test_a_damaged_an_empty_and_a_hostile_run_are_shown(browser: webdriver.Chrome, flown: Path) -> None:
@@ -269,7 +230,6 @@ def test_a_damaged_an_empty_and_a_hostile_run_are_shown(browser: webdriver.Chrom
     assert "could not be read" in text(browser, "warning") and "has not ended" in text(browser, "about")
     press(browser, Keys.END)
     assert 0 < now_s(browser) < 1800
-    assert errors(browser) == []
 
     (torn / "journal.jsonl").write_text(journal[: journal.index("\n") + 1])
     open_page(browser, build_replay(torn), "#t=5")
@@ -280,7 +240,6 @@ def test_a_damaged_an_empty_and_a_hostile_run_are_shown(browser: webdriver.Chrom
         "00:00:00",
         "not begun",
     )
-    assert errors(browser) == []
 
     scenario = yaml.safe_load((torn / "scenario.yaml").read_text())
     (torn / "scenario.yaml").write_text(yaml.safe_dump({**scenario, "description": HOSTILE}))
@@ -290,4 +249,3 @@ def test_a_damaged_an_empty_and_a_hostile_run_are_shown(browser: webdriver.Chrom
     assert HOSTILE in text(browser, "about") and HOSTILE in text(browser, "reasons")
     assert f"{HOSTILE}: {HOSTILE}" in listed(browser)
     assert browser.execute_script("return window.hurt === undefined")
-    assert errors(browser) == []

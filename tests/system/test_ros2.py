@@ -7,7 +7,6 @@ import math
 import os
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,17 +15,16 @@ from typing import Any
 
 import pytest
 import yaml
-from graphs import lines_of, wait_until
 from journals import Line
 from killing import gone, kill_9, standing_still
 from patient import PATIENCE_S
-from scenario_files import POOL_FILE
+from programs import MUSSELBED, begun, children, line_of, lines_of, wait_until
+from scenario_files import POOL_FILE, write_scenario
 
 from apad_bridge.commands.main import main
 from apad_bridge.ros2.ros2_process import ENVIRONMENT
 
 pytestmark = pytest.mark.system
-MUSSELBED = [sys.executable, "-m", "apad_bridge.commands.main"]
 JUDGE = Path(__file__).with_name("judge_ros2.py")
 WITH_ROS2 = pytest.mark.skipif(
     not (ENVIRONMENT / "installed").exists(), reason="ROS 2 is not installed: launch_scripts/install --ros2"
@@ -49,20 +47,9 @@ def environment() -> dict[str, str]:
 @contextmanager
 def publishing(run: Path, environment: dict[str, str]) -> Iterator[subprocess.Popen[str]]:
     """The command, while it publishes the run."""
-    process = subprocess.Popen(
-        [*MUSSELBED, "ros2", str(run), "--json"],
-        env=environment,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    assert process.stdout is not None
-    try:
-        assert json.loads(process.stdout.readline()) == {"node": "/musselbed_apad1"}
+    with begun(*MUSSELBED, "ros2", run, "--json", env=environment) as process:
+        assert json.loads(line_of(process)) == {"node": "/musselbed_apad1"}
         yield process
-    finally:
-        process.send_signal(signal.SIGINT)
-        process.communicate(timeout=PATIENCE_S)
 
 
 @contextmanager
@@ -170,24 +157,12 @@ def assert_end(messages: dict[str, list[Any]], lines: list[Line]) -> None:
 @contextmanager
 def flown(folder: Path, speed: str, count: int, **changes: Any) -> Iterator[subprocess.Popen[str]]:
     """A flight over ROS 1 whose processes start; its run is `folder`/run."""
-    data = yaml.safe_load(POOL_FILE.read_text())
-    data.update(duration_s=14_400, **changes)
-    data["fleet"].update(count=count, hosting="one_process", start={"charge": [0.5, 0.75]})
-    scenario, run = folder / "live.yaml", folder / "run"
-    scenario.write_text(yaml.safe_dump(data))
-    with (folder / "said").open("w") as said:
-        process = subprocess.Popen(
-            [*MUSSELBED, "run", str(scenario), "--speed", speed, "--out", str(run)],
-            stdout=said,
-            stderr=said,
-            text=True,
-        )
-    try:
-        wait_until((run / "scenario.yaml").exists, process)
+    fleet = {"count": count, "hosting": "one_process", "start": {"charge": [0.5, 0.75]}}
+    scenario = write_scenario(folder / "live.yaml", duration_s=14_400, fleet=fleet, **changes)
+    fly = ("run", scenario, "--speed", speed, "--out", folder / "run")
+    with (folder / "said").open("w") as said, begun(*MUSSELBED, *fly, stdout=said, stderr=said) as process:
+        wait_until((folder / "run" / "scenario.yaml").exists, process)
         yield process
-    finally:
-        process.send_signal(signal.SIGINT)
-        process.wait(PATIENCE_S)
 
 
 def pass_time(run: Path, seconds: float, flight: subprocess.Popen[str]) -> tuple[float, float]:
@@ -248,10 +223,6 @@ def lose_readers(
         assert all(judged(reading(environment, FOLLOWED, "3"))["came"].values())
     pass_time(run, 5, flight)
     return stood_still_s
-
-
-def children(pid: int) -> list[int]:
-    return [int(it) for it in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
 
 
 def assert_each_as_in_journal(seen: dict[str, list[Any]], lines: list[Line]) -> None:

@@ -7,18 +7,18 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
-from graphs import lines_of, served_pool, wait_until
+from graphs import served_pool
 from layout_topics import TYPES, named_topics
+from programs import MUSSELBED, Begin, begun, code_here, done, ended_well, line_of, lines_of, wait_until
 from rosbags.highlevel import AnyReader
 from scenario_files import POOL_FILE
 
-from apad_bridge.commands import main
 from apad_bridge.ros.system.master import loopback_environment, start_master
 from apad_bridge.ros.types.messages import generated_folder
 from apad_bridge.scenario.loader import load, with_overrides
@@ -28,83 +28,69 @@ from apad_bridge.viewers.layouts.kinds import KINDS
 
 pytestmark = pytest.mark.system
 HERE = Path(__file__).parent
-PATIENCE_S = 180.0
+One = Callable[[str], dict[str, Any]]
 
 
 @pytest.fixture(scope="module")
 def environment(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, str]]:
-    """Of a tool beside a node that shows a fleet of three."""
+    """Of a tool beside a node that shows a fleet of three. It finds our definitions where the installation laid them."""
     home = tmp_path_factory.mktemp("ros")
     master = start_master(home, timeout_s=120, orphan_s=0)
     environment = loopback_environment(home, master.uri)
-    command = [sys.executable, str(HERE / "show_standard_topics.py")]
     inside = environment | {"PYTHONPATH": str(HERE.parents[1])}
-    with subprocess.Popen(
-        command, env=inside, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    ) as node:
-        try:
-            assert node.stdout is not None and node.stdout.readline() == "showing\n"
-            yield environment
-        finally:
-            node.communicate(timeout=PATIENCE_S)
-            master.stop()
+    command = (sys.executable, HERE / "show_standard_topics.py")
+    with begun(*command, env=inside, stdin=subprocess.PIPE, ends_by=signal.SIGTERM) as node:
+        assert line_of(node) == "showing"
+        yield environment | dict.fromkeys(("PYTHONPATH", "ROS_PACKAGE_PATH"), str(generated_folder()))
+    master.stop()
 
 
-def one(environment: dict[str, str], topic: str) -> dict[str, Any]:
-    """The next message on `topic`, as rostopic prints it."""
-    command = ["/usr/bin/rostopic", "echo", "-n", "1", topic]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=PATIENCE_S)
-    message: dict[str, Any] = next(yaml.safe_load_all(done.stdout))
-    return message
+@pytest.fixture
+def one(environment: dict[str, str]) -> One:
+    """The next message on a topic, as rostopic prints it."""
+
+    def echo(topic: str) -> dict[str, Any]:
+        said = done("/usr/bin/rostopic", "echo", "-n", 1, topic, env=environment).stdout
+        message: dict[str, Any] = next(yaml.safe_load_all(said))
+        return message
+
+    return echo
 
 
-def test_a_battery(environment: dict[str, str]) -> None:
-    battery = one(environment, "/amussel1/battery_state")
+def test_a_battery_and_a_fix(one: One) -> None:
+    battery = one("/amussel1/battery_state")
     # 75 % of the way from 3600 to 4200 mV
     assert (battery["voltage"], battery["percentage"]) == pytest.approx((4.05, 0.75))
     assert (battery["power_supply_status"], battery["location"]) == (2, "amussel1")
-    apad = one(environment, "/musselbed/apad/battery_state")
-    assert (apad["voltage"], apad["percentage"]) == (15.0, 0.5)
-    assert apad["header"]["frame_id"] == "apad1/base_link"
-
-
-def test_a_fix(environment: dict[str, str]) -> None:
-    fix = one(environment, "/amussel1/fix")
+    apad = one("/musselbed/apad/battery_state")
+    assert (apad["voltage"], apad["percentage"], apad["header"]["frame_id"]) == (15.0, 0.5, "apad1/base_link")
+    fix = one("/amussel1/fix")
     # A degree of latitude is 111 111 m within 0.5 % there; one of longitude that times cos 43.93 degrees, 0.7202.
     assert fix["latitude"] - 43.9330937 == pytest.approx(10 / 111_111, rel=0.005)
     assert fix["longitude"] - 15.4443468 == pytest.approx(20 / (111_111 * 0.7202), rel=0.005)
     assert fix["position_covariance_type"] == 0
     # Variances of 4 m2 north and 9 east, in the message's order: east, north, up.
-    sure = one(environment, "/amussel3/fix")
+    sure = one("/amussel3/fix")
     assert sure["position_covariance"] == [9.0, 0.5, 0.0, 0.5, 4.0, 0.0, 0.0, 0.0, 0.0]
     assert sure["position_covariance_type"] == 3
 
 
-def test_how_sure_beliefs_are(environment: dict[str, str]) -> None:
-    """Debian's rostopic finds our definitions where the installation laid them."""
-    paths = {"PYTHONPATH": str(generated_folder()), "ROS_PACKAGE_PATH": str(generated_folder())}
-    first, sure = one(environment | paths, "/musselbed/beliefs")["agents"]
+def test_how_sure_beliefs_are_and_what_a_forecast_cannot_foretell(one: One) -> None:
+    first, sure = one("/musselbed/beliefs")["agents"]
     assert (first["id"], first["charge"], first["mode_probabilities"]) == (1, 0.75, [])
     assert (first["charge_deviation"], first["north_deviation"]) == ("nan", "nan")
     assert (sure["id"], sure["north_deviation"], sure["east_deviation"]) == (3, 2.0, 3.0)
     assert (sure["charge_low"], sure["charge_high"]) == pytest.approx((0.4804, 0.5196), abs=1e-4)
     assert (sure["mode_probabilities"][0], sure["clock_offset_ms"], sure["learned_from"]) == (1.0, 250.0, 3)
-    marked = [it for it in one(environment, "/musselbed/markers")["markers"] if it["ns"] == "place_95"]
+    marked = [it for it in one("/musselbed/markers")["markers"] if it["ns"] == "place_95"]
     assert [it["id"] for it in marked] == [3] and marked[0]["scale"]["x"] > 2 * 2.4 * 3
-    lines = {it["name"]: it for it in one(environment, "/diagnostics")["status"]}
-    values = {it["key"]: it["value"] for it in lines["musselbed: aMussel 3"]["values"]}
-    assert str(values["primary 95"]) == "0.480 to 0.520" and values["learned from"] == "packet silence"
-
-
-def test_a_forecast_says_what_it_cannot_foretell(environment: dict[str, str]) -> None:
-    paths = {"PYTHONPATH": str(generated_folder()), "ROS_PACKAGE_PATH": str(generated_folder())}
-    told = one(environment | paths, "/musselbed/forecast")
+    told = one("/musselbed/forecast")
     assert (told["next_pickup_s"], told["batch_full_s"]) == (200.0, "nan")
     assert (told["mission_end_s"], told["apad_fraction_at_end"]) == (1860.0, 0.62)
 
 
-def test_frames_have_z_up(environment: dict[str, str]) -> None:
-    transforms = {it["child_frame_id"]: it for it in one(environment, "/tf")["transforms"]}
+def test_frames_have_z_up_and_the_plan_leads_from_the_aPad_to_its_aMussel(one: One) -> None:
+    transforms = {it["child_frame_id"]: it for it in one("/tf")["transforms"]}
     assert transforms.keys() == {"amussel1/base_link", "amussel3/base_link", "apad1/base_link"}
     # Packets have a depth, positive down: 3 m. Nothing was heard of the depth of aMussel 3.
     depths = {name: it["transform"]["translation"]["z"] for name, it in transforms.items()}
@@ -114,8 +100,20 @@ def test_frames_have_z_up(environment: dict[str, str]) -> None:
     # North 1, east 2 is x 2, y 1; heading east is along x: no turn.
     assert apad["transform"]["translation"] == {"x": 2.0, "y": 1.0, "z": 0.0}
     assert apad["transform"]["rotation"] == pytest.approx({"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0})
-    (ned,) = one(environment, "/tf_static")["transforms"]
+    (ned,) = one("/tf_static")["transforms"]
     assert ned["child_frame_id"] == "musselbed/ned"
+    points = [it["pose"]["position"] for it in one("/musselbed/plan")["poses"]]
+    assert points == [{"x": 2.0, "y": 1.0, "z": 0.0}, {"x": 20.0, "y": 10.0, "z": 0.0}]
+    assert one("/musselbed/apad/path")["poses"]
+
+
+def test_diagnostics_name_who_is_silent_and_who_wants_charging(one: One) -> None:
+    lines = {it["name"].removeprefix("musselbed: "): it for it in one("/diagnostics")["status"]}
+    told = {name: (it["level"], it["message"]) for name, it in lines.items()}
+    assert told["aMussel 1"] == (1, "wants charging: 75 %") and told["aMussel 2"] == (3, "no report yet")
+    assert told["mission"][1] == "idle wait" and told["aPad"][0] == 0
+    values = {it["key"]: it["value"] for it in lines["aMussel 3"]["values"]}
+    assert str(values["primary 95"]) == "0.480 to 0.520" and values["learned from"] == "packet silence"
 
 
 def frames_in(message: Any) -> Iterator[str]:
@@ -144,27 +142,22 @@ def read_frames(bag: Path) -> tuple[dict[str, str], dict[str, set[str]]]:
 
 @pytest.mark.parametrize(("generation", "namespace"), [("a", ""), ("b", "basin")])
 def test_tf_has_every_frame_that_a_flight_or_its_bag_names(
-    generation: str, namespace: str, tmp_path: Path
+    generation: str, namespace: str, tmp_path: Path, begin: Begin
 ) -> None:
     """By the transforms on the graph, followed to their root, which is the fixed frame of the layouts."""
     run, recorded = tmp_path / "run", tmp_path / "all.bag"
-    scenario = served_pool(tmp_path / "frames.yaml", 6.0, 400.0)
-    asked = [*("run", str(scenario), "--speed", "10", "--generation", generation, "--out", str(run))]
-    with subprocess.Popen(
-        [sys.executable, "-m", "apad_bridge.commands.main", *asked],
-        env={**os.environ, "ROS_NAMESPACE": f"/{namespace}"},
-        stdout=subprocess.DEVNULL,
-    ) as flight:
-        wait_until(lambda: bool(lines_of(run)), flight)
-        environment = loopback_environment(
-            tmp_path / "ros", json.loads((run / "run.json").read_text())["master_uri"]
-        )
-        record = ["/usr/bin/rosbag", "record", "-a", "-O", str(recorded)]
-        with subprocess.Popen(record, env=environment, start_new_session=True) as recorder:
-            wait_until(lambda: any(it["kind"] == "released" for it in lines_of(run)), flight)
-            os.killpg(recorder.pid, signal.SIGINT)
-            recorder.wait(PATIENCE_S)
-        assert flight.wait(PATIENCE_S) == 0
+    scenario = served_pool(tmp_path / "frames.yaml", 6.0, 3600)
+    asked = ("run", scenario, "--speed", 10, "--generation", generation, "--out", run)
+    flight = begin(*MUSSELBED, *asked, env={**os.environ, "ROS_NAMESPACE": f"/{namespace}"})
+    wait_until(lambda: lines_of(run), flight)
+    uri = json.loads((run / "run.json").read_text())["master_uri"]
+    record = ("/usr/bin/rosbag", "record", "-a", "-O", recorded)
+    recorder = begin(*record, env=loopback_environment(tmp_path / "ros", uri), start_new_session=True)
+    wait_until(lambda: lines_of(run, "released"), flight)
+    os.killpg(recorder.pid, signal.SIGINT)
+    recorder.communicate()
+    flight.send_signal(signal.SIGINT)
+    ended_well(flight, 130)
     parents, named = read_frames(recorded)
     own, of_bag = read_frames(run / "run.bag")
     assert own == {} and set().union(*of_bag.values()) == {"musselbed/ned"}
@@ -180,84 +173,39 @@ def test_tf_has_every_frame_that_a_flight_or_its_bag_names(
             assert root == world, f"{topic} names {name}"
 
 
-def test_the_plan_leads_from_the_aPad_to_its_aMussel(environment: dict[str, str]) -> None:
-    points = [it["pose"]["position"] for it in one(environment, "/musselbed/plan")["poses"]]
-    assert points == [{"x": 2.0, "y": 1.0, "z": 0.0}, {"x": 20.0, "y": 10.0, "z": 0.0}]
-    assert one(environment, "/musselbed/apad/path")["poses"]
-
-
-def test_diagnostics_name_who_is_silent_and_who_wants_charging(environment: dict[str, str]) -> None:
-    lines = {it["name"]: it for it in one(environment, "/diagnostics")["status"]}
-    assert (lines["musselbed: aMussel 1"]["level"], lines["musselbed: aMussel 1"]["message"]) == (
-        1,
-        "wants charging: 75 %",
-    )
-    assert (lines["musselbed: aMussel 2"]["level"], lines["musselbed: aMussel 2"]["message"]) == (
-        3,
-        "no report yet",
-    )
-    assert lines["musselbed: mission"]["message"] == "idle wait"
-    assert lines["musselbed: aPad"]["level"] == 0
-
-
-def test_rosbag_records_what_is_shown(environment: dict[str, str], tmp_path: Path) -> None:
-    bag = tmp_path / "shown.bag"
-    topics = {"/diagnostics": "diagnostic_msgs/DiagnosticArray", "/musselbed/plan": "nav_msgs/Path"}
-    record = ["/usr/bin/rosbag", "record", "--limit", "3", "-O", str(bag), *topics]
-    subprocess.run(record, env=environment, capture_output=True, timeout=PATIENCE_S, check=True)
-    info = ["/usr/bin/rosbag", "info", "--yaml", str(bag)]
-    told = subprocess.run(
-        info, env=environment, capture_output=True, text=True, timeout=PATIENCE_S, check=True
-    )
-    recorded = yaml.safe_load(told.stdout)["topics"]
-    assert {it["topic"]: it["type"] for it in recorded} == topics
-    assert all(it["messages"] == 3 for it in recorded)
-
-
 def test_what_two_rosbags_recorded_becomes_one_bag(
-    environment: dict[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    environment: dict[str, str], tmp_path: Path, begin: Begin, capsys: pytest.CaptureFixture[str]
 ) -> None:
     bags = [tmp_path / "apad.bag", tmp_path / "station.bag"]
-    record = ["/usr/bin/rosbag", "record", "--limit", "100", "/diagnostics", "/musselbed/plan", "-O"]
-    recorders = [
-        subprocess.Popen([*record, str(bag)], env=environment, stdout=subprocess.DEVNULL) for bag in bags
-    ]
-    assert [it.wait(3 * PATIENCE_S) for it in recorders] == [0, 0]
+    topics = {"/diagnostics": "diagnostic_msgs/DiagnosticArray", "/musselbed/plan": "nav_msgs/Path"}
+    record = ("/usr/bin/rosbag", "record", "--limit", 50, *topics, "-O")
+    for it in [begin(*record, bag, env=environment) for bag in bags]:
+        ended_well(it)
+
+    def info(bag: Path) -> Any:
+        return yaml.safe_load(done("/usr/bin/rosbag", "info", "--yaml", bag, env=environment).stdout)
+
+    assert {it["topic"]: (it["type"], it["messages"]) for it in info(bags[0])["topics"]} == {
+        topic: (kind, 50) for topic, kind in topics.items()
+    }
     out = tmp_path / "whole.bag"
-    assert main.main(["logs", "merge", *map(str, bags), "--out", str(out), "--json"]) == 0
+    assert code_here("logs", "merge", *bags, "--out", out, "--json") == 0
     told = json.loads(capsys.readouterr().out)
     (clock,) = told["clock"]
     assert abs(clock["offset_s"]) < 0.5  # one machine, one clock
     messages = told["messages"]
     assert messages["both"] > 0
     assert messages["merged"] == messages["first"] + messages["second"] - messages["both"]
-    info = subprocess.run(
-        ["/usr/bin/rosbag", "info", "--yaml", str(out)],
-        env=environment,
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE_S,
-        check=True,
-    )
-    assert yaml.safe_load(info.stdout)["messages"] == messages["merged"]
+    assert info(out)["messages"] == messages["merged"]
 
 
-def published(environment: dict[str, str]) -> dict[str, str]:
-    """Type by topic."""
-    command = ["/usr/bin/rostopic", "list", "-p", "-v"]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=PATIENCE_S)
-    rows = [line.split() for line in done.stdout.splitlines() if line.startswith(" * ")]
-    return {row[1]: row[2].strip("[]") for row in rows}
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_layouts_name_topics_that_are_there(kind: str, environment: dict[str, str]) -> None:
-    pool = load(POOL_FILE)
-    two = with_overrides(pool, agents=2)
-    text = KINDS[kind].write(layout_fleet(two, starts_of(two)))
-    assert "musselbed/enu" in text or kind not in ("rviz", "foxglove")
-    topics = published(environment)
-    named = named_topics(text)
-    assert len(named) >= 3
-    for topic in named:
-        assert topics[topic] == TYPES[topic.rpartition("/")[2]]
+def test_layouts_name_topics_that_are_there(environment: dict[str, str]) -> None:
+    two = with_overrides(load(POOL_FILE), agents=2)
+    listed = done("/usr/bin/rostopic", "list", "-p", "-v", env=environment).stdout.splitlines()
+    topics = {row[1]: row[2].strip("[]") for row in (it.split() for it in listed if it.startswith(" * "))}
+    for kind, layout in KINDS.items():
+        text = layout.write(layout_fleet(two, starts_of(two)))
+        assert "musselbed/enu" in text or kind not in ("rviz", "foxglove")
+        named = named_topics(text)
+        assert len(named) >= 3
+        assert {it: topics[it] for it in named} == {it: TYPES[it.rpartition("/")[2]] for it in named}

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from fleets import STILL, with_whole_boards
-from killing import kill_9
+from fleets import KILL, STILL, Story, fly, with_whole_boards
 
-from agents.coordinator import AgentDied, Coordinator
 from agents.fleet import resting_on_bottom
 from agents.hosting.in_process import InProcessHost
 from agents.hosting.process_host import ProcessHost
-from agents.mussel.outputs import Output, Truth
 from agents.mussel.stimuli import AgentStimulus, CoilSlipped, ContactClosed, ContactOpened, SoundArrived
 from agents.nursery.fleet_file import RestartPolicy
-from agents.time_scale import TimeScale
 from firmware_model.config import FullFirmware, LastResort, Timekeeping
 from firmware_model.packets import (
     Beacon,
@@ -62,53 +59,34 @@ def word(command: Command) -> SoundArrived:
     return SoundArrived(MusselbedCodec().encode(command))
 
 
-def story(agent_id: int) -> list[tuple[int, AgentStimulus | None]]:
-    """(seconds of mission time, what happens); None is a kill -9 of its process."""
-    return [
-        (10, word(SlotAssignment(agent_id, 60_000, 5000, 700, agent_id, -20))),
-        (12, word(SleepSchedule(agent_id, 900_000, 15_000))),
-        (14, word(SetThreshold(agent_id, Threshold.LOW_LEVEL, 0.19))),
-        (40, word(Beacon(agent_id, 40 * 1000 * THETA))),
-        (50, None),
-        (95, word(HoverAt(agent_id, 1.25))),
-        (97, None),
-        (105, word(CommandPacket(Kind.SINK, agent_id))),
-        (190, word(CommandPacket(Kind.PERMISSION, agent_id))),
-        (194, ContactClosed(5, 5)),
-        (195, None),
-        (200, CoilSlipped()),
-        (240, ContactOpened()),
-    ]
-
-
-def fly(host: InProcessHost | ProcessHost) -> tuple[list[Output | AgentDied], list[Truth]]:
-    clock = Coordinator(host, dict.fromkeys(IDS, 0), TimeScale(THETA))
-    came, told = list(clock.advance(0)), host.take_truths()
-    for now_s in range(1, 301):
-        for agent_id in IDS:
-            for at_s, happens in story(agent_id):
-                if at_s != now_s:
-                    continue
-                if happens is not None:
-                    clock.receive(agent_id, happens, now_s * 1000)
-                elif isinstance(host, InProcessHost):
-                    host.kill(agent_id)
-                else:
-                    kill_9(host.pids[agent_id])
-        came += clock.advance(now_s * 1000)
-        told += host.take_truths()
-    return came, told
+def story(agent_id: int) -> Story:
+    """By seconds of mission time."""
+    told: dict[int, AgentStimulus | str] = {
+        10: word(SlotAssignment(agent_id, 60_000, 5000, 700, agent_id, -20)),
+        12: word(SleepSchedule(agent_id, 900_000, 15_000)),
+        14: word(SetThreshold(agent_id, Threshold.LOW_LEVEL, 0.19)),
+        40: word(Beacon(agent_id, 40 * 1000 * THETA)),
+        50: KILL,
+        95: word(HoverAt(agent_id, 1.25)),
+        97: KILL,
+        105: word(CommandPacket(Kind.SINK, agent_id)),
+        190: word(CommandPacket(Kind.PERMISSION, agent_id)),
+        194: ContactClosed(5, 5),
+        195: KILL,
+        200: CoilSlipped(),
+        240: ContactOpened(),
+    }
+    return [(at_s, agent_id, what) for at_s, what in told.items()]
 
 
 def test_what_boards_were_told_outlives_their_processes(tmp_path: Path) -> None:
-    host = ProcessHost.start(
-        tmp_path, FLEET, BIRTHS, window_timeout_s=60.0, restart_policy=RestartPolicy(restarts=100)
-    )
-    try:
-        came, told = fly(host)
-    finally:
-        host.close()
-    assert (came, told) == fly(InProcessHost(FLEET, BIRTHS))
+    stories, seconds = [it for agent_id in IDS for it in story(agent_id)], [1000] * 300
+    policy = RestartPolicy(restarts=100)
+    with closing(
+        ProcessHost.start(tmp_path, FLEET, BIRTHS, window_timeout_s=60.0, restart_policy=policy)
+    ) as host:
+        came, told = fly(host, IDS, stories, seconds)
+    assert (came, told) == fly(InProcessHost(FLEET, BIRTHS), IDS, stories, seconds)
     states = {truth.state for truth in told}
     assert {
         State.AWAITING_BEACON,
