@@ -95,7 +95,6 @@ class Feed:
         orders = {"ping": self._has_water, "faults": _FAULTS if self._takes_faults else []}
         live = {
             "orders": orders,
-            "is_real": self._is_real,
             "stands": self._stands,
             "counts": self._view.counts,
             "columns": COLUMNS,
@@ -105,7 +104,7 @@ class Feed:
             "replay": f"musselbed replay {self._directory.path}",
             **state,
         }
-        return {**self._view.data(state["summary"]), "live": live}
+        return {**self._view.data(state["summary"]), "is_real": self._is_real, "live": live}
 
     def close(self) -> None:
         self._journal.close()

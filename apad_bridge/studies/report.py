@@ -201,7 +201,8 @@ svg {{flex: 1 1 300px; width: 100%; max-width: 560px; height: auto; background: 
 .pair {{display: flex; flex-wrap: wrap; gap: 0 3em}}
 .figures {{display: flex; flex-wrap: wrap; gap: 1em; align-items: start}}
 @media (max-width: 720px) {{
-  td, th {{font-size: 12px; padding-right: .5em}} td:first-child {{white-space: normal}}}}
+  td, th {{font-size: 12px; padding-right: .5em; white-space: normal}}
+  h3::after {{content: " (swipe for all columns)"; font-weight: normal; font-size: .8em}}}}
 @media screen and (prefers-color-scheme: dark) {{:root {{color-scheme: dark}} body {{background: #12171d; color: #e6ebf1}}
   svg {{filter: invert(.92) hue-rotate(180deg)}}}} /* drawings are white: dark here, with their own hues */
 </style></head>

@@ -19,6 +19,7 @@ from apad_bridge.records.run_state import RunState
 from apad_bridge.records.sample_file import read_samples
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.run_options import RunOptions
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.text_file import write_atomically
 
@@ -113,13 +114,21 @@ def read_run(directory: RunDirectory) -> ShownRun:
         scenario, journal = load(directory.scenario), read_journal(directory.journal)
         summary = directory.read_summary()
         view = whole_view(scenario, journal, read_samples(directory.samples))
-        return ShownRun(scenario, journal, summary, view.state, view.data(summary))
+        data = {**view.data(summary), "is_real": _is_real(directory)}
+        return ShownRun(scenario, journal, summary, view.state, data)
     except ScenarioError as error:
         raise RunDirectoryError(error.lines[0]) from error
     except RunDirectoryError:
         raise
     except (KeyError, TypeError, ValueError) as error:
         raise RunDirectoryError(f"{directory.journal}: cannot be shown: {error}") from error
+
+
+def _is_real(directory: RunDirectory) -> bool:
+    try:
+        return RunOptions.load(directory.path).is_beside_real_vehicle
+    except FileNotFoundError:  # a flight in virtual time
+        return False
 
 
 def render(runs: list[dict[str, Any]]) -> str:

@@ -81,7 +81,7 @@ function thin() {
 function showLink(supervisor) {
   const silent = performance.now() - heardMs > SILENT_MS;
   let words = "";
-  if (data.ended_by !== null) words = `The run has ended: ${data.ended_by}. Its replay: ${data.live.replay}`;
+  if (data.ended_by !== null) words = `The run has ended: ${data.ended_by}. No order of this page reaches the aPad now. Replay: ${data.live.replay}`;
   else if (silent) words = "The console does not answer: what is shown is old.";
   else if (!supervisor) words = "No supervisor takes orders: it died, or the run flies in virtual time.";
   $("warning").textContent = words;
@@ -98,6 +98,8 @@ function showStopLive(unheard) {
   const stage = data.stages[data.stages.length - 1], stopped = Boolean(stage.stop) && !hasFailed(stage.stop);
   document.body.classList.toggle("stopped", stopped);
   $("stop").disabled ||= stopped;
+  $("continue").disabled ||= !stage.stop;
+  $("give-back").disabled ||= !stage.stop && !stage.interrupted;
   const pressed = stopped ? stage.stop.mode : null, under = pressed && ["ordered", "sent"].includes(lastState(stage.stop));
   put($("stop"), pressed === "hold" ? (under ? "Stopping" : "Stopped") : "Stop: hold here");
   $("off").setAttribute("aria-pressed", String(pressed === "off"));

@@ -23,8 +23,9 @@ function drawMap(canvas, runs, views, marked, packets) {
   // Below the aMussels, whose numbers stay readable where a packet begins and ends.
   drawPackets(ctx, packets, runs, views, at);
   // Hulls are drawn larger than they are: an aMussel in the water near one stays in sight.
-  runs.forEach((run, n) => { if (views[n].apad) drawApad(ctx, at(views[n].apad.place), run, views[n], marked); });
+  for (const view of views) if (view.apad) drawHull(ctx, at(view.apad.place), view);
   runs.forEach((run, n) => drawRun(ctx, views[n], at, marked));
+  runs.forEach((run, n) => { if (views[n].apad) drawDocks(ctx, at(views[n].apad.place), run, views[n], marked); });
 }
 
 // The area, its shore and depths, and the fence with its keep-out zones.
@@ -250,13 +251,12 @@ function drawMussel(ctx, [x, y], radius, agent, marked) {
   ctx.font = FONT;
 }
 
-// The aPad's hull with its bow, its docks and the docked aMussels, larger than in reality.
-function drawApad(ctx, [x, y], data, view, marked) {
-  const heading = view.apad.heading;
+// The aPad's hull with its bow, larger than in reality.
+function drawHull(ctx, [x, y], view) {
   if (view.stage.stop) drawStopped(ctx, [x, y], view.stage);
   ctx.save();
   ctx.translate(x, y);
-  ctx.rotate(heading);
+  ctx.rotate(view.apad.heading);
   ctx.fillStyle = PAINT.hull;
   ctx.strokeStyle = PAINT["hull-line"];
   ctx.lineWidth = 1.5;
@@ -270,10 +270,13 @@ function drawApad(ctx, [x, y], data, view, marked) {
   ctx.fill();
   ctx.stroke();
   ctx.restore();
+}
+
+function drawDocks(ctx, [x, y], data, view, marked) {
   // Full docks side by side have 17 pixels each.
   const ring = Math.max(19, 17 * data.dock_bearings.length / (2 * Math.PI));
   data.dock_bearings.forEach((bearing, dock) => {
-    const angle = (data.docks_turn ? heading : 0) + bearing;
+    const angle = (data.docks_turn ? view.apad.heading : 0) + bearing;
     const place = [x + ring * Math.sin(angle), y - ring * Math.cos(angle)];
     const agent = view.agents.find((it) => it.dock === dock);
     if (agent) { drawMussel(ctx, place, 8, agent, marked); return; }

@@ -151,7 +151,7 @@ function showNow({ stage, agents, apad }) {
   const count = (what, is) => [agents.filter(is).length, what];
   const found = [...["empty", "lost"].map((what) => count(what, (it) => STATUSES[it.status] === what)), count("suspect", (it) => it.suspicion)];
   const faults = found.filter(([many]) => many).map(([many, what]) => `${many} ${what}`);
-  const well = stage.stop ? [] : [faults.length ? `aMussels: ${faults.join(", ")}` : "all aMussels well"];
+  const well = [faults.length ? `aMussels: ${faults.join(", ")}` : "no aMussel empty, lost or suspect"];
   const battery = apad && apad.battery !== null ? [`aPad ${percent(apad.battery)}`] : [];
   put($("now"), [doingWords(stage), ...well, ...battery].join(" · "));
   if ($("now").classList.contains("ill") !== faults.length > 0) $("now").classList.toggle("ill");
@@ -249,7 +249,7 @@ function flyingWords(speed) {
 // The name of the run, why it ended, and the figures of its summary.
 function showHeader() {
   $("name").textContent = data.name;
-  if (data.live) $("whose").textContent = data.live.is_real ? "REAL aPad" : "simulated aPad";
+  $("whose").textContent = `${data.is_real ? "REAL aPad" : "simulated aPad"}${data.live ? "" : ", recorded"}`;
   const ended = data.ended_by === null ? (data.live ? flyingWords(data.live.speed) : "has not ended") : "ended by " + data.ended_by;
   $("about").textContent = [data.description, `${data.agents.length} aMussels, ${data.collection} / ${data.redeployment}, theta ${data.theta}, seed ${data.seed}; ${ended}`].filter(Boolean).join(" · ");
   const known = data.summary || {};

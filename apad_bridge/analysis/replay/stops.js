@@ -42,7 +42,7 @@ function showStop({ stage }) {
   if ($("stopped").hidden !== (heading === "")) $("stopped").hidden = heading === "";
   put($("stopped-what"), heading);
   put($("stopped-states"), stop ? statesWords(stop) : "");
-  put($("drift"), moves(drift) ? driftWords(drift) : drift ? "No drift is seen" : "");
+  put($("drift"), moves(drift) ? driftWords(drift) : drift ? `No drift is seen (${clock(drift.t)})` : "");
   put($("plan-stopped"), stop ? "stopped" : "");
 }
 
@@ -67,7 +67,7 @@ function prepareSound() {
 function showSound() {
   const on = Boolean(sound) && sound.state === "running" && !isMuted;
   $("sound").setAttribute("aria-pressed", String(on));
-  put($("sound"), on ? "Sound on" : sound && isMuted ? "Sound off" : "Tap for sound");
+  put($("sound"), on ? "Sound on" : "Sound off: tap");
 }
 
 // Two rising tones of a quarter of a second each.

@@ -123,7 +123,7 @@ def test_a_page_says_whose_the_aPad_is(
     feed = Feed(run_dir)
     try:
         feed.poll()
-        live = feed.page_data()["live"]
-        assert (live["is_real"], bool(live["orders"]["faults"])) == (is_real, takes_faults)
+        page = feed.page_data()
+        assert (page["is_real"], bool(page["live"]["orders"]["faults"])) == (is_real, takes_faults)
     finally:
         feed.close()
