@@ -100,9 +100,9 @@ class Recorder:
     def take(self, published: list[Any]) -> list[Any]:
         for it in published:
             match it:
-                case PosePublished(at_ms, pose):
+                case PosePublished(at_ms, seen):
                     noise = self._draw.normal(0, self._deviation_m, 2)
-                    place = pose.north_m + float(noise[0]), pose.east_m + float(noise[1])
+                    place = seen.north_m + float(noise[0]), seen.east_m + float(noise[1])
                     self.put(
                         at_ms, f"/{self._apad}/position", "auv_msgs/msg/NavSts", self.nav(at_ms, place, 0)
                     )
@@ -119,24 +119,18 @@ class Recorder:
                     name = "docking_status" if docking else "goto_status"
                     self._std(at_ms, name, "Int32", int(status))
                 case of_b.ArmPublished(at_ms, arm):
-                    t = types().types
-                    layout = t["std_msgs/msg/MultiArrayLayout"]([], 0)
-                    self.put(
-                        at_ms,
-                        f"/{self._apad}/dock_out",
-                        "std_msgs/msg/Float32MultiArray",
-                        t["std_msgs/msg/Float32MultiArray"](
-                            layout, np.array([float(it) for it in arm.is_open], np.float32)
-                        ),
+                    states = np.array([float(it) for it in arm.is_open], np.float32)
+                    arms = made(
+                        "std_msgs/Float32MultiArray", made("std_msgs/MultiArrayLayout", [], 0), states
                     )
+                    self.put(at_ms, f"/{self._apad}/dock_out", "std_msgs/msg/Float32MultiArray", arms)
         return published
 
     def _battery(self, at_ms: int, percent: float) -> None:
         self._std(at_ms, "battery_level", "Float64", round(percent, 1))
 
     def _std(self, at_ms: int, leaf: str, kind: str, value: Any) -> None:
-        name = f"std_msgs/msg/{kind}"
-        self.put(at_ms, f"/{self._apad}/{leaf}", name, types().types[name](value))
+        self.put(at_ms, f"/{self._apad}/{leaf}", f"std_msgs/msg/{kind}", made(f"std_msgs/{kind}", value))
 
     def put(self, at_ms: int, topic: str, kind: str, message: Any) -> None:
         connection = _connection(topic, kind)
@@ -147,47 +141,43 @@ class Recorder:
         )
 
     def goal(self, at_ms: int, goal: of_a.ActionGoal) -> None:
-        t = types().types
-        here = t["geometry_msgs/msg/Pose"](
-            t["geometry_msgs/msg/Point"](goal.north_m, goal.east_m, 0.0),
-            t["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0),
-        )
-        inner = t["apad/msg/aPadGoal"](goal.kind, here, goal.name, here)
-        goal_id = t["actionlib_msgs/msg/GoalID"](self._time(at_ms), goal.key)
-        message = t["apad/msg/aPadActionGoal"](self._header(at_ms), goal_id, inner)
+        here = pose(goal.north_m, goal.east_m)
+        inner = made("apad/aPadGoal", goal.kind, here, goal.name, here)
+        goal_id = made("actionlib_msgs/GoalID", self._time(at_ms), goal.key)
+        message = made("apad/aPadActionGoal", self._header(at_ms), goal_id, inner)
         self.put(at_ms, f"/{self._apad}/action_server/goal", "apad/msg/aPadActionGoal", message)
 
     def _result(self, at_ms: int, key: str, code: int) -> None:
-        t = types().types
-        goal_id = t["actionlib_msgs/msg/GoalID"](self._time(at_ms), key)
-        here = t["geometry_msgs/msg/Pose"](
-            t["geometry_msgs/msg/Point"](0.0, 0.0, 0.0), t["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0)
-        )
-        status = t["actionlib_msgs/msg/GoalStatus"](goal_id, code, "")
-        message = t["apad/msg/aPadActionResult"](
-            self._header(at_ms), status, t["apad/msg/aPadResult"](0, 0, here)
-        )
+        goal_id = made("actionlib_msgs/GoalID", self._time(at_ms), key)
+        status = made("actionlib_msgs/GoalStatus", goal_id, code, "")
+        result = made("apad/aPadResult", 0, 0, pose(0.0, 0.0))
+        message = made("apad/aPadActionResult", self._header(at_ms), status, result)
         self.put(at_ms, f"/{self._apad}/action_server/result", "apad/msg/aPadActionResult", message)
 
     def _time(self, at_ms: int) -> Any:
         whole_ms = round(EPOCH_S) * 1000 + at_ms
-        return types().types["builtin_interfaces/msg/Time"](whole_ms // 1000, whole_ms % 1000 * 1_000_000)
+        return made("builtin_interfaces/Time", whole_ms // 1000, whole_ms % 1000 * 1_000_000)
 
     def _header(self, at_ms: int) -> Any:
-        return types().types["std_msgs/msg/Header"](0, self._time(at_ms), "local")
+        return made("std_msgs/Header", 0, self._time(at_ms), "local")
 
     def nav(self, at_ms: int, place: tuple[float, float], status: int) -> Any:
-        t = types().types
-        ned, rpy = t["auv_msgs/msg/NED"], t["auv_msgs/msg/RPY"]
-        degrees, point = (
-            t["auv_msgs/msg/DecimalLatLon"](0.0, 0.0),
-            t["geometry_msgs/msg/Point"](0.0, 0.0, 0.0),
-        )
-        angles, nothing = rpy(0.0, 0.0, 0.0), ned(0.0, 0.0, 0.0)
-        return t["auv_msgs/msg/NavSts"](
-            self._header(at_ms), degrees, degrees, ned(*place, 0.0), 0.0, point, point,
-            angles, angles, nothing, angles, status,
+        degrees, point = made("auv_msgs/DecimalLatLon", 0.0, 0.0), made("geometry_msgs/Point", 0.0, 0.0, 0.0)
+        angles, nothing = made("auv_msgs/RPY", 0.0, 0.0, 0.0), made("auv_msgs/NED", 0.0, 0.0, 0.0)
+        return made(
+            "auv_msgs/NavSts", self._header(at_ms), degrees, degrees, made("auv_msgs/NED", *place, 0.0), 0.0,
+            point, point, angles, angles, nothing, angles, status,
         )  # fmt: skip
+
+
+def made(kind: str, *fields: Any) -> Any:
+    """A message of this kind, such as std_msgs/Header."""
+    return types().types[kind.replace("/", "/msg/")](*fields)
+
+
+def pose(north_m: float, east_m: float) -> Any:
+    there = made("geometry_msgs/Point", north_m, east_m, 0.0)
+    return made("geometry_msgs/Pose", there, made("geometry_msgs/Quaternion", 0.0, 0.0, 0.0, 1.0))
 
 
 def of_generation_a(

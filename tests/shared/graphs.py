@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from typing import Any
 
+import yaml
+from programs import begun, done
 from scenario_files import write_scenario
 
 from apad_bridge.ros.simulated_node.apad_process import start_apad_node, stop_apad_node
@@ -49,3 +53,27 @@ def somebodys_graph(
             stack.callback(process.wait, 180)
             stack.callback(process.terminate)
         yield environment
+
+
+@contextmanager
+def latched(shell: dict[str, str], topic: str, kind: str, message: str) -> Iterator[None]:
+    """A message of rostopic's that stays, however late its reader connects: `pub -1` is gone after three seconds."""
+    with begun(
+        "/usr/bin/rostopic", "pub", "--latch", topic, kind, message, env=shell, ends_by=signal.SIGTERM
+    ):
+        yield
+
+
+def called(shell: dict[str, str], service: str, request: str) -> dict[str, Any]:
+    """The answer of one of a run's services to rosservice."""
+    call = done("/usr/bin/rosservice", "call", f"/musselbed/{service}", request, env=shell)
+    answer: dict[str, Any] = yaml.safe_load(call.stdout)
+    return answer
+
+
+def echoed(shell: dict[str, str], *words: object) -> dict[str, Any]:
+    """The next message on a topic, by rostopic."""
+    message: dict[str, Any] = next(
+        yaml.safe_load_all(done("/usr/bin/rostopic", "echo", "-n", 1, *words, env=shell).stdout)
+    )
+    return message

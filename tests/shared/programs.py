@@ -65,6 +65,11 @@ def ended_well(process: subprocess.Popen[str], code: int = 0) -> tuple[str, str]
     return outputs
 
 
+def with_helpers(environment: dict[str, str]) -> dict[str, str]:
+    """The variables of a program of ours that imports these modules, too."""
+    return environment | {"PYTHONPATH": str(Path(__file__).parent)}
+
+
 def line_of(process: subprocess.Popen[str]) -> str:
     """The next line of its output, without its end."""
     assert process.stdout is not None

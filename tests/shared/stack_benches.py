@@ -11,7 +11,7 @@ import random
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from wire_observer import FENCE, SIDE_M, TICK_MS, Observer, Place
 
@@ -113,45 +113,47 @@ def cleared(command: VehicleCommand) -> Cleared[VehicleCommand]:
     return let_out
 
 
-class StackLink(Protocol):
+class SimulatedLink:
     """A VehicleLink to a simulated vehicle, with an observer on the wire."""
 
-    observer: Observer
-    shift: Shift
+    def __init__(self, flown: Scenario) -> None:
+        self.observer, self.shift = Observer.of(flown), truly
+        self.never_ends = False
+        self.is_lost = False
+        """Orders do not arrive."""
+        self.is_mute = False
+        """Nothing that the vehicle sends arrives: neither positions nor answers."""
+        self._apad = SimulatedAPad(flown.apad)
+        self._core: Any
+        self._now_ms = 0
 
     @property
     def pose(self) -> Pose:
         """The truth."""
-        ...
-
-    @property
-    def is_at_rest(self) -> bool:
-        """It holds a place, or its controllers are off."""
-        ...
+        return self._apad.pose
 
     def push(self, command: Coast | Steer) -> None:
         """The vehicle does this by itself."""
-        ...
+        self._apad.receive(command, self._now_ms)
 
-    def others_go(self, north_m: float, east_m: float) -> None:
-        """Another client sends the vehicle there."""
-        ...
+    def close(self) -> None:
+        pass
 
-    def set_pilot(self, *, steers: bool) -> None: ...
+    def _tell(self, message: Any, now_ms: int) -> None:
+        if not self.is_mute:
+            self._core.receive(message, now_ms)
 
-    def advance(self, now_ms: int) -> list[LinkFact]: ...
+    def _tell_pose(self, pose: Pose, at_ms: int, now_ms: int) -> None:
+        if (moved := self.shift(pose, at_ms)) is not None and not self.is_mute:
+            self.observer.hear(moved)
+            self._tell(moved, now_ms)
 
-    def command(self, cleared: Cleared[VehicleCommand], now_ms: int) -> None: ...
 
-    def close(self) -> None: ...
-
-
-class LinkToA:
+class LinkToA(SimulatedLink):
     """Generation A: converts the vehicle's output to the messages of its topics and of its action server."""
 
     def __init__(self, flown: Scenario, core: Callable[..., GenerationACore]) -> None:
-        self.observer, self.shift = Observer.of(flown), truly
-        self._apad = SimulatedAPad(flown.apad)
+        super().__init__(flown)
         self._vehicle = GenerationAVehicle(
             self._apad, flown.mission.speed_m_s, flown.mission.victory_radius_m
         )
@@ -159,16 +161,6 @@ class LinkToA:
         self._active: list[str] = []
         self._goal: GoalOrder | None = None
         self._others = 0
-        self.never_ends = False
-        self.is_lost = False
-        """Orders do not arrive."""
-        self.is_mute = False
-        """Nothing that the vehicle sends arrives: neither positions nor answers."""
-        self._now_ms = 0
-
-    @property
-    def pose(self) -> Pose:
-        return self._apad.pose
 
     @property
     def is_at_rest(self) -> bool:
@@ -176,16 +168,13 @@ class LinkToA:
         is_held = goal is not None and math.dist((goal.north_m, goal.east_m), place_of(self.pose)) < 3.0
         return is_held or not self._vehicle.has_thrust
 
-    def push(self, command: Coast | Steer) -> None:
-        self._apad.receive(command, self._now_ms)
-
     def set_pilot(self, *, steers: bool) -> None:
         self.observer.pilot_steers = steers
 
     def advance(self, now_ms: int) -> list[LinkFact]:
         self._now_ms = now_ms
         self._receive(self._vehicle.advance(now_ms), now_ms)
-        facts = self._core.advance(now_ms)
+        facts: list[LinkFact] = self._core.advance(now_ms)
         for it in self._core.take_orders():
             self._send(it.order, now_ms)
         self._switch_off(now_ms)
@@ -218,9 +207,6 @@ class LinkToA:
         self._receive(self._vehicle.enable_position_control(False, now_ms), now_ms)
         self._tell(OffAnswered(now_ms, off.order.number, None), now_ms)
 
-    def close(self) -> None:
-        pass
-
     def _send(self, order: GoalOrder, now_ms: int) -> None:
         if self.is_lost:
             return
@@ -234,10 +220,6 @@ class LinkToA:
         self._report(GoalStatusEntry(order.key, GoalCode.ACTIVE), now_ms)
         self._receive(self._vehicle.receive(goal, now_ms), now_ms)
 
-    def _tell(self, message: Any, now_ms: int) -> None:
-        if not self.is_mute:
-            self._core.receive(message, now_ms)
-
     def _report(self, status: GoalStatusEntry, at_ms: int) -> None:
         self._tell(GoalStatusReceived(at_ms, (status,), whole=False), at_ms)
 
@@ -245,9 +227,7 @@ class LinkToA:
         for it in shown:
             match it:
                 case PosePublished(at_ms, pose):
-                    if (moved := self.shift(pose, at_ms)) is not None and not self.is_mute:
-                        self.observer.hear(moved)
-                        self._tell(moved, now_ms)
+                    self._tell_pose(pose, at_ms, now_ms)
                 case shown_a.HeldPositionPublished(at_ms, name, north_m, east_m, released):
                     agent_id = int(name.removeprefix("amussel"))
                     self._tell(HeldPositionReceived(at_ms, agent_id, north_m, east_m, released), now_ms)
@@ -267,34 +247,20 @@ _CODES = {
 }
 
 
-class LinkToB:
+class LinkToB(SimulatedLink):
     """Generation B: answers calls at once, as its services do."""
 
     def __init__(self, flown: Scenario, core: Callable[..., GenerationBCore]) -> None:
-        self.observer, self.shift = Observer.of(flown), truly
-        self._apad = SimulatedAPad(flown.apad)
+        super().__init__(flown)
         self._vehicle = GenerationBVehicle(self._apad)
         self._core = core()
         self._last: ServiceOrder | None = None
         self.shows_goals = True
         """Its action server shows each goal; without that nothing but the status tells of another client's go-to."""
-        self.never_ends = False
-        self.is_lost = False
-        """Orders do not arrive."""
-        self.is_mute = False
-        """Nothing that the vehicle sends arrives: neither positions nor answers."""
-        self._now_ms = 0
-
-    @property
-    def pose(self) -> Pose:
-        return self._apad.pose
 
     @property
     def is_at_rest(self) -> bool:
         return isinstance(self._last, Stop | Hold)
-
-    def push(self, command: Coast | Steer) -> None:
-        self._apad.receive(command, self._now_ms)
 
     def others_go(self, north_m: float, east_m: float) -> None:
         """Another client sends the vehicle there."""
@@ -310,16 +276,13 @@ class LinkToB:
     def advance(self, now_ms: int) -> list[LinkFact]:
         self._now_ms = now_ms
         self._receive(self._vehicle.advance(now_ms), now_ms)
-        facts = self._core.advance(now_ms)
+        facts: list[LinkFact] = self._core.advance(now_ms)
         self._send(now_ms)
         return facts
 
     def command(self, cleared: Cleared[VehicleCommand], now_ms: int) -> None:
         self._core.command(cleared, now_ms)
         self._send(now_ms)
-
-    def close(self) -> None:
-        pass
 
     def _send(self, now_ms: int) -> None:
         for cleared in self._core.take_calls():
@@ -339,17 +302,11 @@ class LinkToB:
             self._receive(self._vehicle.receive(call.order, now_ms), now_ms)
             self._tell(ServiceAnswered(now_ms, call.number, None), now_ms)
 
-    def _tell(self, message: Any, now_ms: int) -> None:
-        if not self.is_mute:
-            self._core.receive(message, now_ms)
-
     def _receive(self, shown: list[shown_b.Published], now_ms: int) -> None:
         for it in shown:
             match it:
                 case PosePublished(at_ms, pose):
-                    if (moved := self.shift(pose, at_ms)) is not None and not self.is_mute:
-                        self.observer.hear(moved)
-                        self._tell(moved, now_ms)
+                    self._tell_pose(pose, at_ms, now_ms)
                 case shown_b.StatusPublished(at_ms, docking, status):
                     ended = status is not PrimitiveStatus.RUNNING
                     shown_status = (
@@ -454,14 +411,18 @@ class Bench:
 # The faults. Each begins while the vehicle is under way to a place inside the fence, or in a docking.
 
 
+def moved(pose: Pose, off_m: Place) -> Pose:
+    return replace(pose, north_m=pose.north_m + off_m[0], east_m=pose.east_m + off_m[1])
+
+
 def nan_position(bench: Bench, rng: random.Random) -> None:
-    bench.link.shift = lambda pose, at_ms: PoseReceived(at_ms, math.nan, math.nan, pose.heading_rad)
+    bench.link.shift = lambda pose, at_ms: truly(moved(pose, (math.nan, math.nan)), at_ms)
 
 
 def frozen_position(bench: Bench, rng: random.Random) -> None:
     """The last position is repeated with fresh stamps, and the vehicle goes on and on."""
     last = bench.link.pose
-    bench.link.shift = lambda pose, at_ms: PoseReceived(at_ms, last.north_m, last.east_m, last.heading_rad)
+    bench.link.shift = lambda pose, at_ms: truly(last, at_ms)
     bench.link.push(Steer(0.5, 0.0, 0.0))
 
 
@@ -469,11 +430,9 @@ def jumping_position(bench: Bench, rng: random.Random) -> None:
     off_m = (rng.uniform(12, 25) * rng.choice((-1, 1)), rng.uniform(12, 25) * rng.choice((-1, 1)))
     since_ms = bench.now_ms
 
-    def shift(pose: Pose, at_ms: int) -> PoseReceived:
-        far = (at_ms - since_ms) // 4_000 % 2 == 0
-        return PoseReceived(
-            at_ms, pose.north_m + off_m[0] * far, pose.east_m + off_m[1] * far, pose.heading_rad
-        )
+    def shift(pose: Pose, at_ms: int) -> PoseReceived | None:
+        is_far = (at_ms - since_ms) // 4_000 % 2 == 0
+        return truly(moved(pose, off_m) if is_far else pose, at_ms)
 
     bench.link.shift = shift
     bench.observer.bad_from_ms = bench.now_ms + 1_000
@@ -486,9 +445,7 @@ def silent_position(bench: Bench, rng: random.Random) -> None:
 def wrong_origin(bench: Bench, rng: random.Random) -> None:
     """The vehicle starts its positioning again about another origin, some hundred metres off."""
     off_m = (rng.uniform(100, 900), rng.uniform(-900, -100))
-    bench.link.shift = lambda pose, at_ms: PoseReceived(
-        at_ms, pose.north_m + off_m[0], pose.east_m + off_m[1], pose.heading_rad
-    )
+    bench.link.shift = lambda pose, at_ms: truly(moved(pose, off_m), at_ms)
 
 
 def current(bench: Bench, rng: random.Random) -> None:

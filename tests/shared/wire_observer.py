@@ -77,16 +77,10 @@ class Observer:
 
     def take_goal(self, goal_m: Place, now_ms: int, *, is_hold: bool) -> None:
         """Judges a go-to or hold. The fence is a convex square, so that a way between two places inside lies inside."""
-        self.orders += 1
-        heard = self.heard
         text = f"{now_ms / 1000:g} s: to ({goal_m[0]:.1f}, {goal_m[1]:.1f})"
-        if self.pilot_steers:
-            self.against_pilot.append(text)
-        if heard is None or self.is_bad(now_ms):
-            self.blind.append(text)
+        if (here_m := self._judged(text, now_ms)) is None:
             return
         self.goal_m = goal_m
-        here_m = (heard.north_m, heard.east_m)
         if is_hold and (goal_m == self.held_m or math.dist(here_m, goal_m) < self.stop_m):
             self.stops += 1
             self.held_m = goal_m
@@ -95,13 +89,20 @@ class Observer:
 
     def take_other(self, now_ms: int, what: str) -> None:
         """Judges an order to a dock."""
+        text = f"{now_ms / 1000:g} s: {what}"
+        here_m = self._judged(text, now_ms)
+        if here_m is not None and not is_inside(here_m):
+            self.outside.append(text)
+
+    def _judged(self, text: str, now_ms: int) -> Place | None:
+        """Where the vehicle was last heard; None where nobody can know."""
         self.orders += 1
         if self.pilot_steers:
-            self.against_pilot.append(f"{now_ms / 1000:g} s: {what}")
-        if self.heard is None or self.is_bad(now_ms):
-            self.blind.append(f"{now_ms / 1000:g} s: {what}")
-        elif not is_inside((self.heard.north_m, self.heard.east_m)):
-            self.outside.append(f"{now_ms / 1000:g} s: {what}")
+            self.against_pilot.append(text)
+        if self.heard is not None and not self.is_bad(now_ms):
+            return self.heard.north_m, self.heard.east_m
+        self.blind.append(text)
+        return None
 
     def take_stop(self, now_ms: int) -> None:
         if self.pilot_steers:

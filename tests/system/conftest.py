@@ -58,5 +58,5 @@ def master(tmp_path: Path) -> Iterator[Master]:
 @pytest.fixture
 def shell(tmp_path: Path, master: Master) -> dict[str, str]:
     """The environment of ROS' own tools on the master, with our messages."""
-    paths = dict.fromkeys(("PYTHONPATH", "ROS_PACKAGE_PATH"), str(generated_folder()))
-    return loopback_environment(tmp_path / "ros", master.uri) | paths
+    environment = loopback_environment(tmp_path / "ros", master.uri)
+    return environment | dict.fromkeys(("PYTHONPATH", "ROS_PACKAGE_PATH"), str(generated_folder()))

@@ -1,10 +1,10 @@
 """Simulates a mission that sends the aPad away and falls silent, beside the vehicle's watchdog.
 
-Use: fall_silent.py WATCHDOG a|b silent|lost|blocked PYTHON, on the master at ROS_MASTER_URI, where the aPad's node runs and
+Use: fall_silent.py WATCHDOG a|b silent|lost PYTHON, on the master at ROS_MASTER_URI, where the aPad's node runs and
 nobody else publishes /clock. PYTHON runs the watchdog.
 `silent`: the mission falls silent, comes back, and falls silent under a pilot. `lost`: the master ends, which is asked for
 by `end the master` and confirmed by a line on the standard input; then the mission falls silent, first with a good position
-and then with a bad one. `blocked`: the mission falls silent while the servo of a docking turns.
+and then with a bad one.
 Prints the watchdog's output, the aPad's status and its ways, as JSON.
 """
 
@@ -17,12 +17,12 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 from typing import Any
 
 import rospy
 from actionlib import GoalStatus, SimpleActionClient
 from geometry_msgs.msg import Point, Pose
+from programs import wait_until
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Bool, Float32, Int32, String
 
@@ -33,7 +33,7 @@ use_generated_messages()
 
 from apad.msg import aPadAction, aPadGoal  # noqa: E402
 from auv_msgs.msg import NavSts  # noqa: E402
-from misc_msgs.srv import DockingPrimitiveService, Go2pointPrimitiveService  # noqa: E402
+from misc_msgs.srv import Go2pointPrimitiveService  # noqa: E402
 
 PATIENCE_S = 180.0
 DRIFT_S = 15
@@ -53,8 +53,6 @@ class Mission:
         self.speed = speed
         self.north_m: float | None = None
         """What the watchdog gets instead of the position north."""
-        self.ends = 0
-        """Ends of primitives."""
         self.heart_beats = True
         self.status = -1
         self.place_m: tuple[float, float] | None = None
@@ -63,10 +61,9 @@ class Mission:
         self.watchdog_says = ""
         self.client: Any = None
         """Kept as long as its goal is watched."""
-        rospy.Subscriber("/apad1/watchdog", String, self._take_word)
-        rospy.Subscriber("/apad1/goto_status", Int32, self._take_status)
+        rospy.Subscriber("/apad1/watchdog", String, self._take, "watchdog_says")
+        rospy.Subscriber("/apad1/goto_status", Int32, self._take, "status")
         rospy.Subscriber("/apad1/stateRef", NavSts, self._take_place)
-        rospy.Subscriber("/apad1/eventString", String, self._take_event)
         self._relayed = rospy.Publisher("/relayed/position", NavSts, queue_size=10)
         rospy.Subscriber("/apad1/position", NavSts, self._relay)
         threading.Thread(target=self._run, daemon=True).start()
@@ -79,34 +76,22 @@ class Mission:
             if self.heart_beats:
                 self._heart.publish(Float32(0.1))
 
-    def _take_word(self, message: Any) -> None:
-        self.watchdog_says = message.data
-
-    def _take_status(self, message: Any) -> None:
-        self.status = message.data
+    def _take(self, message: Any, name: str) -> None:
+        setattr(self, name, message.data)
 
     def _take_place(self, message: Any) -> None:
         self.place_m = (message.position.north, message.position.east)
-
-    def _take_event(self, _: Any) -> None:
-        self.ends += 1
 
     def _relay(self, message: Any) -> None:
         if self.north_m is not None:
             message.position.north = self.north_m
         self._relayed.publish(message)
 
-    def wait_until(self, condition: Any, failure: str) -> None:
-        until_s, pause = time.monotonic() + PATIENCE_S, threading.Event()
-        while not condition():
-            assert time.monotonic() < until_s, failure
-            pause.wait(0.02)
-
     def let_pass(self, ms: int) -> tuple[float, float]:
         """Returns the aPad's place after `ms`."""
         then_ms, before = self.now_ms + ms, self.speed
         self.speed = before if self.heart_beats else SOON
-        self.wait_until(lambda: self.now_ms >= then_ms, "/clock stands still")
+        wait_until(lambda: self.now_ms >= then_ms, why="/clock stands still")
         self.speed = before
         assert self.place_m is not None
         return self.place_m
@@ -161,7 +146,7 @@ def by_goal(mission: Mission) -> None:
         aPadGoal(id=0, pose=Pose(position=Point(10_000, 0, 0))),
         done_cb=lambda state, _: setattr(mission, "status", state),
     )
-    mission.wait_until(lambda: client.get_state() == GoalStatus.ACTIVE, "the goal does not run")
+    wait_until(lambda: client.get_state() == GoalStatus.ACTIVE, why="the goal does not run")
     mission.status = GoalStatus.ACTIVE
     mission.client = client
 
@@ -170,9 +155,9 @@ SEND_AWAY = {"a": by_goal, "b": by_primitive}
 
 
 def sent_away(mission: Mission, generation: str) -> None:
-    mission.wait_until(lambda: mission.place_m is not None, "no stateRef")
+    wait_until(lambda: mission.place_m is not None, why="no stateRef")
     SEND_AWAY[generation](mission)
-    mission.wait_until(lambda: mission.status == 1, "no go-to under way")
+    wait_until(lambda: mission.status == 1, why="no go-to under way")
     north_m = mission.let_pass(5_000)[0]
     assert mission.let_pass(5_000)[0] > north_m + 1
 
@@ -187,8 +172,8 @@ def held(mission: Mission, watchdog: Watchdog) -> dict[str, Any]:
     """Falls silent, and waits until the aPad is held."""
     mission.heart_beats = False
     said = watchdog.until("HELD")
-    mission.wait_until(lambda: mission.watchdog_says == "HELD", "/apad1/watchdog does not say so")
-    mission.wait_until(lambda: mission.status != 1, "the go-to goes on")
+    wait_until(lambda: mission.watchdog_says == "HELD", why="/apad1/watchdog does not say so")
+    wait_until(lambda: mission.status != 1, why="the go-to goes on")
     mission.let_pass(STEADY_MS)
     return {"falls_silent": said, "status": mission.status, "drifted_m": way_m(mission, DRIFT_S * 1000)}
 
@@ -201,7 +186,7 @@ def silent(mission: Mission, watchdog: Watchdog, generation: str) -> dict[str, A
     result["hears_again"] = watchdog.until("WATCHING")
     pilot.publish(Bool(True))
     ears = 1 + (generation == "b")  # the watchdog, and the vehicle of generation B
-    mission.wait_until(lambda: pilot.get_num_connections() >= ears, "nobody hears the pilot")
+    wait_until(lambda: pilot.get_num_connections() >= ears, why="nobody hears the pilot")
     mission.heart_beats = False
     result["piloted"] = watchdog.until("PILOTED")
     return result
@@ -226,31 +211,16 @@ def lost(mission: Mission, watchdog: Watchdog, generation: str) -> dict[str, Any
     return result
 
 
-def blocked(mission: Mission, watchdog: Watchdog, _: str) -> dict[str, Any]:
-    dock = rospy.ServiceProxy("/apad1/commander/primitive/docking", DockingPrimitiveService)
-    rospy.wait_for_service(dock.resolved_name, PATIENCE_S)
-    mission.wait_until(lambda: mission.place_m is not None, "no stateRef")
-    assert dock(docking_action=True, docking_slot=0, search_yaw_rate=0.1, max_surge_speed=0.1).status
-    docked_ms = mission.now_ms
-    mission.heart_beats, mission.ends = False, 0
-    said = watchdog.until("HELD")
-    blocked_ms = mission.now_ms - docked_ms
-    mission.let_pass(DRIFT_S * 1000)
-    return {"falls_silent": said, "blocked_ms": blocked_ms, "ends": mission.ends}
-
-
-PLAYS = {"silent": (silent, 5), "lost": (lost, 5), "blocked": (blocked, 2)}
-"""Each with its speed."""
+PLAYS = {"silent": silent, "lost": lost}
 
 
 def main() -> None:
     rospy.init_node("mission", disable_signals=True)
-    play, speed = PLAYS[sys.argv[3]]
-    mission = Mission(speed)
+    mission = Mission(speed=5)
     watchdog = Watchdog(sys.argv[1], sys.argv[4])
     try:
         hears = watchdog.until("WATCHING")
-        result = play(mission, watchdog, sys.argv[2])
+        result = PLAYS[sys.argv[3]](mission, watchdog, sys.argv[2])
         assert watchdog.process.poll() is None
     finally:
         watchdog.process.terminate()

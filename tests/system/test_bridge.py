@@ -3,25 +3,23 @@
 from __future__ import annotations
 
 import json
-import os
-import queue
 import signal
 import subprocess
 import sys
-import threading
-import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from contextlib import closing
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import pytest
 import serial
+from programs import MUSSELBED, ROOT, Begin, code_here, line_of
 
 from apad_bridge.acoustics.serial.table_modems import TableModems
 from apad_bridge.records.run_directory import RunDirectory
-from apad_bridge.ros.system.master import loopback_environment, start_master
+from apad_bridge.ros.system.master import Master
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource
 from apad_bridge.scenario.starts import starts_of
@@ -29,7 +27,6 @@ from firmware_model.packets import CommandPacket, Kind, StatusPacket
 from firmware_model.states import State
 
 pytestmark = pytest.mark.system
-ROOT = Path(__file__).parents[2]
 POOL_FILE = ROOT / "launch_scripts" / "scenarios" / "pool-12.yaml"
 PATIENCE_S = 120.0
 
@@ -39,49 +36,17 @@ STATUS = bytes.fromhex(
 )
 
 
-class Lines:
-    """The lines of a process as they come."""
-
-    def __init__(self, process: subprocess.Popen[str]) -> None:
-        self._lines: queue.Queue[str] = queue.Queue()
-        assert process.stdout is not None
-        threading.Thread(target=self._read, args=(process.stdout,), daemon=True).start()
-
-    def _read(self, stream: Iterator[str]) -> None:
-        for line in stream:
-            self._lines.put(line)
-
-    def until(self, holds: Callable[[Any], bool]) -> Any:
-        end_s = time.monotonic() + PATIENCE_S
-        while True:
-            found = json.loads(self._lines.get(timeout=max(0.1, end_s - time.monotonic())))
-            if holds(found):
-                return found
+def until(process: subprocess.Popen[str], holds: Callable[[Any], bool]) -> Any:
+    """The first of its lines, which are JSON, for which it holds."""
+    while not holds(found := json.loads(line_of(process))):
+        pass
+    return found
 
 
 @pytest.fixture
 def modems(tmp_path: Path) -> Iterator[TableModems]:
-    made = TableModems(tmp_path / "dev", 2, 1)
-    yield made
-    made.close()
-
-
-@pytest.fixture
-def graph(tmp_path: Path) -> Iterator[dict[str, str]]:
-    master = start_master(tmp_path / "ros", 120)
-    yield {**os.environ, **loopback_environment(tmp_path / "ros", master.uri)}
-    master.stop()
-
-
-def start(words: list[str], environment: dict[str, str]) -> subprocess.Popen[str]:
-    return subprocess.Popen(
-        [sys.executable, *words],
-        env=environment,
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    with closing(TableModems(tmp_path / "dev", 2, 1)) as made:
+        yield made
 
 
 def broadcast(modem: serial.Serial, payload: bytes) -> None:
@@ -91,81 +56,58 @@ def broadcast(modem: serial.Serial, payload: bytes) -> None:
 
 @pytest.mark.parametrize("by_run", [True, False])
 def test_a_real_amussels_packets_reach_the_mission_and_the_missions_reach_it(
-    modems: TableModems, graph: dict[str, str], tmp_path: Path, by_run: bool
+    modems: TableModems, shell: dict[str, str], tmp_path: Path, begin: Begin, by_run: bool
 ) -> None:
-    named, its_graph = str(POOL_FILE), graph
+    inside = shell | {"PYTHONPATH": str(ROOT)}
+    named, its_shell = POOL_FILE, inside
     if by_run:
         # The run's directory names the master, and the shell does not.
-        named = str(tmp_path / "run")
-        directory = RunDirectory.create("pool", datetime.now(UTC), Path(named))
+        named = tmp_path / "run"
+        directory = RunDirectory.create("pool", datetime.now(UTC), named)
         scenario = load(POOL_FILE)
         directory.write_inputs(scenario, starts_of(scenario))
-        uri = graph["ROS_MASTER_URI"]
-        RunOptions(
-            BenchPart.WHOLE,
-            APadKind.SIM,
-            TimeSource.WALL,
-            1.0,
-            OnDeath.WAIT,
-            master_uri=uri,
-            owns_master=True,
-        ).save(directory.path)
-        its_graph = {key: it for key, it in graph.items() if key != "ROS_MASTER_URI"}
-    with ExitStack() as stack:
-        mission = stack.enter_context(start([str(Path(__file__).with_name("beside_a_bridge.py"))], graph))
-        stack.callback(mission.kill)
-        heard = Lines(mission)
-        heard.until(lambda it: it == ["ready"])
-        bridge = stack.enter_context(
-            start(
-                [
-                    "-m",
-                    "apad_bridge.commands.main",
-                    "bridge",
-                    named,
-                    modems.path(1),
-                    "--ids",
-                    "7",
-                    "8",
-                    "--json",
-                ],
-                its_graph,
-            )
-        )
-        stack.callback(bridge.kill)
-        told = Lines(bridge)
-        claim = heard.until(lambda it: it[0] == "claim")
-        assert claim == ["claim", "/musselbed_bridge_7", True, [7, 8]]
-        told.until(lambda it: "modem" in it)
+        options = RunOptions(BenchPart.WHOLE, APadKind.SIM, TimeSource.WALL, 1.0, OnDeath.WAIT)
+        replace(options, master_uri=inside["ROS_MASTER_URI"], owns_master=True).save(directory.path)
+        its_shell = {key: it for key, it in inside.items() if key != "ROS_MASTER_URI"}
+    mission = begin(
+        sys.executable, Path(__file__).with_name("beside_a_bridge.py"), env=inside, stdin=subprocess.PIPE
+    )
+    until(mission, lambda it: it == ["ready"])
+    words = ("bridge", named, modems.path(1), "--ids", 7, 8, "--json")
+    bridge = begin(*MUSSELBED, *words, env=its_shell, ends_by=signal.SIGKILL)
+    claim = until(mission, lambda it: it[0] == "claim")
+    assert claim == ["claim", "/musselbed_bridge_7", True, [7, 8]]
+    until(bridge, lambda it: "modem" in it)
 
-        node = stack.enter_context(serial.Serial(modems.path(2), 9600, timeout=PATIENCE_S))
-        # What must be dropped comes first: nothing of it may be heard before the good packet.
-        broadcast(node, b"\xb1\x07\x00" + STATUS[:-1] + b"\x00")  # its check is wrong
-        told.until(lambda it: "damaged" in it.get("dropped", ""))
-        broadcast(node, b"\xb1\x08\x00" + STATUS)
-        told.until(lambda it: "names another aMussel" in it.get("dropped", ""))
-        broadcast(node, b"\xb1\x09\x00" + STATUS)
-        told.until(lambda it: "none of --ids" in it.get("dropped", ""))
-        broadcast(node, b"hello")
-        told.until(lambda it: "without an aMussel's id" in it.get("dropped", ""))
-        broadcast(node, b"\xb1\x07\x00" + STATUS)
-        *packet, mission_time_ms, late_s = heard.until(lambda it: it[0] == "heard")
-        assert packet == ["heard", 7, "sound", STATUS.hex()]
-        # A bridge that is started anew would else say that its packets are older than those before.
-        assert mission_time_ms == 0 and abs(late_s) < PATIENCE_S
+    node = serial.Serial(modems.path(2), 9600, timeout=PATIENCE_S)
+    # What must be dropped comes first: nothing of it may be heard before the good packet.
+    broadcast(node, b"\xb1\x07\x00" + STATUS[:-1] + b"\x00")  # its check is wrong
+    until(bridge, lambda it: "damaged" in it.get("dropped", ""))
+    broadcast(node, b"\xb1\x08\x00" + STATUS)
+    until(bridge, lambda it: "names another aMussel" in it.get("dropped", ""))
+    broadcast(node, b"\xb1\x09\x00" + STATUS)
+    until(bridge, lambda it: "none of --ids" in it.get("dropped", ""))
+    broadcast(node, b"hello")
+    until(bridge, lambda it: "without an aMussel's id" in it.get("dropped", ""))
+    broadcast(node, b"\xb1\x07\x00" + STATUS)
+    *packet, mission_time_ms, late_s = until(mission, lambda it: it[0] == "heard")
+    assert packet == ["heard", 7, "sound", STATUS.hex()]
+    # A bridge that is started anew would else say that its packets are older than those before.
+    assert mission_time_ms == 0 and abs(late_s) < PATIENCE_S
 
-        permission = CommandPacket(Kind.PERMISSION, 7).encode()
-        assert mission.stdin is not None
-        mission.stdin.write(json.dumps([7, "wifi", permission.hex()]) + "\n")
-        mission.stdin.write(json.dumps([7, "sound", permission.hex()]) + "\n")
-        mission.stdin.flush()
-        size = 3 + len(permission)
-        printed = node.read_until(b"\xb2\x07\x00" + permission)
-        assert printed.endswith(b"#B001%02d\xb2\x07\x00" % size + permission)
+    permission = CommandPacket(Kind.PERMISSION, 7).encode()
+    assert mission.stdin is not None
+    mission.stdin.write(json.dumps([7, "wifi", permission.hex()]) + "\n")
+    mission.stdin.write(json.dumps([7, "sound", permission.hex()]) + "\n")
+    mission.stdin.flush()
+    size = 3 + len(permission)
+    printed = node.read_until(b"\xb2\x07\x00" + permission)
+    assert printed.endswith(b"#B001%02d\xb2\x07\x00" % size + permission)
 
-        bridge.send_signal(signal.SIGINT)
-        counts = told.until(lambda it: "counts" in it)["counts"]
-        assert bridge.wait(PATIENCE_S) == 130
+    bridge.send_signal(signal.SIGINT)
+    counts = until(bridge, lambda it: "counts" in it)["counts"]
+    assert bridge.wait(PATIENCE_S) == 130
+    node.close()
     assert counts["heard from aMussels"] == 1
     assert counts["to an aMussel by another medium than sound"] == 1
 
@@ -178,21 +120,18 @@ def test_the_status_of_the_page_is_what_a_board_sends() -> None:
     assert f"That is `$B{3 + len(STATUS)}`" in page
 
 
-def test_modems_on_a_table_answer_and_hear_each_other_until_ctrl_c(tmp_path: Path) -> None:
-    with ExitStack() as stack:
-        command = stack.enter_context(
-            start(["-m", "apad_bridge.commands.main", "modems", str(tmp_path / "table")], dict(os.environ))
-        )
-        stack.callback(command.kill)
-        assert command.stdout is not None
-        names = [command.stdout.readline().strip() for _ in range(2)]
-        assert names == [str(tmp_path / "table" / f"modem{n}") for n in (1, 2)]
-        one, two = (stack.enter_context(serial.Serial(name, 9600, timeout=PATIENCE_S)) for name in names)
+def test_modems_on_a_table_answer_and_hear_each_other_until_ctrl_c(tmp_path: Path, begin: Begin) -> None:
+    table = tmp_path / "table"
+    command = begin(*MUSSELBED, "modems", table)
+    names = [line_of(command) for _ in range(2)]
+    assert names == [str(table / f"modem{n}") for n in (1, 2)]
+    one, two = (serial.Serial(name, 9600, timeout=PATIENCE_S) for name in names)
+    with one, two:
         broadcast(two, b"hello")
         assert one.read_until(b"hello") == b"#B00205hello"
         command.send_signal(signal.SIGINT)
         assert command.wait(PATIENCE_S) == 130
-    assert list((tmp_path / "table").iterdir()) == []
+    assert list(table.iterdir()) == []
 
 
 @pytest.mark.parametrize(
@@ -203,8 +142,13 @@ def test_modems_on_a_table_answer_and_hear_each_other_until_ctrl_c(tmp_path: Pat
     ],
 )
 def test_a_mistake_is_one_line_before_anything_starts(
-    words: list[str], says: str, graph: dict[str, str]
+    words: list[str],
+    says: str,
+    master: Master,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    bridge = start(["-m", "apad_bridge.commands.main", "bridge", str(POOL_FILE), *words], graph)
-    printed, errors = bridge.communicate(timeout=PATIENCE_S)
-    assert (bridge.returncode, printed, errors.count("\n")) == (2, "", 1) and says in errors
+    monkeypatch.setenv("ROS_MASTER_URI", master.uri)
+    assert code_here("bridge", POOL_FILE, *words) == 2
+    told = capsys.readouterr()
+    assert (told.out, told.err.count("\n")) == ("", 1) and says in told.err

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -12,7 +13,9 @@ from mutants import campaign as mutants
 from native_boards import NATIVE, compiled, compiled_with, script
 
 from apad_bridge.commands.main import main
+from firmware_model.bench.conformance import Case
 from firmware_model.bench.conformance_cases import CASES
+from firmware_model.bench.whole_conformance_cases import WHOLE_CASES
 
 pytestmark = pytest.mark.system
 PERL = NATIVE / "worst_case.pl"
@@ -52,10 +55,6 @@ def all_passed(capsys: pytest.CaptureFixture[str], *arguments: str) -> int:
     return len(results)
 
 
-def test_the_c_board_passes_everything(board: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert all_passed(capsys, str(board), "--random", "40") == len(CASES) + 40
-
-
 @pytest.mark.parametrize(
     ("text", "found"),
     [
@@ -76,12 +75,12 @@ def test_a_board_of_other_states_fails(
     assert found in result["reason"]
 
 
-@pytest.mark.parametrize("options", [["--random", "30"], ["--cost", "5", "--seed", "2"]], ids=" ".join)
 def test_the_whole_c_board_passes_everything(
-    tmp_path_factory: pytest.TempPathFactory, options: list[str], capsys: pytest.CaptureFixture[str]
+    tmp_path_factory: pytest.TempPathFactory, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    """So does that of the worst case, by a page's own command: `test_firmware_page.py`."""
     program = str(compiled(tmp_path_factory, "whole_board"))
-    assert all_passed(capsys, program, "--profile", "mu", *options) >= 400
+    assert all_passed(capsys, program, "--profile", "mu", "--random", "30") == len(WHOLE_CASES) + 30
 
 
 def test_a_board_of_the_worst_case_is_no_whole_board(board: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -93,25 +92,21 @@ def test_a_board_of_the_worst_case_is_no_whole_board(board: Path, capsys: pytest
     assert "expected" in shown and " ! " in shown
 
 
-def test_a_whole_board_lives_a_day_on_the_bench(
-    tmp_path_factory: pytest.TempPathFactory, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(
+    ("name", "profile", "cases"),
+    [("worst_case", "worst-case", CASES[1::2]), ("whole_board", "mu", WHOLE_CASES[::4])],
+)
+def test_a_c_board_passes_while_its_turns_take_time(
+    tmp_path_factory: pytest.TempPathFactory,
+    name: str,
+    profile: str,
+    cases: Sequence[Case],
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    program = str(compiled(tmp_path_factory, "whole_board"))
-    assert main(["mu", "run", program, "--profile", "mu"]) == 0
-    shown = capsys.readouterr().out
-    assert "SLEEPING -> SAMPLING" in shown
-    assert "sent by WIFI" in shown
-    assert "after 24.1 h" in shown or "after 23." in shown
-
-
-@pytest.mark.parametrize("seed", [1, 2])
-def test_the_c_board_passes_while_its_turns_take_time(
-    board: Path, seed: int, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Every second case with one seed, and the others with another."""
-    cases = [word for it in CASES[seed % 2 :: 2] if not it.is_near_tie for word in ("--case", it.name)]
-    options = ["--cost", "5", "--seed", str(seed), "--random", "30"]
-    assert all_passed(capsys, str(board), *cases, *options) == 30 + len(cases) // 2 > 80
+    chosen = [word for it in cases if not it.is_near_tie for word in ("--case", it.name)]
+    options = ["--profile", profile, "--cost", "5", "--seed", "2", "--random", "20"]
+    program = str(compiled(tmp_path_factory, name))
+    assert all_passed(capsys, program, *chosen, *options) == 20 + len(chosen) // 2 > 80
 
 
 @pytest.mark.parametrize(("profile", "least"), [("worst-case", 30), ("mu", 10)])
@@ -192,12 +187,6 @@ def test_a_mistake_is_told_before_anything_starts(
 ) -> None:
     assert main(["mu", "conform", *arguments]) == 2
     assert told in capsys.readouterr().err
-
-
-def test_a_program_that_dies_fails_every_case(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    dead = script(tmp_path, "sys.exit(1)")
-    assert main(["mu", "conform", str(dead), "--case", "measures", "--case", "a-ping"]) == 3
-    assert "2 failed" in capsys.readouterr().out
 
 
 MUTANTS = {
@@ -303,19 +292,6 @@ MUTANTS = {
     },
 }
 """Hand-written changes of the C board: (text, text in its place, the case that catches it)."""
-
-
-@pytest.mark.parametrize("name", MUTANTS)
-def test_a_mutant_of_the_c_board_is_caught(
-    tmp_path_factory: pytest.TempPathFactory, tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    old, new, case = MUTANTS[name]
-    source = (NATIVE / "worst_case.c").read_text()
-    assert old in source
-    mutant = tmp_path / "mutant"
-    compiled_with(tmp_path_factory, NATIVE / "worst_case.c", source.replace(old, new), mutant)
-    assert main(["mu", "conform", str(mutant), "--case", case]) == 3
-    assert "1 failed" in capsys.readouterr().out
 
 
 WHOLE_MUTANTS = {
@@ -520,16 +496,27 @@ WHOLE_MUTANTS = {
 """Hand-written changes of the whole board: (file, text, text in its place, the case that catches it)."""
 
 
-@pytest.mark.parametrize("name", WHOLE_MUTANTS)
-def test_a_mutant_of_the_whole_board_is_caught(
-    tmp_path_factory: pytest.TempPathFactory, tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(
+    ("profile", "name"), [*(("worst-case", it) for it in MUTANTS), *(("mu", it) for it in WHOLE_MUTANTS)]
+)
+def test_a_mutant_is_caught(
+    tmp_path_factory: pytest.TempPathFactory,
+    tmp_path: Path,
+    profile: str,
+    name: str,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    file, old, new, case = WHOLE_MUTANTS[name]
-    source = (NATIVE / "whole" / file).read_text()
-    assert old in source
-    mutant = tmp_path / "mutant"
-    compiled_with(tmp_path_factory, NATIVE / "whole" / file, source.replace(old, new, 1), mutant)
-    assert main(["mu", "conform", str(mutant), "--profile", "mu", "--case", case]) == 3
+    file, old, new, case = (
+        (f"whole/{WHOLE_MUTANTS[name][0]}", *WHOLE_MUTANTS[name][1:])
+        if profile == "mu"
+        else ("worst_case.c", *MUTANTS[name])
+    )
+    source, mutant = NATIVE / file, tmp_path / "mutant"
+    assert old in source.read_text()
+    compiled_with(
+        tmp_path_factory, source, source.read_text().replace(old, new, 1 if profile == "mu" else -1), mutant
+    )
+    assert main(["mu", "conform", str(mutant), "--profile", profile, "--case", case]) == 3
     assert "1 failed" in capsys.readouterr().out
 
 

@@ -17,8 +17,8 @@ from threading import Timer
 from typing import Any
 
 import pytest
+from programs import ROOT
 
-ROOT = Path(__file__).parents[2]
 IN_IMAGE = """
 set -e
 ip link set lo up

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
 import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
-from scenario_files import POOL_FILE, SOUND_FILE
+from programs import code_here, done, lines_of
+from scenario_files import POOL_FILE, SOUND_FILE, WHOLE_FILE, write_scenario
 
 from agents.hosting.process_host import ProcessHost
-from apad_bridge.commands.main import main
-from apad_bridge.scenario.loader import load, resolve
 
 pytestmark = pytest.mark.system
 
@@ -48,22 +46,8 @@ VARIANTS: dict[str, tuple[str, dict[str, str]]] = {
 }
 
 
-def scenario_of(path: Path, file: Path, **changes: Any) -> Path:
-    """A copy of a scenario file with other values, by the names of their blocks with a double underscore."""
-    scenario = resolve(load(file))
-    scenario["fleet"]["start"] = str(file.with_name("pool.csv"))
-    for name, value in changes.items():
-        *blocks, key = name.split("__")
-        block = scenario
-        for it in blocks:
-            block = block[it]
-        block[key] = value
-    path.write_text(json.dumps(scenario))
-    return path
-
-
 def flown(scenario: Path, out: Path) -> str:
-    assert main(["run", str(scenario), "--time", "asap", "--out", str(out), "--json"]) == 0
+    assert code_here("run", scenario, "--time", "asap", "--out", out, "--json") == 0
     digest: str = json.loads((out / "summary.json").read_text())["digest"]
     return digest
 
@@ -71,45 +55,36 @@ def flown(scenario: Path, out: Path) -> str:
 @pytest.fixture(scope="module")
 def by_sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Twins, ranges by sound, fixes by least squares, and plans by distance: all that computes with floats."""
-    return scenario_of(
-        tmp_path_factory.mktemp("scenario") / "by-sound.json",
+    talk = {"ping_period_s": 20.0, "ping_worth_m": 1.0, "ask_worth_answers": 1.0}
+    return write_scenario(
+        tmp_path_factory.mktemp("scenario") / "by-sound.yaml",
         SOUND_FILE,
         duration_s=1000.0,
-        mission__pool_threshold=0.95,
-        mission__collection="greedy",
-        water__talk={"ping_period_s": 20.0, "ping_worth_m": 1.0, "ask_worth_answers": 1.0},
-        water__localisation={},
+        fleet={"hosting": "one_process"},
+        mission={"pool_threshold": 0.95, "collection": "greedy"},
+        water={"talk": talk, "localisation": {}},
     )
 
 
 @pytest.fixture(scope="module")
-def plain(by_sound: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def plain(by_sound: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """The run, and its digest."""
     run = tmp_path_factory.mktemp("plain") / "run"
-    flown(by_sound, run)
-    return run
+    digest = flown(by_sound, run)
+    kinds = [it["kind"] for it in lines_of(run)]
+    assert min(map(kinds.count, ("plan", "range", "fix", "released"))) > 0
+    return run, digest
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_the_last_bits_of_libraries_do_not_matter(
-    variant: str, by_sound: Path, plain: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    variant: str, by_sound: Path, plain: tuple[Path, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     program, variables = VARIANTS[variant]
-    run = tmp_path / "run"
-    done = subprocess.run(
-        [sys.executable, "-c", program, "run", str(by_sound), "--time", "asap", "--out", str(run)],
-        env=os.environ | variables,
-        capture_output=True,
-        text=True,
-        timeout=600,
-    )
-    assert done.returncode == 0, done.stderr
-    kinds = [json.loads(line)["kind"] for line in (plain / "journal.jsonl").read_text().splitlines()]
-    assert min(map(kinds.count, ("plan", "range", "fix", "released"))) > 0
-    assert main(["check", str(run), "--digest", str(plain)]) == 0, capsys.readouterr().out
-    assert (
-        f"Digest of decisions and happenings: {json.loads((plain / 'summary.json').read_text())['digest']}"
-        in done.stdout
-    )
+    words = (sys.executable, "-c", program, "run", by_sound, "--time", "asap", "--out", tmp_path / "run")
+    told = done(*words, env=os.environ | variables).stdout
+    assert code_here("check", tmp_path / "run", "--digest", plain[0]) == 0, capsys.readouterr().out
+    assert f"Digest of decisions and happenings: {plain[1]}" in told
 
 
 def test_an_old_processor_does_change_last_bits() -> None:
@@ -120,18 +95,21 @@ def test_an_old_processor_does_change_last_bits() -> None:
     product = "import numpy; a = numpy.arange(36.0).reshape(6, 6) / 7; print((a @ a.T / 3 @ a).tobytes())"
     for program in (sines, product):
         here, there = (
-            subprocess.run(
-                [sys.executable, "-c", program], env=environment, check=True, capture_output=True, timeout=60
-            ).stdout
-            for environment in (os.environ, os.environ | OLD_PROCESSOR)
+            done(sys.executable, "-c", program, env=os.environ | it).stdout for it in ({}, OLD_PROCESSOR)
         )
         assert here != there
 
 
-def test_hosting_and_look_ahead_do_not_matter(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    changes = {"duration_s": 900.0, "mission__pool_threshold": 0.8}
-    processes = scenario_of(tmp_path / "processes.json", POOL_FILE, **changes)
-    one_process = scenario_of(tmp_path / "one.json", POOL_FILE, **changes, fleet__hosting="one_process")
+@pytest.mark.parametrize(("file", "looks"), [(POOL_FILE, [True, True]), (WHOLE_FILE, [False])])
+def test_hosting_and_look_ahead_do_not_matter(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, file: Path, looks: list[bool]
+) -> None:
+    """To the byte. Boards of the worst case look ahead; whole boards sleep, take samples, dock and upload."""
+    changes: dict[str, Any] = {"duration_s": 1000.0, "mission": {"pool_threshold": 0.95}}
+    processes = write_scenario(tmp_path / "flown.yaml", file, **changes)
+    (tmp_path / "one").mkdir()
+    fleet = {"hosting": "one_process"}
+    one_process = write_scenario(tmp_path / "one" / "flown.yaml", file, **changes, fleet=fleet)
     looked_ahead: list[bool] = []
     adopt = ProcessHost.adopt.__func__  # type: ignore[attr-defined]
 
@@ -145,31 +123,30 @@ def test_hosting_and_look_ahead_do_not_matter(tmp_path: Path, monkeypatch: pytes
         return host
 
     monkeypatch.setattr(ProcessHost, "adopt", classmethod(adopted))
-    digests = [
-        flown(scenario, tmp_path / name)
-        for name, scenario in (
-            ("ahead", processes),
-            ("step by step", processes),
-            ("one process", one_process),
-        )
-    ]
-    assert looked_ahead == [True, True]
-    assert '"kind":"released"' in (tmp_path / "ahead" / "journal.jsonl").read_text()
-    assert len(set(digests)) == 1
+    flights = {f"processes {n}": processes for n in range(len(looks))} | {"one process": one_process}
+    assert len({flown(scenario, tmp_path / name) for name, scenario in flights.items()}) == 1
+    assert looked_ahead == looks
+    runs = [tmp_path / name for name in flights]
+    assert lines_of(runs[0], "released")
+    if file == WHOLE_FILE:
+        assert len({(run / "journal.jsonl").read_bytes() for run in runs}) == 1
+        (samples,) = {(run / "samples.jsonl").read_bytes() for run in runs}
+        states = {it["state"] for it in lines_of(runs[0], "truth")}
+        assert {"SLEEPING", "SAMPLING", "PROCESSING", "AWAITING_SLOT", "TRANSMITTING", "REPORTING"} <= states
+        assert samples
 
 
 def test_two_runs_that_differ_are_told_by_the_first_event(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    one = scenario_of(tmp_path / "one.json", POOL_FILE, duration_s=200.0, mission__pool_threshold=0.95)
-    other = scenario_of(
-        tmp_path / "other.json", POOL_FILE, duration_s=200.0, mission__pool_threshold=0.95, mission__batch=3
-    )
+    early = {"pool_threshold": 0.95}
+    one = write_scenario(tmp_path / "one.yaml", duration_s=200.0, mission=early)
+    other = write_scenario(tmp_path / "other.yaml", one, mission={"batch": 3})
     digests = [flown(scenario, tmp_path / scenario.stem) for scenario in (one, other)]
     capsys.readouterr()
     assert digests[0] != digests[1]
     runs = [str(tmp_path / name) for name in ("one", "other")]
-    assert main(["check", runs[0], "--digest", runs[1]]) == 1
+    assert code_here("check", runs[0], "--digest", runs[1]) == 1
     lines = capsys.readouterr().out.splitlines()
     assert lines[:3] == [
         f"{digests[0]}  {runs[0]}",
@@ -179,7 +156,7 @@ def test_two_runs_that_differ_are_told_by_the_first_event(
     # Both plan at the same tick: four aMussels, and three.
     told = [json.loads(line.split(", plan: ", 1)[1]) for line in lines[3:]]
     assert [len(it["steps"]) for it in told] == [4, 3]
-    assert main(["check", runs[0], "--digest", runs[0], "--json"]) == 0
+    assert code_here("check", runs[0], "--digest", runs[0], "--json") == 0
     assert json.loads(capsys.readouterr().out) == {"digests": [digests[0]] * 2, "differing": None}
-    assert main(["check", *runs, "--digest", runs[0]]) == 2
+    assert code_here("check", *runs, "--digest", runs[0]) == 2
     assert "name one RUN" in capsys.readouterr().err

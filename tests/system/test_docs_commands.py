@@ -10,7 +10,6 @@ import json
 import os
 import re
 import shutil
-import signal
 import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -18,7 +17,7 @@ from pathlib import Path
 
 import pytest
 from doc_blocks import PAGES, ROOT, Block, blocks
-from selenium.webdriver.support.wait import WebDriverWait
+from programs import begun, done, wait_until
 
 from apad_bridge.supervisor.control_client import listens
 
@@ -37,14 +36,7 @@ def clone(tmp_path: Path) -> Path:
     The environment is the checkout's own. So the copy has no packages: they would shadow those of the environment.
     """
     clone = tmp_path / "musselbed"
-    listed = subprocess.run(
-        ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=True,
-        timeout=180,
-    )
+    listed = done("git", "ls-files", "-z", "--cached", "--others", "--exclude-standard")
     for name in filter(None, listed.stdout.split("\0")):
         if (ROOT / name).is_file() and not name.startswith(
             ("apad_bridge/", "agents/", "firmware_model/", "tests/")
@@ -61,15 +53,8 @@ def clone(tmp_path: Path) -> Path:
 
 def in_a_shell(clone: Path, script: str, variables: dict[str, str] | None = None) -> None:
     environment = {key: value for key, value in os.environ.items() if not key.startswith(("PYTHON", "ROS_"))}
-    done = subprocess.run(
-        ["bash", "-eu", "-o", "pipefail", "-c", PROGRAMS + script],
-        cwd=clone,
-        env=environment | (variables or {}),
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE_S,
-    )
-    assert done.returncode == 0, f"{script}\n{done.stdout[-6000:]}\n{done.stderr[-4000:]}"
+    there = {"cwd": clone, "env": environment | (variables or {}), "timeout": PATIENCE_S}
+    done("bash", "-eu", "-o", "pipefail", "-c", PROGRAMS + script, **there)
 
 
 def test_the_papers_figures_are_what_the_code_gives() -> None:
@@ -90,15 +75,9 @@ def flight(clone: Path) -> Iterator[tuple[str, dict[str, str]]]:
     run = clone / "runs" / "flies"
     scenario = ROOT / "launch_scripts" / "scenarios" / "pool-12.yaml"
     program = [ROOT / ".venv/bin/musselbed", "run", scenario, "--speed", "5", "--out", run]
-    process = subprocess.Popen(program, cwd=clone, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    try:
-        waits = WebDriverWait(None, PATIENCE_S, 0.1)  # type: ignore[arg-type]
-        waits.until(lambda _: process.poll() is not None or (run.is_dir() and listens(run)))
-        assert process.poll() is None
+    with begun(*program, cwd=clone, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
+        wait_until(lambda: run.is_dir() and listens(run), process)
         yield "runs/flies", {"ROS_MASTER_URI": json.loads((run / "run.json").read_text())["master_uri"]}
-    finally:
-        process.send_signal(signal.SIGINT)
-        process.wait(PATIENCE_S)
 
 
 def execute(block: Block, clone: Path, run: str, variables: dict[str, str] | None = None) -> None:

@@ -42,12 +42,8 @@ def running(begin: Begin, on_master: dict[str, str]) -> Begin:
     return start
 
 
-def run_doctor(environment: dict[str, str], *arguments: object) -> subprocess.CompletedProcess[str]:
-    return musselbed("doctor", *arguments, env=environment, code=None)
-
-
 def checks(environment: dict[str, str], *arguments: object) -> dict[str, dict[str, Any]]:
-    ended = run_doctor(environment, "--json", *arguments)
+    ended = musselbed("doctor", "--json", *arguments, env=environment, code=None)
     assert ended.stderr == ""
     findings = json.loads(ended.stdout)
     failed = {finding["check"] for finding in findings if finding["status"] == "FAIL"}
@@ -57,13 +53,12 @@ def checks(environment: dict[str, str], *arguments: object) -> dict[str, dict[st
 
 
 def test_without_a_master_a_sound_machine_is_sound(tmp_path: Path) -> None:
-    ended = run_doctor(loopback_environment(tmp_path), POOL_FILE, "--all")
-    assert ended.returncode == 0, ended.stdout + ended.stderr
+    ended = musselbed("doctor", POOL_FILE, "--all", env=loopback_environment(tmp_path))
     *lines, total = ended.stdout.splitlines()
     assert all(line.startswith(("OK ", "WARN ")) and ": " in line for line in lines)
     fine = sum(line.startswith("OK ") for line in lines)
     assert total == f"{fine} of {len(lines)} checks are OK" and fine > 8
-    *short, its_total = run_doctor(loopback_environment(tmp_path), POOL_FILE).stdout.splitlines()
+    *short, its_total = musselbed("doctor", POOL_FILE, env=loopback_environment(tmp_path)).stdout.splitlines()
     assert [line.split()[1] for line in short] == [line.split()[1] for line in lines if line[:2] != "OK"]
     assert its_total == f"{total}; --all prints them"
     (master_line,) = [line for line in lines if line.split()[1] == "master:"]

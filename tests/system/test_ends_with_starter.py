@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from patient import PATIENCE_S
 
 pytestmark = pytest.mark.system
 PROGRAM = Path(__file__).parents[1] / "shared" / "ends_with_starter.py"
@@ -20,7 +21,6 @@ program.wait()
 """
 FAMILY = "(trap '' TERM; exec sleep 600) & echo $$ $!; wait"
 """A program with a child in its group, which does not obey SIGTERM."""
-PATIENCE_S = 180.0
 
 
 def started(*words: str) -> tuple[subprocess.Popen[str], list[int]]:

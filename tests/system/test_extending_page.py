@@ -13,10 +13,9 @@ from shutil import copytree, which
 import pytest
 from doc_blocks import TEMPLATES, blocks, file_of
 from graphs import served_pool, somebodys_graph
-from programs import begun, done, ended_well, lines_of, wait_until
+from programs import ROOT, begun, done, ended_well, lines_of, wait_until
 
 pytestmark = pytest.mark.system
-ROOT = Path(__file__).parents[2]
 STRATEGY = ROOT / "docs" / "first-strategy.md"
 POOL = ROOT / "launch_scripts" / "scenarios" / "pool-12.yaml"
 WHOLE = POOL.with_name("whole-board-12.yaml")

@@ -16,8 +16,8 @@ from pathlib import Path
 
 import pytest
 from doc_blocks import file_of
+from programs import ROOT
 
-ROOT = Path(__file__).parents[2]
 IN_CLEAN_DEBIAN = """
 set -e
 ip link set lo up

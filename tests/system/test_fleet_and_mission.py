@@ -10,11 +10,10 @@ from typing import Any
 from xmlrpc.client import ServerProxy
 
 import pytest
-import yaml
-from graphs import served_pool, somebodys_graph
+from graphs import echoed, served_pool, somebodys_graph
 from killing import kill_supervisor
 from patient import PATIENT_MUSSELBED
-from programs import MUSSELBED, Begin, done, ended_well, left_full, lines_of, musselbed, wait_until
+from programs import MUSSELBED, Begin, ended_well, left_full, lines_of, musselbed, wait_until
 from rosbags.rosbag1 import Reader
 from scenario_files import write_scenario
 
@@ -55,8 +54,7 @@ def start(
 def echoed_s(time: str, environment: dict[str, str]) -> float:
     """The next time on a topic, by the field's name."""
     paths = {"PYTHONPATH": str(generated_folder()), "ROS_PACKAGE_PATH": str(generated_folder())}
-    echo = done("/usr/bin/rostopic", "echo", "-n", 1, time, env=environment | paths)
-    stamp = next(yaml.safe_load_all(echo.stdout))
+    stamp = echoed(environment | paths, time)
     return float(stamp["secs"] + stamp["nsecs"] / 1e9)
 
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 import json
 import signal
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
-from programs import Begin, begun, done, line_of, wait_until
+from graphs import called, echoed, latched
+from programs import Begin, begun, line_of, wait_until
 
 from firmware_model.packets import StatusPacket
 from firmware_model.packets.codec import MusselbedCodec
@@ -40,18 +40,15 @@ class Fleet:
         return event
 
     def called(self, service: str, request: str) -> dict[str, Any]:
-        call = done("/usr/bin/rosservice", "call", f"/musselbed/{service}", request, env=self._shell)
-        answer: dict[str, Any] = yaml.safe_load(call.stdout)
-        return answer
+        return called(self._shell, service, request)
 
 
-@contextmanager
-def claimed(shell: dict[str, str], node: str, ids: str, more: str = "real: true") -> Iterator[None]:
+def claimed(
+    shell: dict[str, str], node: str, ids: str, more: str = "real: true"
+) -> AbstractContextManager[None]:
     """A claim that stays on its topic meanwhile."""
     message = f"{{node: {node}, {more}, lease_s: 60.0, ids: {ids}}}"
-    topic = ("/musselbed/claims", "musselbed_msgs/FleetClaim", message)
-    with begun("/usr/bin/rostopic", "pub", "--latch", *topic, env=shell, ends_by=signal.SIGTERM):
-        yield
+    return latched(shell, "/musselbed/claims", "musselbed_msgs/FleetClaim", message)
 
 
 def test_services_change_who_an_amussel_is(begin: Begin, shell: dict[str, str]) -> None:
@@ -96,9 +93,8 @@ def test_a_real_amussels_claim_makes_the_simulated_one_its_twin_until_it_is_give
     topic = ("/musselbed/heard", "musselbed_msgs/Packet", heard)
     with begun("/usr/bin/rostopic", "pub", "-r", 5, *topic, env=shell, ends_by=signal.SIGTERM):
         believed = "any(it.id == 3 and it.north > 8.9 for it in m.agents)"
-        words = ("echo", "--filter", believed, "-n", 1, "/musselbed/beliefs")
-        seen = done("/usr/bin/rostopic", *words, env=shell)
-    beliefs = {it["id"]: it for it in next(yaml.safe_load_all(seen.stdout))["agents"]}
+        seen = echoed(shell, "--filter", believed, "/musselbed/beliefs")
+    beliefs = {it["id"]: it for it in seen["agents"]}
     assert (beliefs[3]["north"], beliefs[3]["charge"]) == pytest.approx((9.0, 0.45), abs=0.01)
     with claimed(shell, "/lab", "[]"):
         assert fleet.told() == {"id": 3, "is": "simulated", "by": "/lab"}
@@ -106,7 +102,7 @@ def test_a_real_amussels_claim_makes_the_simulated_one_its_twin_until_it_is_give
 
 def test_one_that_comes_back_follows_what_is_claimed_by_then(begin: Begin, shell: dict[str, str]) -> None:
     with claimed(shell, "/lab", "[4]"):
-        done("/usr/bin/rostopic", "echo", "-n", 1, "/musselbed/claims", env=shell)
+        echoed(shell, "/musselbed/claims")
         fleet = Fleet(begin, shell, "ours", "1", "/lab")
         taken_back = "aMussel 3 was real by /lab, which claims it no more: it is taken back"
         handed_over = "aMussel 4 was simulated, and /lab claims it as real now: it is handed over"

@@ -22,7 +22,7 @@ from urllib.parse import urlsplit
 import pytest
 from killing import kill_9, standing_still
 from patient import PATIENCE_S
-from programs import MUSSELBED, begun, done, line_of, lines_of, musselbed, processes_of, wait_until
+from programs import MUSSELBED, ROOT, begun, done, line_of, lines_of, musselbed, processes_of, wait_until
 from scenario_files import write_scenario
 
 from apad_bridge.commands.look.console import console_service
@@ -32,7 +32,6 @@ from apad_bridge.ros.system.master import Master, loopback_environment
 from apad_bridge.supervisor.control_client import SOCKET_NAME, listens
 
 pytestmark = pytest.mark.system
-ROOT = Path(__file__).parents[2]
 HARD_LIMIT = 512
 STRANGERS = 1100
 

@@ -16,12 +16,12 @@ from xmlrpc.client import ServerProxy
 
 import pytest
 import websocket
+from patient import PATIENCE_S
 from programs import MUSSELBED, begun, code_here, wait_until
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from scenario_files import write_scenario
 
 pytestmark = pytest.mark.system
-PATIENCE_S = 180.0
 IDS = range(1, 121)
 LOOKS_S = 600.0
 """A viewer gives up then, however many messages come."""

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from programs import done
+from programs import done, with_helpers
 from scenario_files import POOL_FILE
 
 from apad_bridge.ros.simulated_node.apad_process import start_apad_node, stop_apad_node
@@ -20,7 +20,7 @@ def test_it_is_asked_configured_charged_and_drained(tmp_path: Path, master: Mast
     node = start_apad_node(POOL_FILE, master.uri, tmp_path / "apad.log")
     try:
         asked = (sys.executable, "-m", "tests.system.ask_generation_a")
-        said = done(*asked, env=loopback_environment(tmp_path / "ros", master.uri)).stdout
+        said = done(*asked, env=with_helpers(loopback_environment(tmp_path / "ros", master.uri))).stdout
     finally:
         stop_apad_node(node)
     told = json.loads(said.splitlines()[-1])

@@ -7,15 +7,15 @@ import select
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
+from graphs import latched
 from killing import kill_9, standing_still
-from programs import MUSSELBED, Begin, done, line_of, lines_of, musselbed, wait_until
+from patient import PATIENCE_S
+from programs import MUSSELBED, ROOT, Begin, done, line_of, lines_of, musselbed, wait_until
 from scenario_files import silent_in_its_dock, write_scenario
 
 from apad_bridge.doctor.graph import Graph
@@ -26,8 +26,6 @@ from apad_bridge.ros.system.route import free_port
 from apad_bridge.scenario import loader
 
 pytestmark = pytest.mark.system
-ROOT = Path(__file__).parents[2]
-PATIENCE_S = 180.0
 
 
 @pytest.fixture
@@ -66,17 +64,6 @@ def heard_from(process: subprocess.Popen[str]) -> str:
     readable, _, _ = select.select([process.stdout], [], [], PATIENCE_S)
     assert readable, "it said nothing"
     return line_of(process)
-
-
-@contextmanager
-def latched(environment: dict[str, str], topic: str, kind: str, message: str) -> Iterator[None]:
-    """A word of rostopic's that stays, however late its hearer connects: `pub -1` is gone after three seconds."""
-    command = ["/usr/bin/rostopic", "pub", "--latch", topic, kind, message]
-    with subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL) as publisher:
-        try:
-            yield
-        finally:
-            publisher.kill()
 
 
 @pytest.mark.parametrize(("generation", "counts"), [("a", True), ("b", False)])
@@ -280,12 +267,12 @@ def test_after_a_masters_restart_everything_is_registered_again(
         assert watcher.returncode == 0
 
 
-@pytest.mark.parametrize("topic", ["/orders", "/words"])
+@pytest.mark.parametrize("topic", ["/orders", "/said"])
 def test_a_reader_whose_connection_ended_is_called_back(
     shell: dict[str, str], begin: Begin, start: Begin, topic: str
 ) -> None:
     """rospy's own reader, as vehicles have it, gives a connection up that ends, and never connects again by itself."""
-    loser = start("lose_readers")
+    loser = start("watch_a_master")
     assert loser.stdin is not None and heard_from(loser) == "ready"
     heard = begin("/usr/bin/rostopic", "echo", topic, env=shell | {"PYTHONUNBUFFERED": "1"})
     for losses in range(3):

@@ -12,13 +12,13 @@ from typing import Any
 
 import pytest
 from imc_codec import Codec, header_of, name_of
+from patient import PATIENCE_S
 from programs import MUSSELBED, begun, lines_of, wait_until
 from scenario_files import write_scenario
 
 from apad_bridge.scenario.area.local_frame import LocalFrame
 
 pytestmark = pytest.mark.system
-PATIENCE_S = 180.0
 NEPTUS = 0x4001
 USV = 3
 FRAME = LocalFrame(43.9330937, 15.4443468)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import zipfile
@@ -18,9 +19,9 @@ from hashlib import sha256
 from pathlib import Path
 
 import pytest
+from programs import ROOT, begun, done, line_of
 
 pytestmark = pytest.mark.system
-ROOT = Path(__file__).parents[2]
 INSTALL = ROOT / "launch_scripts" / "install"
 
 LACKING_TWO = r"""
@@ -44,107 +45,82 @@ def replace(programs: Path, name: str, script: str) -> None:
     (programs / name).chmod(0o755)
 
 
-def run_install(programs: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    environment = os.environ | {"PATH": f"{programs}:/usr/bin:/bin", "TMPDIR": str(programs.parent)}
-    return subprocess.run(
-        [str(INSTALL), *arguments],
-        env=environment,
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        timeout=300,
-    )
-
-
-def test_without_root_or_sudo_it_names_what_is_missing(programs: Path) -> None:
+@pytest.fixture
+def lacking(programs: Path) -> Path:
+    """A machine whose root finds two packages missing."""
     replace(programs, "dpkg-query", LACKING_TWO)
-    replace(programs, "id", "echo 1000")
-    replace(programs, "sudo", "exit 1")
-    replace(programs, "apt-get", f"touch {programs}/called")
-    done = run_install(programs)
-    assert done.returncode == 1
-    assert done.stderr == (
+    replace(programs, "id", "echo 0")
+    return programs
+
+
+def run_install(
+    programs: Path, code: int | None, install: Path = INSTALL, *arguments: str
+) -> subprocess.CompletedProcess[str]:
+    environment = os.environ | {"PATH": f"{programs}:/usr/bin:/bin", "TMPDIR": str(programs.parent)}
+    return done(install, *arguments, env=environment, stdin=subprocess.DEVNULL, code=code)
+
+
+def test_without_root_or_sudo_it_names_what_is_missing(lacking: Path) -> None:
+    replace(lacking, "id", "echo 1000")
+    replace(lacking, "sudo", "exit 1")
+    replace(lacking, "apt-get", f"touch {lacking}/called")
+    assert run_install(lacking, 1).stderr == (
         "musselbed: these Debian packages are missing, and installing them takes root or sudo: "
         "run as root: apt-get install --no-install-recommends python3-actionlib rosbash\n"
     )
-    assert not (programs / "called").exists()
+    assert not (lacking / "called").exists()
 
 
-def test_without_network_it_updates_once_and_names_what_is_missing(programs: Path) -> None:
-    replace(programs, "dpkg-query", LACKING_TWO)
-    replace(programs, "id", "echo 0")
-    replace(
-        programs, "apt-get", f'echo "$DEBIAN_FRONTEND $*" >>{programs}/calls; echo "E: no network"; exit 100'
-    )
-    done = run_install(programs)
-    assert done.returncode == 1 and len(done.stderr.splitlines()) == 1
-    assert "is there a network?" in done.stderr
-    assert "apt-get install --no-install-recommends python3-actionlib rosbash " in done.stderr
-    calls = (programs / "calls").read_text().splitlines()
+def test_without_network_or_package_it_updates_once_and_names_what_is_missing(lacking: Path) -> None:
+    """Only what is missing is asked for, and from the lists at hand first."""
+    noted = f'echo "$DEBIAN_FRONTEND $*" >>{lacking}/calls; echo "E: no network"; exit 100'
+    replace(lacking, "apt-get", noted)
+    (line,) = run_install(lacking, 1).stderr.splitlines()
+    assert "is there a network?" in line
+    assert "apt-get install --no-install-recommends python3-actionlib rosbash " in line
+    calls = (lacking / "calls").read_text().splitlines()
     assert [call.split()[4] for call in calls] == ["install", "update"]
     assert all(call.startswith("noninteractive ") for call in calls)
-    log = Path(done.stderr.rsplit("its log: ", 1)[1].rstrip(")\n"))
+    assert calls[0].endswith("install --yes --no-install-recommends python3-actionlib rosbash")
+    log = Path(line.rsplit("its log: ", 1)[1].rstrip(")\n"))
     assert "E: no network" in log.read_text()
-
-
-def test_only_what_is_missing_is_asked_for_and_from_the_lists_at_hand_first(programs: Path) -> None:
-    replace(programs, "dpkg-query", LACKING_TWO)
-    replace(programs, "id", "echo 0")
-    # Ending the script here keeps it from going on to the virtual environment that these tests run in.
-    replace(programs, "apt-get", f'echo "$*" >>{programs}/calls; kill $PPID')
-    run_install(programs)
-    (call,) = (programs / "calls").read_text().splitlines()
-    assert call.endswith("install --yes --no-install-recommends python3-actionlib rosbash")
+    replace(lacking, "apt-get", 'echo "E: Unable to locate package python3-actionlib"; exit 100')
+    (line,) = run_install(lacking, 1).stderr.splitlines()
+    assert re.search(r"no list of packages of \w+ \S+, \w+ has python3-actionlib\)", line)
 
 
 def test_a_machine_without_debians_tools_is_told_so(programs: Path) -> None:
     for name in ("dirname", "flock", "mktemp", "rm"):
         (programs / name).symlink_to(f"/usr/bin/{name}")
     environment = {"PATH": str(programs), "TMPDIR": str(programs.parent)}
-    done = subprocess.run(
-        ["/bin/bash", str(INSTALL)], env=environment, capture_output=True, text=True, timeout=180
-    )
-    assert (done.returncode, done.stderr) == (
-        1,
-        "musselbed: Debian 12 or 13 is needed: this machine has no dpkg-query\n",
-    )
+    told = done("/bin/bash", INSTALL, env=environment, code=1).stderr
+    assert told == "musselbed: Debian 12 or 13 is needed: this machine has no dpkg-query\n"
 
 
 def test_an_unknown_option_is_refused(programs: Path) -> None:
-    done = run_install(programs, "--tests")
-    assert (done.returncode, done.stderr) == (2, "use: launch_scripts/install [--mu | --test | --ros2]\n")
+    told = run_install(programs, 2, INSTALL, "--tests").stderr
+    assert told == "use: launch_scripts/install [--mu | --test | --ros2]\n"
 
 
 @pytest.mark.skipif(Path(sys.prefix) != ROOT / ".venv", reason="these tests do not run in an installed .venv")
 def test_an_installed_clone_has_nothing_to_do() -> None:
-    ambient = os.environ | {
-        "PYTHONPATH": "/nowhere",
-        "PYTHONHOME": "/nowhere",
-        "ROS_PACKAGE_PATH": "/nowhere",
-    }
-    done = subprocess.run([str(INSTALL), "--test"], env=ambient, capture_output=True, text=True, timeout=180)
-    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    ambient = dict.fromkeys(("PYTHONPATH", "PYTHONHOME", "ROS_PACKAGE_PATH"), "/nowhere")
+    told = done(INSTALL, "--test", env=os.environ | ambient)
+    assert (told.stdout, told.stderr) == ("", "")
 
 
-def test_a_release_without_a_package_is_named_with_it(programs: Path) -> None:
-    replace(programs, "dpkg-query", LACKING_TWO)
-    replace(programs, "id", "echo 0")
-    replace(programs, "apt-get", 'echo "E: Unable to locate package python3-actionlib"; exit 100')
-    done = run_install(programs)
-    assert done.returncode == 1 and len(done.stderr.splitlines()) == 1
-    assert re.search(r"no list of packages of \w+ \S+, \w+ has python3-actionlib\)", done.stderr)
-
-
-def test_a_pipe_shows_steps_while_they_are_slow(programs: Path) -> None:
-    replace(programs, "dpkg-query", LACKING_TWO)
-    replace(programs, "id", "echo 0")
-    # One silent step: the first line that a pipe gets comes after ten seconds.
-    slow = (
-        f"echo 'Unpacking rosbash'; [ -e {programs}/called ] || sleep 13; touch {programs}/called; exit 100"
-    )
-    replace(programs, "apt-get", slow)
-    done = run_install(programs)
-    assert re.search(r"^ +1\d s: Unpacking rosbash$", done.stdout, re.MULTILINE)
+def test_a_pipe_shows_steps_while_they_are_slow(lacking: Path, clone: Path) -> None:
+    """One silent step: the first line that a pipe gets comes after ten seconds; here, after three."""
+    replace(lacking, "dpkg-query", LACKING_TWO)
+    install = clone / "launch_scripts/slow-install"
+    text = INSTALL.read_text()
+    assert text.count(" -ge 10 ]") == 1
+    install.write_text(text.replace(" -ge 10 ]", " -ge 3 ]"))
+    install.chmod(0o755)
+    called = f"{lacking}/called"
+    slow = f"echo 'Unpacking rosbash'; [ -e {called} ] || sleep 5; touch {called}; exit 100"
+    replace(lacking, "apt-get", slow)
+    assert re.search(r"^ +[345] s: Unpacking rosbash$", run_install(lacking, 1, install).stdout, re.MULTILINE)
 
 
 @pytest.mark.parametrize(
@@ -187,14 +163,9 @@ def test_a_clean_debian_that_cannot_be_made_is_one_line(
 ) -> None:
     for name, script in programs_there.items():
         replace(programs, name, script)
-    done = subprocess.run(
-        [str(ROOT / "launch_scripts/test"), "--debian", release],
-        env=os.environ | {"PATH": f"{programs}:/usr/bin:/bin"},
-        capture_output=True,
-        text=True,
-        timeout=60,
-    )
-    assert (done.returncode, done.stderr) == (2, f"musselbed: {line}\n")
+    environment = os.environ | {"PATH": f"{programs}:/usr/bin:/bin"}
+    told = done(ROOT / "launch_scripts/test", "--debian", release, env=environment, code=2).stderr
+    assert told == f"musselbed: {line}\n"
 
 
 HTTPS = """
@@ -211,11 +182,10 @@ server.serve_forever()
 """
 
 
-@pytest.fixture
-def clone(tmp_path: Path, programs: Path) -> Path:
-    """A clone that asks PyPI for one package, tinypart, on a machine that has all of Debian's."""
-    replace(programs, "dpkg-query", 'for name in "${@:4}"; do echo "installed $name"; done')
-    clone = tmp_path / "clone"
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A clone that asks PyPI for one package, tinypart. Its environment is made by the first test that installs there."""
+    clone = tmp_path_factory.mktemp("made") / "clone"
     shutil.copytree(
         ROOT / "launch_scripts", clone / "launch_scripts", ignore=shutil.ignore_patterns("__pycache__")
     )
@@ -231,6 +201,22 @@ def clone(tmp_path: Path, programs: Path) -> Path:
         .replace("extras=studies,export,imc", "extras=imc")
     )
     return clone
+
+
+@pytest.fixture
+def clone(made: Path, programs: Path) -> Path:
+    """The same on a machine that has all of Debian's packages."""
+    replace(programs, "dpkg-query", 'for name in "${@:4}"; do echo "installed $name"; done')
+    if (made / ".venv").exists():
+        stamped(made)
+    return made
+
+
+def stamped(clone: Path) -> None:
+    """Writes that the environment is of this place and interpreter, and its packages of an older installation."""
+    version = done("/usr/bin/python3", "-V").stdout.strip()
+    (clone / ".venv/share/musselbed").mkdir(parents=True, exist_ok=True)
+    (clone / ".venv/share/musselbed/installed").write_text(f"{clone} {version}\nof an older install\n")
 
 
 @pytest.fixture
@@ -254,29 +240,16 @@ def index(tmp_path: Path) -> Path:
 @contextmanager
 def served(index: Path, certificate: Path | None = None) -> Iterator[int]:
     """The port of the loopback that serves the folder; by TLS with a certificate."""
-    names = ["", ""] if certificate is None else [str(certificate), str(certificate.with_suffix(".key"))]
-    server = subprocess.Popen(
-        [sys.executable, "-c", HTTPS, str(index), *names],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-    )
-    try:
-        assert server.stdout is not None
-        yield int(server.stdout.readline())
-    finally:
-        server.kill()
-        server.wait(10)
-        server.stdout.close()
+    names = ("", "") if certificate is None else (certificate, certificate.with_suffix(".key"))
+    program = (sys.executable, "-c", HTTPS, index, *names)
+    with begun(*program, stderr=subprocess.DEVNULL, ends_by=signal.SIGKILL) as server:
+        yield int(line_of(server))
 
 
 def pin(clone: Path, hash_of: bytes) -> None:
     """Pins tinypart for Debian's Python by the hash of these bytes."""
-    python = subprocess.run(
-        ["/usr/bin/python3", "-c", "import sys; print('{}.{}'.format(*sys.version_info))"],
-        check=True,
-        capture_output=True,
-        text=True,
+    python = done(
+        "/usr/bin/python3", "-c", "import sys; print('{}.{}'.format(*sys.version_info))"
     ).stdout.strip()
     folder = clone / "launch_scripts" / "requirements" / python
     folder.mkdir(exist_ok=True)
@@ -297,18 +270,11 @@ def install_from(index: str, clone: Path, programs: Path, **variables: str) -> s
         "no_proxy": "127.0.0.1,localhost",
         **variables,
     }
-    done = subprocess.run(
-        [str(clone / "launch_scripts/install")],
-        env=environment,
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        timeout=300,
-    )
-    assert done.returncode == 1, done.stdout + done.stderr
-    (line,) = done.stderr.splitlines()
+    install = clone / "launch_scripts/install"
+    ended = done(install, env=environment, stdin=subprocess.DEVNULL, code=1)
+    (line,) = ended.stderr.splitlines()
     assert line.startswith("musselbed: ") and Path(line.rsplit("its log: ", 1)[1].rstrip(")")).is_file()
-    return done.stdout + line
+    return ended.stdout + line
 
 
 def test_a_file_that_is_not_the_pinned_one_is_called_that(clone: Path, programs: Path, index: Path) -> None:
@@ -337,11 +303,7 @@ def test_a_certificate_that_is_not_trusted_is_named(clone: Path, programs: Path,
     certificate, other = index / "server.crt", index / "other.crt"
     request = "openssl req -x509 -newkey rsa:2048 -nodes -days 2 -subj /CN=localhost -addext subjectAltName=DNS:localhost"
     for it in (certificate, other):
-        subprocess.run(
-            [*request.split(), "-out", it, "-keyout", it.with_suffix(".key")],
-            check=True,
-            capture_output=True,
-        )
+        done(*request.split(), "-out", it, "-keyout", it.with_suffix(".key"))
     with served(index, certificate) as port:
         address = f"https://localhost:{port}/simple"
         line = install_from(address, clone, programs)
@@ -356,16 +318,12 @@ def test_a_certificate_that_is_not_trusted_is_named(clone: Path, programs: Path,
         )
 
 
-def test_an_index_that_refuses_connections_is_named(clone: Path, programs: Path, index: Path) -> None:
+def test_an_index_that_cannot_be_reached_is_named(clone: Path, programs: Path, index: Path) -> None:
     pin(clone, b"")
     with served(index) as port:
         pass
     line = install_from(f"http://127.0.0.1:{port}/simple", clone, programs)
     assert f"127.0.0.1:{port} refuses connections" in line
-
-
-def test_a_name_that_nobody_knows_is_no_network(clone: Path, programs: Path) -> None:
-    pin(clone, b"")
     line = install_from("https://index.invalid/simple", clone, programs)
     assert "index.invalid cannot be reached: is there a network?" in line
 
@@ -389,15 +347,10 @@ def test_an_environment_of_an_older_install_is_mended_and_keeps_the_users_packag
 ) -> None:
     pin(clone, b"another file")
     environment = clone / ".venv"
-    command = ["/usr/bin/python3", "-m", "venv", "--system-site-packages", environment]
-    subprocess.run(command, check=True, timeout=180)
+    done("/usr/bin/python3", "-m", "venv", "--clear", "--system-site-packages", environment)
     (site,) = environment.glob("lib/*/site-packages")
     (site / "lab_strategies.py").touch()
-    (environment / "share/musselbed").mkdir(parents=True)
-    version = subprocess.run(
-        ["/usr/bin/python3", "-V"], check=True, capture_output=True, text=True
-    ).stdout.strip()
-    (environment / "share/musselbed/installed").write_text(f"{clone} {version}\nof an older install\n")
+    stamped(clone)
     with served(index) as port:
         printed = install_from(f"http://127.0.0.1:{port}/simple", clone, programs)
     assert printed.startswith(
@@ -409,4 +362,4 @@ def test_an_environment_of_an_older_install_is_mended_and_keeps_the_users_packag
         # Debian's genpy needs yaml, and a pinned package brings it.
         "assert find_spec('genpy') and not find_spec('yaml')"
     )
-    subprocess.run([environment / "bin/python", "-I", "-c", look], check=True, timeout=60)
+    done(environment / "bin/python", "-I", "-c", look)

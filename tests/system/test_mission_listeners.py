@@ -9,14 +9,13 @@ import sys
 from pathlib import Path
 
 import pytest
-from programs import MUSSELBED, Begin, ended_well, line_of, lines_of
+from programs import MUSSELBED, ROOT, Begin, ended_well, line_of, lines_of
 from rosbags.rosbag1 import Reader
 from scenario_files import write_scenario
 
 from apad_bridge.records.bag_samples import definitions_in
 
 pytestmark = pytest.mark.system
-ROOT = Path(__file__).parents[2]
 SETUP = f"source '{ROOT}/launch_scripts/setup.bash'; export ROS_PACKAGE_PATH=$ROS_PACKAGE_PATH:/usr/share"
 """For rosnodejs, which looks for Debian's definitions on this path alone."""
 LISTENERS = {

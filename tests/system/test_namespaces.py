@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 from layout_topics import named_topics
-from programs import begun, done, lines_of, wait_until
+from programs import ROOT, begun, done, lines_of, wait_until
 from rosbags.rosbag1 import Reader
 from scenario_files import write_scenario
 
@@ -30,7 +30,6 @@ from apad_bridge.viewers.layouts.fleet import layout_fleet
 from apad_bridge.viewers.layouts.kinds import KINDS
 
 pytestmark = pytest.mark.system
-ROOT = Path(__file__).parents[2]
 LAUNCH = ROOT / "launch_scripts"
 SPACES = {"basin": "basin", "lab/harbour": "harbour"}
 """Each with the folder of its run. The aPad of the first, of generation A, has a global name; the other's is relative."""

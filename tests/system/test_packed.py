@@ -9,16 +9,13 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from scenario_files import POOL_FILE
+from programs import ROOT, code_here, done
+from scenario_files import POOL_FILE, write_scenario
 
-from apad_bridge.commands.main import main
 from apad_bridge.scenario.loader import load, resolve
 from apad_bridge.studies.packing import pinned
 
 pytestmark = pytest.mark.system
-
-ROOT = Path(__file__).parents[2]
-PATIENCE_S = 300.0
 
 
 def pool_beside(directory: Path) -> Path:
@@ -32,30 +29,32 @@ def pool_beside(directory: Path) -> Path:
     return directory / "short.yaml"
 
 
-def unpacked(archive: Path, elsewhere: Path) -> Path:
-    # By tar: Python's own extraction has other defaults and warnings from release to release.
+def unpacked(archive: Path, author: Path) -> Path:
+    """The archive's folder elsewhere, where its author's files are gone."""
+    shutil.rmtree(author)
+    elsewhere = archive.with_name("elsewhere")
     elsewhere.mkdir()
-    subprocess.run(["tar", "-xzf", archive, "-C", elsewhere], check=True, timeout=60)
+    # By tar: Python's own extraction has other defaults and warnings from release to release.
+    done("tar", "-xzf", archive, "-C", elsewhere)
     (folder,) = elsewhere.iterdir()
     return folder
 
 
-def repeat(folder: Path) -> subprocess.CompletedProcess[str]:
+def repeat(folder: Path, code: int | None = 0) -> subprocess.CompletedProcess[str]:
     environment = {"PATH": "/usr/bin:/bin", "MUSSELBED": str(ROOT / "launch_scripts/musselbed")}
-    return subprocess.run(
-        ["sh", str(folder / "repeat.sh")],
-        cwd="/",
-        env=environment,
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE_S,
-        check=False,
-    )
+    return done("sh", folder / "repeat.sh", cwd="/", env=environment, code=code)
 
 
-def test_a_packed_study_repeats_its_figures_without_the_files_of_its_author(tmp_path: Path) -> None:
-    author = tmp_path / "author"
-    author.mkdir()
+@pytest.fixture
+def author(tmp_path: Path) -> Path:
+    folder = tmp_path / "author"
+    folder.mkdir()
+    return folder
+
+
+def test_a_packed_study_repeats_its_figures_without_the_files_of_its_author(
+    tmp_path: Path, author: Path
+) -> None:
     scenario = pool_beside(author)
     study = {
         "name": "short",
@@ -67,33 +66,28 @@ def test_a_packed_study_repeats_its_figures_without_the_files_of_its_author(tmp_
     }
     (author / "study.yaml").write_text(json.dumps(study))
     flown = author / "flown"
-    assert main(["study", str(author / "study.yaml"), "--seeds", "2", "--out", str(flown), "--json"]) == 0
+    assert code_here("study", author / "study.yaml", "--seeds", 2, "--out", flown, "--json") == 0
     archive = tmp_path / "short.tar.gz"
-    assert main(["pack", str(flown), "--out", str(archive)]) == 0
-    shutil.rmtree(author)
-    folder = unpacked(archive, tmp_path / "elsewhere")
+    assert code_here("pack", flown, "--out", archive) == 0
+    folder = unpacked(archive, author)
     assert (folder / "study/report.html").is_file() and (folder / "study/results.parquet").is_file()
     pins = (folder / "requirements.txt").read_text()
     assert f"numpy=={dict(pinned())['numpy']} --hash=sha256:" in pins or platform.machine() != "x86_64"
-    done = repeat(folder)
-    assert done.returncode == 0, done.stderr
+    repeat(folder)
     shutil.rmtree(folder / "again")
     journal = folder / "study/trials.jsonl"
     journal.write_text(journal.read_text().replace('"metres":', '"metres":1', 1))
-    assert repeat(folder).returncode != 0
+    assert repeat(folder, None).returncode != 0
 
 
-def test_a_packed_run_repeats_its_summary(tmp_path: Path) -> None:
-    author = tmp_path / "author"
-    author.mkdir()
+def test_a_packed_run_repeats_its_summary(tmp_path: Path, author: Path) -> None:
     scenario = pool_beside(author)
     run = author / "run"
-    assert main(["run", str(scenario), "--time", "asap", "--out", str(run), "--json"]) == 0
+    assert code_here("run", scenario, "--time", "asap", "--out", run, "--json") == 0
     (author / "starts.csv").write_text("changed since\n")
     archive = tmp_path / "run.tar.gz"
-    assert main(["pack", str(run), "--out", str(archive)]) == 0
-    shutil.rmtree(author)
-    folder = unpacked(archive, tmp_path / "elsewhere")
+    assert code_here("pack", run, "--out", archive) == 0
+    folder = unpacked(archive, author)
     assert (folder / "run/run.bag").is_file() and not (folder / "run/fleet").exists()
     crate = json.loads((folder / "ro-crate-metadata.json").read_text())
     entities = {it["@id"]: it for it in crate["@graph"]}
@@ -102,20 +96,24 @@ def test_a_packed_run_repeats_its_summary(tmp_path: Path) -> None:
     there = {it.relative_to(folder).as_posix() for it in folder.rglob("*") if it.is_file()}
     assert parts == there - {"ro-crate-metadata.json"} and parts <= entities.keys()
     assert {"name", "description", "datePublished", "license"} <= entities["./"].keys()
-    done = repeat(folder)
-    assert done.returncode == 0, done.stderr
-    assert "repeated" in done.stdout
+    assert "repeated" in repeat(folder).stdout
+
+
+@pytest.fixture(scope="module")
+def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run that has nothing of a stranger."""
+    folder = tmp_path_factory.mktemp("sound")
+    scenario = write_scenario(folder / "short.yaml", duration_s=30, fleet={"hosting": "one_process"})
+    assert code_here("run", scenario, "--time", "asap", "--out", folder / "run", "--json") == 0
+    return folder / "run"
 
 
 @pytest.mark.parametrize("at", ["notes.txt", "imc/notes.txt", "imc", "scenario.yaml", ".hidden"])
 def test_a_link_is_refused_by_name_and_nothing_of_its_target_is_packed(
-    at: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    at: str, sound: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """An archive is published: a link to a private file, anywhere in the directory, was in it as that file."""
-    run = tmp_path / "run"
-    scenario = pool_beside(tmp_path)
-    assert main(["run", str(scenario), "--time", "asap", "--out", str(run), "--json"]) == 0
-    private = tmp_path / "private"
+    run, private = shutil.copytree(sound, tmp_path / "run"), tmp_path / "private"
     private.mkdir()
     (private / "notes.txt").write_text("secret")
     link = run / at
@@ -123,16 +121,15 @@ def test_a_link_is_refused_by_name_and_nothing_of_its_target_is_packed(
     if at == "scenario.yaml":
         shutil.move(link, private / "scenario.yaml")
     link.symlink_to(private if at == "imc" else private / Path(at).name)
-    capsys.readouterr()
-    assert main(["pack", str(run), "--out", str(tmp_path / "x.tar.gz")]) == 2
-    told = capsys.readouterr().err
-    assert f"{link}: a symbolic link, to {private}" in told and told.count("\n") == 1
+    assert code_here("pack", run, "--out", tmp_path / "x.tar.gz") == 2
+    (told,) = capsys.readouterr().err.splitlines()
+    assert f"{link}: a symbolic link, to {private}" in told
     assert not (tmp_path / "x.tar.gz").exists()
 
 
 def test_what_is_no_study_and_no_run_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     empty = tmp_path / "empty"
     empty.mkdir()
-    assert main(["pack", str(empty), "--out", str(tmp_path / "x.tar.gz")]) == 2
+    assert code_here("pack", empty, "--out", tmp_path / "x.tar.gz") == 2
     assert "neither a study (trials.jsonl) nor a run" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == [empty]

@@ -1,13 +1,12 @@
-"""Mission primitives over ROS, by whoever calls: a person's command line, a program's actions, a script of ours."""
+"""Mission primitives over ROS, by whoever calls: a person's command line, and a program's actions."""
 
 import json
 import re
 import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
-from programs import MUSSELBED, ROOT, Begin, done, ended_well, lines_of, musselbed, wait_until
+from programs import MUSSELBED, ROOT, Begin, done, ended_well, lines_of, wait_until
 from scenario_files import write_scenario
 
 from apad_bridge.ros.system.master import loopback_environment
@@ -123,23 +122,3 @@ def test_an_apad_is_flown_by_calls(scenario: Path, tmp_path: Path, begin: Begin)
     assert json.loads(ended_well(flight)[0])["ended_by"] == "a call: abort by node /somebody"
     docks = [(it["dock"], it["agent"], it["closed"]) for it in lines_of(run, "dock")]
     assert docks == [(1, agent["id"], True), (1, agent["id"], False)]
-
-
-def test_a_script_flies_over_ros_as_in_virtual_time(scenario: Path, tmp_path: Path) -> None:
-    script = tmp_path / "serve.py"
-    script.write_text(
-        "worst = min(api.agents() or [1, 2, 3], key=api.battery)\n"
-        "if api.collect(worst, 1):\n"
-        "    api.wait_until(lambda: api.is_full(worst), timeout=300)\n"
-        "    api.deploy(worst)\n"
-        "print('served', worst, api.docks()[1])\n"
-    )
-    flown: list[Any] = []
-    for n, how in enumerate((("--time", "asap"), ("--speed", 100))):
-        run = tmp_path / f"run-{n}"
-        done = musselbed("script", script, "--scenario", scenario, *how, "--out", run, "--json")
-        summary = json.loads(done.stdout)
-        assert (summary["ended_by"], summary["services"]) == ("the script's end", 1)
-        flown.append([(it["agent"], it["closed"]) for it in lines_of(run, "dock")])
-        flown[-1] += [it["said"] for it in lines_of(run, "script")]
-    assert flown[0] == flown[1] and len(flown[0]) == 3

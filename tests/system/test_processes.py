@@ -17,6 +17,7 @@ from fleets import KILL, PAPER, Story, command, deaths, fly, heard
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from killing import gone, kill_9, standing_still
+from patient import PATIENCE_S
 from programs import processes_of
 
 from agents.coordinator import Coordinator
@@ -41,7 +42,6 @@ pytestmark = pytest.mark.system
 
 IDS = (3, 8, 21)
 THETA = 30
-PATIENCE_S = 180.0
 FLEET = PAPER
 BIRTHS = {agent_id: resting_on_bottom(0.0, agent_id, 3.0, 0.3, 1.0) for agent_id in IDS}
 PATIENT = RestartPolicy(restarts=1000)
@@ -172,12 +172,9 @@ def test_bad_messages_disturb_nothing(host: ProcessHost, tmp_path: Path) -> None
     assert host.take_truths() == reference.take_truths()
 
 
-def test_ids_and_fleets_that_cannot_be(tmp_path: Path) -> None:
+def test_an_id_that_cannot_be(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="aMussel 65536: ids are 0 to 65535"):
         ProcessHost.start(tmp_path, FLEET, {65536: BIRTHS[3]})
-    prepare(tmp_path, FLEET, BIRTHS)
-    with pytest.raises(FileExistsError):
-        prepare(tmp_path, FLEET, BIRTHS)
 
 
 def test_a_nursery_that_nobody_waits_for_any_more_is_ended(

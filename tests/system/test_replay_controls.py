@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 import yaml
 from browsers import cells, errors, load_page, text
-from programs import code_here, wait_until
+from programs import ROOT, code_here, wait_until
 from scenario_files import write_scenario
 from selenium import webdriver
 from selenium.webdriver.common.action_chains import ActionChains
@@ -21,7 +21,6 @@ from selenium.webdriver.remote.webelement import WebElement
 from apad_bridge.analysis.replay.build import build_comparison, build_replay
 
 pytestmark = pytest.mark.system
-ROOT = Path(__file__).parents[2]
 HOSTILE = "<script>window.hurt = 1</script>"
 
 PAINTED_SLOTS = """

@@ -41,7 +41,6 @@ from firmware_model.power.charge import Battery, Flow, grains
 from firmware_model.states import State
 
 pytestmark = pytest.mark.system
-ROOT = Path(__file__).parents[2]
 GREEN, AMBER, PURPLE, GREY = [0x2B, 0x9A, 0x57], [0xB0, 0x74, 0x00], [0x7B, 0x48, 0xC8], [0x8B, 0x92, 0x9B]
 WHITE = [255, 255, 255]
 PLACES = {1: (5.0, 5.0), 2: (5.0, 15.0), 3: (22.0, 5.0), 4: (22.0, 15.0)}

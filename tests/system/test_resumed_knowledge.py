@@ -4,21 +4,17 @@ from __future__ import annotations
 
 import json
 import signal
-import subprocess
-import sys
-import threading
-import time
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
-from journals import lines_in
+from graphs import called
 from killing import kill_9, pid_of_supervisor, standing_still
-from patient import PATIENCE_S, PATIENT_MUSSELBED
+from patient import PATIENT_MUSSELBED
+from programs import MUSSELBED, ROOT, Begin, ended_well, lines_of, wait_until
 from rosbags.rosbag1 import Reader
+from scenario_files import write_scenario
 
 from apad_bridge.records.bag_messages import BELIEFS, typestore
 from apad_bridge.records.journal import read_journal
@@ -29,49 +25,23 @@ from firmware_model.packets.codec import MusselbedCodec
 from firmware_model.states import State
 
 pytestmark = pytest.mark.system
-ROOT = Path(__file__).parents[2]
-MUSSELBED = [sys.executable, "-m", "apad_bridge.commands.main"]
 THE_REAL, THETA, PERIOD_MS = 3, 30, 50_000
 HOUR_MS = 3_600_000 // THETA
 SLEEPERS = {1, 2, 4}
 
 
-def wait_for(what: Callable[[], Any], why: str) -> Any:
-    """Polls the file system, which announces nothing, until `what` gives something."""
-    until_s, pause = time.monotonic() + PATIENCE_S, threading.Event()
-    while not (found := what()):
-        assert time.monotonic() < until_s, why
-        pause.wait(0.02)
-    return found
-
-
 @pytest.fixture
 def scenario(tmp_path: Path) -> Path:
     """Four whole boards that sleep, full enough not to be fetched, of which twins hear every 25 minutes of theirs."""
-    data = yaml.safe_load((ROOT / "launch_scripts/scenarios/whole-board-12.yaml").read_text())
-    data.update(name="asleep", duration_s=3600)
-    data["fleet"].update(count=4, start={"charge": [0.9, 1.0]})
-    data["hearing"]["report_period_s"] = PERIOD_MS / 1000
     twin = {"drain_deviation": 0.1, "sensor_noise": 0.01, "bias_deviation": 0.01}
-    data["beliefs"] = {"estimator": "twin", "twin": twin | {"unscheduled": 0.03, "fix_deviation_m": 1.0}}
-    path = tmp_path / "asleep.yaml"
-    path.write_text(yaml.safe_dump(data))
-    return path
-
-
-@pytest.fixture
-def begin() -> Iterator[Callable[..., subprocess.Popen[str]]]:
-    """Starts a command; whatever still runs of it is ended by its pid afterwards."""
-    with ExitStack() as stack:
-
-        def start(*command: object, **more: Any) -> subprocess.Popen[str]:
-            pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "cwd": ROOT}
-            process = subprocess.Popen([str(it) for it in command], **(pipes | more))
-            stack.callback(lambda: process.communicate(timeout=PATIENCE_S))
-            stack.callback(lambda: process.poll() is None and process.send_signal(signal.SIGINT))
-            return process
-
-        yield start
+    return write_scenario(
+        tmp_path / "asleep.yaml",
+        ROOT / "launch_scripts/scenarios/whole-board-12.yaml",
+        duration_s=3600,
+        fleet={"count": 4, "start": {"charge": [0.9, 1.0]}},
+        hearing={"report_period_s": PERIOD_MS / 1000},
+        beliefs={"estimator": "twin", "twin": twin | {"unscheduled": 0.03, "fix_deviation_m": 1.0}},
+    )
 
 
 def noted(run: Path) -> dict[int, int]:
@@ -107,46 +77,37 @@ def killed_in_quiet(run: Path) -> bool:
 
 
 def test_the_next_supervisor_knows_who_is_real_and_who_sleeps_and_for_how_long(
-    begin: Callable[..., subprocess.Popen[str]], scenario: Path, tmp_path: Path
+    begin: Begin, scenario: Path, tmp_path: Path
 ) -> None:
     run = tmp_path / "run"
     first = begin(*MUSSELBED, "run", scenario, "--speed", 20, "--out", run)
-    wait_for(lambda: noted(run).keys() >= SLEEPERS, "nobody was heard")
+    wait_until(lambda: noted(run).keys() >= SLEEPERS, first)
     uri = json.loads((run / "run.json").read_text())["master_uri"]
     tools = loopback_environment(tmp_path / "ros", uri) | {"PYTHONPATH": str(generated_folder())}
 
-    def called(service: str, request: str) -> dict[str, Any]:
-        command = ["/usr/bin/rosservice", "call", f"/musselbed/{service}", request]
-        done = subprocess.run(command, env=tools, capture_output=True, text=True, timeout=PATIENCE_S)
-        assert done.returncode == 0, done.stderr
-        answer: dict[str, Any] = yaml.safe_load(done.stdout)
-        return answer
-
-    assert called("hand_over", f"{{id: {THE_REAL}}}")["accepted"]
+    assert called(tools, "hand_over", f"{{id: {THE_REAL}}}")["accepted"]
     journal = run / "journal.jsonl"
     assert '"kind":"presence"' in journal.read_text(), "who was told so may rely on it"
     agent_ms = THETA * read_journal(journal).last_ms
     packet = StatusPacket(THE_REAL, 0, State.SLEEPING, 0.45, 0.8, 9.0, 8.0, 3.0, agent_ms)
     heard = f"{{agent: {THE_REAL}, medium: wifi, data: {list(MusselbedCodec().encode(packet))}}}"
-    bridge = begin(
-        "/usr/bin/rostopic", "pub", "-r", 5, "/musselbed/heard", "musselbed_msgs/Packet", heard, env=tools
-    )
-    wait_for(lambda: THE_REAL in noted(run), "the real one was not heard")
+    topic = ("/musselbed/heard", "musselbed_msgs/Packet", heard)
+    bridge = begin("/usr/bin/rostopic", "pub", "-r", 5, *topic, env=tools)
+    wait_until(lambda: THE_REAL in noted(run), first)
     bridge.terminate()
-    bridge.wait(PATIENCE_S)
-    wait_for(lambda: killed_in_quiet(run), "it was never quiet")
-    first_knew = wait_for(lambda: noted(run), "the checkpoint is gone")
+    bridge.wait()
+    wait_until(lambda: killed_in_quiet(run), first)
+    first_knew = wait_until(lambda: noted(run))
     spoken = begin("/usr/bin/rostopic", "echo", "-n", 1, "/musselbed/beliefs", env=tools)
 
     resumed = begin(*PATIENT_MUSSELBED, "resume", run)
-    said = yaml.safe_load(spoken.communicate(timeout=PATIENCE_S)[0].split("---")[0])
+    said = yaml.safe_load(ended_well(spoken)[0].split("---")[0])
     assert {it["id"] for it in said["agents"]} == SLEEPERS | {THE_REAL}
-    fault = called("inject_fault", f"{{id: {THE_REAL}, fault: brown_out}}")
+    fault = called(tools, "inject_fault", f"{{id: {THE_REAL}, fault: brown_out}}")
     assert fault["message"] == "aMussel 3 is real: faults are for simulated ones"
     resumed.send_signal(signal.SIGINT)
-    _, told = resumed.communicate(timeout=PATIENCE_S)
-    assert resumed.returncode == 130, told
-    first.communicate(timeout=PATIENCE_S)
+    _, told = ended_well(resumed, 130)
+    first.communicate()
     assert "still real: aMussel 3" in told
     assert "believed as before: 4 aMussels" in told
 
@@ -165,6 +126,5 @@ def test_the_next_supervisor_knows_who_is_real_and_who_sleeps_and_for_how_long(
     assert all(
         it.state == State.SLEEPING and it.charge > 0.85 for id_, it in beliefs.items() if id_ in SLEEPERS
     )
-    lines = lines_in(journal)
-    assert [line["is"] for line in lines if line["kind"] == "presence"] == ["real"]
+    assert [line["is"] for line in lines_of(run, "presence")] == ["real"]
     assert not (run / "checkpoint.jsonl").exists(), "the run has ended"

@@ -11,11 +11,10 @@ from configparser import ConfigParser
 from pathlib import Path
 
 import pytest
-from programs import done
+from programs import ROOT, done
 
 pytestmark = pytest.mark.system
 
-ROOT = Path(__file__).parents[2]
 WITHOUT_EDITABLE_FINDER = """import sys
 
 sys.meta_path[:] = [it for it in sys.meta_path if not it.__module__.startswith("__editable__")]

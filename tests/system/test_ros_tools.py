@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import shutil
-import signal
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
-from programs import Begin, code_here, done, line_of
+from programs import ROOT, code_here, done
 from rosbags.rosbag1 import Reader
 from scenario_files import write_scenario
 
@@ -19,22 +16,6 @@ from apad_bridge.ros.types.messages import generated_folder
 from apad_bridge.ros_names import table
 
 pytestmark = pytest.mark.system
-ROOT = Path(__file__).parents[2]
-
-PUBLISHER = """
-import sys
-from pathlib import Path
-from apad_bridge.ros.types.messages import use_generated_messages
-use_generated_messages(Path(sys.argv[1]))
-import rospy
-from musselbed_msgs.msg import AgentTruth, FleetTruth
-rospy.init_node("publisher", disable_signals=True)
-topic = rospy.Publisher("/musselbed/truth", FleetTruth, queue_size=1, latch=True)
-topic.publish(FleetTruth(mission_time_ms=61000, agents=[AgentTruth(id=7, north=1.5, docked=True)]))
-print("ready", flush=True)
-sys.stdin.read()
-rospy.signal_shutdown("the test is over")
-"""
 
 SHOW = """
 import sys, rosmsg
@@ -67,34 +48,6 @@ def in_a_shell(root: Path, script: str, environment: dict[str, str]) -> str:
     sourced = f"set -eu; source '{root}/launch_scripts/setup.bash'; {script}"
     ended = done("bash", "-c", sourced, env=environment, cwd="/")
     return ended.stdout + ended.stderr
-
-
-def test_rostopic_echoes_our_message_from_another_process(
-    installed: Path, master: Master, tmp_path: Path, begin: Begin
-) -> None:
-    environment = loopback_environment(tmp_path / "ros", master.uri)
-    program = (sys.executable, "-c", PUBLISHER, generated_folder(installed / ".venv"))
-    publisher = begin(*program, env=environment, stdin=subprocess.PIPE, ends_by=signal.SIGTERM)
-    assert line_of(publisher) == "ready"
-    script = "rostopic echo -n 1 /musselbed/truth; rostopic type /musselbed/truth"
-    lines = [it.strip() for it in in_a_shell(installed, script, environment).splitlines()]
-    assert {"mission_time_ms: 61000", "id: 7", "north: 1.5", "docked: True"} <= set(lines)
-    assert lines[-1] == "musselbed_msgs/FleetTruth"
-
-
-def test_rosmsg_rossrv_and_rosbag_know_the_definitions(installed: Path, tmp_path: Path) -> None:
-    script = """
-    rosmsg show musselbed_msgs/FleetTruth
-    rosmsg show apad/aPadGoal
-    rossrv show misc_msgs/GetDockingInfo
-    rosmsg md5 underwater_msgs/MediumTransmission
-    rosbag help
-    """
-    shown = in_a_shell(installed, script, loopback_environment(tmp_path))
-    assert "Unable to load" not in shown
-    for line in ("musselbed_msgs/AgentTruth[] agents", "geometry_msgs/Pose pose_offset", "int32[] available"):
-        assert line in shown
-    assert "11f270ad3c6a896e6e40b3ee541fbd39" in shown
 
 
 def test_every_type_that_we_publish_can_be_shown(installed: Path, tmp_path: Path) -> None:

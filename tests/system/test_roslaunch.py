@@ -14,14 +14,13 @@ from pathlib import Path
 
 import pytest
 import yaml
-from programs import Begin, done, line_of
+from programs import ROOT, Begin, done, line_of
 from scenario_files import write_scenario
 
 from apad_bridge.ros.system.master import Master, loopback_environment
 from apad_bridge.scenario.loader import load
 
 pytestmark = pytest.mark.system
-ROOT = Path(__file__).parents[2]
 LAUNCH = ROOT / "launch_scripts"
 SHIPPED = ["pool-12", "bay-24", "no-charging", "demo", "bay-120"]
 

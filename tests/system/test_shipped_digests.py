@@ -11,10 +11,10 @@ import re
 from pathlib import Path
 
 import pytest
+from programs import ROOT
 
 from apad_bridge.commands.main import main
 
-ROOT = Path(__file__).parents[2]
 SCENARIOS = ROOT / "launch_scripts" / "scenarios"
 STATED = dict(
     re.findall(

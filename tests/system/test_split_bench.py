@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import json
-import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import pytest
-import yaml
-from journals import lines_in
+from graphs import served_pool
+from programs import MUSSELBED, done, left_full, lines_of
 from rosbags.rosbag1 import Reader
-from scenario_files import POOL_FILE
 from two_machines import Link, Machine, Programs, interrupt, master_uri, two_machines, why_no_two_machines
 
 from apad_bridge.commands.prepare.preflight_checks import recording_commands
@@ -25,7 +22,6 @@ pytestmark = [
     pytest.mark.system,
     pytest.mark.skipif(bool(why_no_two_machines()), reason=f"one machine only: {why_no_two_machines()}"),
 ]
-MUSSELBED = [sys.executable, "-m", "apad_bridge.commands.main"]
 PATIENCE_S = 240.0
 SPEED = 4
 ASK = """
@@ -51,14 +47,8 @@ class Graph:
 
 @pytest.fixture
 def graph(tmp_path: Path) -> Iterator[Graph]:
-    data: dict[str, Any] = yaml.safe_load(POOL_FILE.read_text())
     # It lasts until it is ended: a busy machine takes long to serve its first.
-    data.update(name="split", duration_s=36_000, theta=600)
-    data["fleet"].update(count=4, start={"charge": [0.5, 0.75]})
-    data["area"]["polygon_m"] = [[0, 0], [4, 0], [4, 4], [0, 4]]
-    data["apad"]["start_m"] = [2, 2]
-    scenario = tmp_path / "split.yaml"
-    scenario.write_text(yaml.safe_dump(data))
+    scenario = served_pool(tmp_path / "split.yaml", 4, 36_000)
     with ExitStack() as stack:
         vehicle, bench = stack.enter_context(two_machines(Link()))
         programs = Programs(tmp_path, master_uri(vehicle), stack)
@@ -86,41 +76,26 @@ def test_fleet_mission_and_console_are_on_two_machines_and_the_run_stays_with_it
     )
     run = programs.folder(bench) / "run"
     programs.wait_until(lambda: record in programs.said("mission"), "the vehicle's command was not printed")
-    journal = run / "journal.jsonl"
-    programs.wait_until(
-        lambda: journal.exists() and '"kind":"belief"' in journal.read_text(), "the fleet is not heard"
-    )
+    programs.wait_until(lambda: lines_of(run, "belief"), "the fleet is not heard")
 
     console = programs.start(vehicle, "console", *MUSSELBED, "console", "--json")
     programs.wait_until(lambda: '"url"' in programs.said("console"), programs.said("console"))
     url = json.loads(programs.said("console").splitlines()[0])["url"]
     assert url.startswith("http://127.0.0.1:")
     order = json.dumps({"act": "remark", "by": "Ana", "text": "from the other machine"})
-    asked = subprocess.run(
-        vehicle.command(sys.executable, "-c", ASK, url, order),
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE_S,
-    )
-    assert asked.returncode == 0, asked.stderr
-    answer = json.loads(asked.stdout)
+    answer = json.loads(done(*vehicle.command(sys.executable, "-c", ASK, url, order)).stdout)
     assert answer["accepted"] and answer["has_mussels"]
 
-    def served() -> int:
-        return sum(it["full"] for it in lines_in(journal) if it["kind"] == "released")
-
-    programs.wait_until(served, "nobody was served")
-    abort = bench.command(*MUSSELBED, "abort", str(run))
-    assert subprocess.run(abort, timeout=PATIENCE_S).returncode == 0
+    programs.wait_until(lambda: left_full(run), "nobody was served")
+    done(*bench.command(*MUSSELBED, "abort", str(run)))
     assert mission.wait(PATIENCE_S) == 0, programs.said("mission")
     programs.wait_until(
         lambda: '"ended_by"' in programs.said("console"), "the console was not told of the end"
     )
     interrupt(console)
     assert console.wait(PATIENCE_S) == 0
-    remarks = [it for it in lines_in(journal) if it["kind"] == "remark"]
-    assert [(it["text"], it["by"]) for it in remarks] == [("from the other machine", "Ana")]
-    assert json.loads((run / "summary.json").read_text())["services"] == served() > 0
+    assert [(it["text"], it["by"]) for it in lines_of(run, "remark")] == [("from the other machine", "Ana")]
+    assert json.loads((run / "summary.json").read_text())["services"] == len(left_full(run)) > 0
     # On the other machine there are bags alone.
     there = programs.folder(vehicle)
     bag = there / "apad1.bag"

@@ -61,6 +61,12 @@ class Story:
         self.orders.append(json.loads(line))
         return b'{"accepted": true, "message": ""}'
 
+    def ordered(self, number: int, act: str) -> dict[str, Any]:
+        """The order of this number, counted from 1, once it has come."""
+        wait_until(lambda: len(self.orders) == number)
+        assert self.orders[-1]["act"] == act
+        return self.orders[-1]
+
     def writes(self, kind: str, **data: Any) -> None:
         with self._lock, (self.path / "journal.jsonl").open("a") as journal:
             journal.write(json.dumps({"t": 1000 * self.now_s, "kind": kind, **data}) + "\n")
@@ -121,8 +127,7 @@ def test_a_lookout_stops_on_a_phone_and_hears_what_a_stop_comes_to(
         assert phone.execute_script(lost_twice) == [True, False, True, False]
 
         tap(phone, "#stop")
-        (asked,) = wait_until(lambda: story.orders)
-        assert (asked["act"], asked["off"]) == ("stop", False)
+        assert story.ordered(1, "stop")["off"] is False
         # The touch allowed the sound, too.
         says(phone, "sound", "Sound on")
         story.stop(1, "hold", "console", "ordered")
@@ -141,8 +146,7 @@ def test_a_lookout_stops_on_a_phone_and_hears_what_a_stop_comes_to(
 
         tap(phone, "#continue")
         tap(phone, "#sure button[value=yes]")
-        wait_until(lambda: len(story.orders) == 2)
-        assert (story.orders[1]["act"], story.orders[1]["stop"]) == ("continue", 1)
+        assert story.ordered(2, "continue")["stop"] == 1
         story.writes("continued", number=1, by="console")
         story.passes()
         wait_until(lambda: not seen(phone, "stopped") and stop.is_enabled())
@@ -177,11 +181,9 @@ def test_a_lookout_stops_on_a_phone_and_hears_what_a_stop_comes_to(
         assert not seen(phone, "heard")
 
         tap(phone, "#off")
-        wait_until(lambda: len(story.orders) == 3)
-        assert (story.orders[2]["act"], story.orders[2]["off"]) == ("stop", True)
+        assert story.ordered(3, "stop")["off"] is True
         tap(phone, "#hands")
-        wait_until(lambda: len(story.orders) == 4)
-        assert story.orders[3]["act"] == "hands"
+        story.ordered(4, "hands")
 
         # A stop that the vehicle does not take may be ordered again.
         story.stop(3, "off", "console", "ordered")

@@ -6,12 +6,11 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 
 import pytest
+from programs import ROOT, Begin
 from scenario_files import POOL_FILE
 
 from apad_bridge.studies.dask_cluster import fly_on_dask, fly_there
@@ -20,21 +19,7 @@ from apad_bridge.studies.specification import StudyPlan, plan_of
 
 pytestmark = [pytest.mark.system, pytest.mark.filterwarnings("ignore")]  # Dask's own warnings
 
-ROOT = Path(__file__).parents[2]
 READY = "Scheduler at:"
-
-
-def started(stack: ExitStack, folder: Path, module: str, *arguments: str) -> subprocess.Popen[str]:
-    process = subprocess.Popen(
-        [sys.executable, "-m", f"distributed.cli.{module}", *arguments],
-        cwd=folder,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    stack.callback(process.wait)
-    stack.callback(process.kill)
-    return process
 
 
 def told(process: subprocess.Popen[str], words: str) -> str:
@@ -47,17 +32,18 @@ def told(process: subprocess.Popen[str], words: str) -> str:
 
 
 @pytest.fixture
-def cluster(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[str]]]]:
-    with ExitStack() as stack:
-        scheduler = started(
-            stack, tmp_path, "dask_scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard"
-        )
-        address = told(scheduler, READY).split()[-1]
-        options = ("--nthreads", "1", "--no-nanny", "--no-dashboard")
-        workers = [started(stack, tmp_path, "dask_worker", address, *options) for _ in range(2)]
-        for worker in workers:
-            told(worker, "Registered to:")
-        yield address, workers
+def cluster(tmp_path: Path, begin: Begin) -> tuple[str, list[subprocess.Popen[str]]]:
+    def started(module: str, *arguments: object) -> subprocess.Popen[str]:
+        command = (sys.executable, "-m", f"distributed.cli.{module}", *arguments)
+        environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+        return begin(*command, cwd=tmp_path, env=environment, stdout=None, ends_by=signal.SIGKILL)
+
+    scheduler = started("dask_scheduler", "--host", "127.0.0.1", "--port", 0, "--no-dashboard")
+    address = told(scheduler, READY).split()[-1]
+    options = ("--nthreads", 1, "--no-nanny", "--no-dashboard")
+    workers = [started("dask_worker", address, *options) for _ in range(2)]
+    assert all(told(worker, "Registered to:") for worker in workers)
+    return address, workers
 
 
 def study() -> StudyPlan:

@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 from older_pythons import NoOlderPython, older_python
-from programs import ROOT, Begin, done, ended_well, line_of
+from programs import ROOT, Begin, done, ended_well, line_of, with_helpers
 from scenario_files import write_scenario
 
 from apad_bridge.ros.simulated_node.apad_process import start_apad_node, stop_apad_node
@@ -32,12 +32,12 @@ def told_by(tmp_path: Path, master: Master, begin: Begin) -> Iterator[Play]:
     """The report of a mission that falls silent, with the vehicle's own node and a watchdog that `python` runs."""
     with ExitStack() as stack:
 
-        def play(generation: str, name: str, python: str = "/usr/bin/python3", **apad: Any) -> dict[str, Any]:
-            apad = {"generation": generation, "drift_m_s": list(DRIFT_M_S)} | apad
+        def play(generation: str, name: str, python: str = "/usr/bin/python3") -> dict[str, Any]:
+            apad = {"generation": generation, "drift_m_s": list(DRIFT_M_S)}
             scenario = write_scenario(tmp_path / "silent.yaml", apad=apad)
             stack.callback(stop_apad_node, start_apad_node(scenario, master.uri, tmp_path / "apad.log"))
             command = (sys.executable, "-m", "tests.system.fall_silent", WATCHDOG, generation, name, python)
-            environment = loopback_environment(tmp_path / "ros", master.uri)
+            environment = with_helpers(loopback_environment(tmp_path / "ros", master.uri))
             mission = begin(*command, env=environment, stdin=subprocess.PIPE, ends_by=signal.SIGKILL)
             if name == "lost":
                 assert line_of(mission) == "end the master"
@@ -78,17 +78,6 @@ def test_without_a_master_it_is_held_and_at_a_bad_position_it_loses_its_thrust_u
     assert told["is_blind"][-2:] == ["SILENT", "OFF: the aPad's position is not finite"]
     assert told["off_m"] == pytest.approx([DRIFT_S * it for it in DRIFT_M_S], abs=0.3)
     assert told["stays"] == "OFF"
-
-
-def test_a_vehicle_that_blocks_its_calls_while_it_docks_carries_out_no_backlog_of_holds(
-    told_by: Play,
-) -> None:
-    told = told_by("b", "blocked", fault="blocks")
-    assert any(it.startswith("not ordered yet: ") and "no answer" in it for it in told["falls_silent"])
-    assert told["falls_silent"][-1].startswith("HELD at ")
-    assert told["blocked_ms"] >= 27_000  # at twice the wall's speed, in which it tried about ten times
-    # A hold ended the docking. The next one is the repetition, because the first may have been an old one.
-    assert told["ends"] == 2
 
 
 def test_it_says_how_it_is_used_and_imports_nothing_of_ours() -> None:
