@@ -114,8 +114,7 @@ class Coordinator:
             due_ms, agent_id = heapq.heappop(self._heap)
             if self._due_ms.get(agent_id) == due_ms:
                 chosen.add(agent_id)
-        quiet = Grant(until_ms)
-        grants = dict.fromkeys(sorted(chosen), quiet)
+        grants = dict.fromkeys(sorted(chosen), Grant(until_ms))
         for agent_id in grants:
             # An adopted agent may have lived past this time, under a supervisor that died before it recorded that.
             if agent_id in waiting or self._granted_ms[agent_id] > until_ms:

@@ -169,8 +169,7 @@ class Board:
         if self.firmware.state is State.LOST and not self._is_running:
             return found
         due_ms, timer = self.firmware.next_timer()
-        other_ms = found[0]
-        if other_ms is None or (due_ms is not None and (due_ms, timer) < found):
+        if found[0] is None or (due_ms is not None and (due_ms, timer) < found):
             return due_ms, timer
         return found
 

@@ -245,6 +245,4 @@ def alarm_ms(counter: int, now_ms: int) -> int:
     """
     ticks = now_ms * COUNTER_HZ // 1000
     ahead = (counter - ticks) & _COUNTER_MASK
-    if ahead >= _HALF:
-        return now_ms
-    return max(now_ms, -(-(ticks + ahead) * 1000 // COUNTER_HZ))
+    return now_ms if ahead >= _HALF else max(now_ms, -(-(ticks + ahead) * 1000 // COUNTER_HZ))

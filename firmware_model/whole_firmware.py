@@ -219,8 +219,7 @@ class WholeFirmware(Firmware):
         return [*sent, SendLog(self._now_ms)] if self.state is State.REPORTING else sent
 
     def _deadline_of(self, state: State, now_ms: int) -> Deadline | None:
-        feed = self._hardware.feed
-        if feed is ActiveBattery.NEITHER and (state, Trigger.BOTH_EMPTIED) in TABLE:
+        if self._hardware.feed is ActiveBattery.NEITHER and (state, Trigger.BOTH_EMPTIED) in TABLE:
             return now_ms, Trigger.BOTH_EMPTIED
         match state:
             case State.FLOATING if self._last_resort_ms is not None:

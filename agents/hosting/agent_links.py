@@ -198,8 +198,7 @@ class AgentLinks:
 
     def _wait(self, timeout_s: float, open_: dict[int, _Open], outcomes: _Outcomes) -> None:
         for descriptor, _ in self._epoll.poll(timeout_s) if open_ else ():
-            agent_id = self._agent_of.get(descriptor)
-            if agent_id is not None:
+            if (agent_id := self._agent_of.get(descriptor)) is not None:
                 self._receive(agent_id, open_, outcomes)
             elif descriptor == self._nursery.truth.fileno():
                 self._truth_receiver.receive()

@@ -149,8 +149,7 @@ class WindowHandler:
 
     def _go_back(self, counted_ms: int) -> None:
         """Undoes the windows that ran ahead beyond `counted_ms`."""
-        undone = sum(end_ms > counted_ms for end_ms in self._ran_ahead)
-        if undone:
+        if undone := sum(end_ms > counted_ms for end_ms in self._ran_ahead):
             at_ms, agent = [it for it in self._copies if it[0] <= counted_ms][-1]
             for end_ms in self._ran_ahead:
                 if at_ms < end_ms <= counted_ms:

@@ -170,8 +170,7 @@ class NurseryLink:
     def _receive(self, timeout_s: float = ANSWER_TIMEOUT_S) -> tuple[protocol.NurseryMessage, list[int]]:
         deadline_s = time.monotonic() + timeout_s
         while True:
-            left_s = deadline_s - time.monotonic()
-            if left_s <= 0 or not readable(self._sock, left_s):
+            if (left_s := deadline_s - time.monotonic()) <= 0 or not readable(self._sock, left_s):
                 raise NurseryDied(f"the nursery (process {self.pid}) did not answer within {timeout_s:.0f} s")
             try:
                 received = protocol.receive(self._sock)

@@ -99,8 +99,7 @@ class LookAhead:
         fewest = MOST_AHEAD - _AT_ONCE - agent_id % _APART
         if lead.at_once and lead.asked is None and len(lead.windows) <= fewest:
             lead.asked = self._next_key()
-            order = RunAhead(lead.asked, lead.at_once, grant.until_ms)
-            links.run_ahead(agent_id, lead.asked, order.encode())
+            links.run_ahead(agent_id, lead.asked, RunAhead(lead.asked, lead.at_once, grant.until_ms).encode())
 
     def forget(self, links: AgentLinks, agent_id: int) -> None:
         """The windows that this agent ran ahead do not count."""
@@ -232,8 +231,7 @@ class ProcessHost:
         self._signal(agent_id, signal.SIGSTOP)
 
     def _signal(self, agent_id: int, number: int) -> None:
-        pid = self.pids.get(agent_id)
-        if pid is not None:
+        if (pid := self.pids.get(agent_id)) is not None:
             with suppress(ProcessLookupError):
                 os.kill(pid, number)
             if self._look_ahead is not None:

@@ -59,13 +59,11 @@ def receive_frame(modem: ModemCore, arrived: FrameArrived, now_ms: int) -> list[
         return actions + _take_answer(modem, arrived, now_ms)
     if frame.kind in _DATA:
         actions.append(PinRose(now_ms, Pin.RXM))
-    printed = _printed(modem, arrived, now_ms)
-    if printed is not None:
+    if (printed := _printed(modem, arrived, now_ms)) is not None:
         actions.append(Delivered(now_ms, frame))
         for line_index in range(len(modem.lines)):
             modem.answer(line_index, printed)
-    reply = _reply(modem, frame, arrived.propagation_us)
-    if reply is not None:
+    if (reply := _reply(modem, frame, arrived.propagation_us)) is not None:
         modem.send(reply, now_ms + modem.config.turnaround_ms)
     return actions
 
@@ -89,8 +87,7 @@ def _printed(modem: ModemCore, arrived: FrameArrived, now_ms: int) -> bytes | No
 def _reply(modem: ModemCore, frame: ModemFrame, propagation_us: int) -> ModemFrame | None:
     generation = modem.config.firmware.generation
     if frame.kind in _REPLIES:
-        kind = _REPLIES[frame.kind]
-        return ModemFrame(kind, modem.address, frame.source, b"", generation, propagation_us)
+        return ModemFrame(_REPLIES[frame.kind], modem.address, frame.source, b"", generation, propagation_us)
     match frame.kind:
         case FrameKind.STATUS_REQUEST:
             data = answers.remote_report(modem.config.firmware, modem.supply_mv, modem.noise)

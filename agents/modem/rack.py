@@ -66,8 +66,7 @@ class Rack:
         return actions
 
     def _schedule(self, node: int) -> None:
-        due_ms = self._modems[node].next_due_ms
-        if due_ms is None:
+        if (due_ms := self._modems[node].next_due_ms) is None:
             self._due_ms.pop(node, None)
         elif self._due_ms.get(node) != due_ms or due_ms <= self._now_ms:
             self._due_ms[node] = due_ms

@@ -66,6 +66,4 @@ def why_not(modem: ModemCore, kind: FrameKind) -> str | None:
     """The reason why the modem cannot send a frame of this kind now; None if it can."""
     if modem.waiting:
         return "a frame waits to be sent already"
-    if kind in AWAITED and modem.question is not None:
-        return "an answer is waited for already"
-    return None
+    return "an answer is waited for already" if kind in AWAITED and modem.question is not None else None

@@ -52,9 +52,7 @@ class SerialLine:
         """The time at which the next byte ends, or the silence within a command becomes too long."""
         if self._coming and (not self.reader.waiting or not self._silence_before_next()):
             return _ms(self._coming[0][0])
-        if self.reader.waiting:
-            return (self._last_tick + SILENCE_TICKS) // TICKS_PER_MS + 1
-        return None
+        return (self._last_tick + SILENCE_TICKS) // TICKS_PER_MS + 1 if self.reader.waiting else None
 
     @property
     def wake_ms(self) -> int | None:
@@ -72,8 +70,7 @@ class SerialLine:
         reader = self.reader
         while (due_ms := self.input_due_ms) is not None and due_ms <= now_ms:
             if not self._coming or (reader.waiting and self._silence_before_next()):
-                silent = reader.fell_silent()
-                if silent is not None:
+                if (silent := reader.fell_silent()) is not None:
                     return due_ms * TICKS_PER_MS, [silent]
                 continue
             tick, byte = self._coming.popleft()

@@ -387,8 +387,7 @@ class Agent:
 
     def _align(self, now_ms: int) -> list[Output]:
         """The coils have come together: the charger raises its pin."""
-        defects = self._defects
-        if defects is not None and defects.bounces > 1:
+        if (defects := self._defects) is not None and defects.bounces > 1:
             outputs = self._bounce(defects, now_ms)
         else:
             if defects is not None:

@@ -224,8 +224,7 @@ class Body:
             north_um, east_um = drift_step_um(water.seed, self.agent_id, self._step, amplitude_um)
         else:
             north_um = east_um = 0
-        leeway_um_s = self._config.leeway_um_s
-        if leeway_um_s != (0, 0) and self.depth_at_um(now_ms) == 0:
+        if (leeway_um_s := self._config.leeway_um_s) != (0, 0) and self.depth_at_um(now_ms) == 0:
             north_um += leeway_um_s[0]
             east_um += leeway_um_s[1]
         if not water.current.is_still:

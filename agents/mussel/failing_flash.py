@@ -34,8 +34,7 @@ class FailingFlash:
         if parts:
             cells = 0xFF & ~parts.get(BoardPart.CELLS, 0)
             data = bytes(byte & cells for byte in data)[: parts.get(BoardPart.WRITES, len(data))]
-            reached = parts.pop(BoardPart.SUPPLY, None)
-            if reached is not None:
+            if (reached := parts.pop(BoardPart.SUPPLY, None)) is not None:
                 self._flash.program(at, data[:reached])
                 raise PowerLost
         self._flash.program(at, data)

@@ -205,8 +205,7 @@ class PortFirmware:
         payload = frame.payload
         match frame.kind:
             case FromBoard.HELLO if len(payload) >= _ANSWER.size:
-                version = _ANSWER.unpack_from(payload)[0]
-                if version != VERSION:
+                if (version := _ANSWER.unpack_from(payload)[0]) != VERSION:
                     raise FirmwareFailed(f"it speaks version {version} of the port, and not {VERSION}")
                 return []
             case FromBoard.PIN if frame.port in self._outputs and len(payload) == 1:
@@ -221,8 +220,7 @@ class PortFirmware:
                 old, self.state = self.state, _STATES[payload[0]]
                 return [] if old is self.state else [StateReported(now_ms, old, self.state)]
             case FromBoard.LOG:
-                text = payload.decode("utf-8", "replace")
-                return [Dropped(now_ms, text)] if frame.port == 1 else []
+                return [Dropped(now_ms, payload.decode("utf-8", "replace"))] if frame.port == 1 else []
         raise FirmwareFailed(f"it sent a frame that cannot be: type {frame.kind}, port {frame.port}")
 
     def _pin(self, line: OutputPin, high: bool, now_ms: int) -> list[Action]:

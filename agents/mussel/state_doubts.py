@@ -28,8 +28,7 @@ class StateDoubts:
     def due(self, board: Board, body: Body, now_ms: int) -> str | None:
         """A contradiction that has lasted up to now, if it was not told before; called after each event."""
         held = self._doubt if now_ms - self._since_ms >= self._patience_ms else None
-        doubt = _contradiction(board, body, now_ms)
-        if doubt != self._doubt:
+        if (doubt := _contradiction(board, body, now_ms)) != self._doubt:
             self._doubt, self._since_ms = doubt, now_ms
         if held is None or held in self._told:
             return None

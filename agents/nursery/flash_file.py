@@ -39,6 +39,5 @@ class FlashRegion:
         if self.read(at, len(rest)) != rest:
             self.program(at, rest)
         for page in range(self.pages):
-            first = first_in(self, ring, page)
-            if first is not None and first >= next_sequence:
+            if (first := first_in(self, ring, page)) is not None and first >= next_sequence:
                 self.erase(page)

@@ -118,8 +118,7 @@ class NurseryServer:
             tuple(rows[start : start + protocol.DESCRIPTORS_AT_ONCE])
             for start in range(0, len(rows), protocol.DESCRIPTORS_AT_ONCE)
         ]
-        welcome = protocol.Welcome(os.getpid(), len(chunks))
-        if not self._send(sock, welcome, [self._agents.truth.fileno()]):
+        if not self._send(sock, protocol.Welcome(os.getpid(), len(chunks)), [self._agents.truth.fileno()]):
             return
         for chunk in chunks:
             living = [self._agents.children[row[0]].link for row in chunk if row[1]]

@@ -196,7 +196,7 @@ def _commands(codec: Codec, agent_id: int) -> Iterator[bytes]:
     """Every command of the firmware's packet tables, with numbers that can be obeyed and numbers that cannot."""
     packets: list[Packet | None] = [CommandPacket(kind, agent_id) for kind in sorted(PLAIN_KINDS)]
     for command in WITH_ARGUMENTS:
-        head = HEAD.pack(command.VERSION, command.KIND, agent_id)
+        head = HEAD.pack(command.VERSION, command.kind, agent_id)
         sizes = [struct.calcsize(f"<{code}") for code in command.FORMAT.format[len(HEAD.format) :]]
         for first, shift in _NUMBERS:
             numbers = [(first >> shift * n).to_bytes(8, "little") for n in range(len(sizes))]

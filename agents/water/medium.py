@@ -289,8 +289,7 @@ class WaterMedium:
             delay_ms = -(-sound.delay_us(metres) // 1000)
             if other.began_ms + delay_ms >= end_ms:
                 continue
-            past_ms = begin_ms - other.ends_ms - delay_ms
-            if past_ms < 0:
+            if (past_ms := begin_ms - other.ends_ms - delay_ms) < 0:
                 power += 10 ** (sound.level_db(metres) / 10)
             elif past_ms < sound.reverberation_ms:
                 power += 10 ** ((sound.level_db(metres) - sound.reverberation_db) / 10)

@@ -85,8 +85,7 @@ class CellGrid:
         self._cells.setdefault(cell, set()).add(node)
 
     def remove(self, node: int) -> None:
-        cell = self._cell_of.pop(node, None)
-        if cell is not None:
+        if (cell := self._cell_of.pop(node, None)) is not None:
             self._cells[cell].discard(node)
 
     def near(self, place: ModemPlace) -> Iterator[int]:

@@ -249,8 +249,7 @@ class Sea:
         for station, it in outputs:
             match it:
                 case SoundSent(at_ms, agent_id) | PingAnswered(at_ms, agent_id):
-                    frame = station.frame(it)
-                    if frame is not None:
+                    if (frame := station.frame(it)) is not None:
                         self._send(events, at_ms, agent_id, frame)
                 case WifiSent(at_ms, agent_id):
                     events.append((at_ms, 2, agent_id, it))

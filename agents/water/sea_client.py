@@ -215,7 +215,9 @@ class RemoteStation:
         for it in self._coordinator.advance(now_ms):
             if isinstance(it, SoundSent | PingAnswered):
                 self._dropped[_NO_WATER] += 1
-            elif isinstance(it, WifiSent) and not self._gets_through(it.agent_id, self.apad, it.at_ms):
+            elif isinstance(it, WifiSent) and not self.config.wifi_gets_through(
+                it.agent_id, self._places.get(it.agent_id), self.apad, self._place, it.at_ms
+            ):
                 self._dropped[LOST_IN_THE_AIR] += 1
             else:
                 results.append(it)
@@ -290,9 +292,6 @@ class RemoteStation:
     def write(self, agent_id: int, data: bytes) -> None:
         """No modem is open in a sea that several flights share."""
         raise ValueError(f"the modem of aMussel {agent_id} has not been opened")
-
-    def _gets_through(self, agent_id: int, apad: int, at_ms: int) -> bool:
-        return self.config.wifi_gets_through(agent_id, self._places.get(agent_id), apad, self._place, at_ms)
 
     def _ask(self, method: str, *arguments: object) -> None:
         if self._link is not None:

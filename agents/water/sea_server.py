@@ -90,9 +90,7 @@ class RemoteFleet:
 
     def grant(self, until_ms: AgentMs) -> Iterable[Output | AgentDied]:
         due_ms = self.due_agent_ms
-        if due_ms is None or due_ms > until_ms:
-            return ()
-        return self._ask(until_ms, None)
+        return () if due_ms is None or due_ms > until_ms else self._ask(until_ms, None)
 
     def take_truths(self) -> list[Truth]:
         truths, self._truths = self._truths, []

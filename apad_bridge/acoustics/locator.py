@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from agents.time_scale import MissionMs
 from apad_bridge.beliefs.input_ranges import out_of_range
+from apad_bridge.events.sound import PlaceFixed
 from apad_bridge.scenario.water.options import Localisation
 
 # Finds a place from ranges by weighted least squares in the plane (Levenberg and Marquardt), with its covariance and HDOP.
@@ -139,23 +140,6 @@ class RangeTaken:
     depth_m: float
 
 
-@dataclass(frozen=True, slots=True)
-class PositionFix:
-    """A place measured by sound. `covariance` is (north, north-east, east) in square metres.
-
-    `hdop` is the geometry's dilution of precision, `residual_m` the root mean square of the ranges' residuals.
-    """
-
-    at_ms: MissionMs
-    agent_id: int
-    north_m: float
-    east_m: float
-    covariance: tuple[float, float, float]
-    hdop: float
-    residual_m: float
-    ranges: int
-
-
 class Locator:
     """Turns ranges into fixes. `dropped` counts, by reason, the ranges that gave none."""
 
@@ -170,7 +154,7 @@ class Locator:
         """Drops an aMussel's ranges, because it was moved and they are no longer valid."""
         self._ranges.pop(agent_id, None)
 
-    def take(self, taken: RangeTaken, near_m: tuple[float, float] | None = None) -> PositionFix | None:
+    def take(self, taken: RangeTaken, near_m: tuple[float, float] | None = None) -> PlaceFixed | None:
         """Takes a range and returns the fix from all ranges of this aMussel, or None. `near_m` is its believed place."""
         reason = out_of_range(
             range_m=taken.range_m, north_m=taken.north_m, east_m=taken.east_m, depth_m=taken.depth_m
@@ -184,12 +168,11 @@ class Locator:
         except NoFix as reason:
             self.dropped[f"no fix: {reason}"] += 1
             return None
-        return PositionFix(
-            taken.at_ms,
+        return PlaceFixed(
             taken.agent_id,
             solution.north_m,
             solution.east_m,
-            solution.covariance,
+            list(solution.covariance),
             solution.hdop,
             math.sqrt(math.fsum(it * it for it in solution.residuals_m) / used),
             used,
@@ -200,7 +183,8 @@ class Locator:
         kept = [
             it
             for it in self._ranges.get(taken.agent_id, ())
-            if it.at_ms >= taken.at_ms - 1000 * self._config.memory_s and self._are_apart(it, taken)
+            if it.at_ms >= taken.at_ms - 1000 * self._config.memory_s
+            and math.dist((it.north_m, it.east_m), (taken.north_m, taken.east_m)) >= self._config.apart_m
         ]
         self._ranges[taken.agent_id] = [*kept, taken]
 
@@ -208,9 +192,6 @@ class Locator:
     def ranges(self) -> list[RangeTaken]:
         """All stored ranges, in an order in which they can be stored again."""
         return [taken for ranges in self._ranges.values() for taken in ranges]
-
-    def _are_apart(self, old: RangeTaken, new: RangeTaken) -> bool:
-        return math.dist((old.north_m, old.east_m), (new.north_m, new.east_m)) >= self._config.apart_m
 
     def _solve(
         self, ranges: list[RangeTaken], near_m: tuple[float, float] | None

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, replace
 from typing import Any
 
 from agents.time_scale import MissionMs
-from apad_bridge.acoustics.locator import Locator, PositionFix, RangeTaken
+from apad_bridge.acoustics.locator import Locator, RangeTaken
 from apad_bridge.acoustics.schedule import AcousticScheduler
 from apad_bridge.beliefs import modes
 from apad_bridge.beliefs.belief import Belief
@@ -173,8 +173,8 @@ class RangingService:
             self._learn_range(taken, beliefs)
             return actions
         variance_m2 = (fix.covariance[0] + fix.covariance[2]) / 2
-        beliefs.learn(fix.agent_id, Fixed(fix.north_m, fix.east_m, variance_m2), fix.at_ms)
-        return [*actions, _fix_event(fix)]
+        beliefs.learn(taken.agent_id, Fixed(fix.north_m, fix.east_m, variance_m2), taken.at_ms)
+        return [*actions, _rounded(fix)]
 
     def _learn_range(self, taken: RangeTaken, beliefs: FleetBeliefs) -> None:
         down_m = self._depth_m - self._keel_m
@@ -190,13 +190,12 @@ def _is_away(belief: Belief) -> bool:
     return belief.state in _AWAY
 
 
-def _fix_event(fix: PositionFix) -> PlaceFixed:
-    return PlaceFixed(
-        fix.agent_id,
-        round(fix.north_m, 3),
-        round(fix.east_m, 3),
-        [round(it, 6) for it in fix.covariance],
-        round(fix.hdop, 3),
-        round(fix.residual_m, 4),
-        fix.ranges,
+def _rounded(fix: PlaceFixed) -> PlaceFixed:
+    return replace(
+        fix,
+        north_m=round(fix.north_m, 3),
+        east_m=round(fix.east_m, 3),
+        covariance=[round(it, 6) for it in fix.covariance],
+        hdop=round(fix.hdop, 3),
+        residual_m=round(fix.residual_m, 4),
     )

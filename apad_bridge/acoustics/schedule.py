@@ -29,8 +29,6 @@ from firmware_model.config import Timeslots, timeslots_of
 from firmware_model.packets import EVERYONE, Beacon, CommandPacket, Kind, SlotAssignment
 from firmware_model.packets.codec import Codec
 
-_START_MS = MissionMs(0)
-
 ASK_AGAIN_MS = 600_000
 """The time before an aMussel that did not answer, or that is still too uncertain, is asked again."""
 
@@ -58,7 +56,6 @@ class AcousticScheduler:
         codec: Codec,
         slots: Timeslots | None,
         agent_ids: Iterable[int],
-        now_ms: MissionMs = _START_MS,
         served: Iterable[int] | None = None,
     ) -> None:
         """`agent_ids` are the whole fleet's. This aPad serves those in `served`, or all of them if it is None."""
@@ -75,18 +72,17 @@ class AcousticScheduler:
         self._guard_ms = 0 if slots is None else slots.guard_ms
         if talk.waits and slots is not None:
             self._window = TdmaWindow(slots.frame_ms, len(self._numbers) * slots.slot_ms, talk.turn)
-        agent_ms = config.scale.agent_ms(now_ms)
-        self._free_from_ms: int = agent_ms
+        self._free_from_ms = 0
         """The time from which nothing is scheduled yet."""
         self._assigns = talk.assigns and slots is not None
-        self._measure_at_ms: dict[int, int] = dict.fromkeys(served_ids if self._assigns else (), agent_ms)
+        self._measure_at_ms: dict[int, int] = dict.fromkeys(served_ids if self._assigns else (), 0)
         """The times at which propagation delays are to be measured (again)."""
         self.delays_ms: dict[int, int] = {}
         """The propagation delay of each aMussel that has a timeslot made for it."""
         self._scheduled: dict[tuple[int, bytes], int] = {}
         """The send times of the mission's packets, by receiver and bytes."""
-        self._beacon_due_ms: int = agent_ms
-        self._ping_due_ms: int = now_ms
+        self._beacon_due_ms = 0
+        self._ping_due_ms = 0
         self._ping_order = deque(served_ids)
         self.unanswered = 0
         """The number of status requests without an answer in time."""
@@ -216,8 +212,7 @@ class AcousticScheduler:
         # A beacon's length does not depend on the time in it.
         lasting_ms = self._duration_ms(self._codec.encode(Beacon(EVERYONE, 0)))
         at_ms = self._reserve(now_ms, lasting_ms)
-        data = self._codec.encode(Beacon(EVERYONE, at_ms + lasting_ms))
-        return Send(Medium.SOUND, EVERYONE, data, at_ms)
+        return Send(Medium.SOUND, EVERYONE, self._codec.encode(Beacon(EVERYONE, at_ms + lasting_ms)), at_ms)
 
     def _ping(self, agent_id: int, now_ms: MissionMs) -> Ping:
         return Ping(agent_id, self._reserve(now_ms, SHORT_MS[self._config.water.modems] + ANSWER_TIMEOUT_MS))

@@ -182,8 +182,7 @@ class Invariants:
                 f"aMussel {agent_id}: {was.samples}, {was.acknowledged} became {now.samples}, {now.acknowledged}",
             )
         batteries = (("primary", was.primary, now.primary), ("secondary", was.secondary, now.secondary))
-        fallen = [name for name, old, new in batteries if new.anchor_ms < old.anchor_ms]
-        if fallen:
+        if fallen := [name for name, old, new in batteries if new.anchor_ms < old.anchor_ms]:
             yield from (("time never falls", f"aMussel {agent_id}, {name} battery") for name in fallen)
             return
         losses = self._lost.get(agent_id, [])
@@ -261,10 +260,9 @@ class Invariants:
                     "an aMussel is in one dock",
                     f"dock {dock_index} closed around {agent_id}, which is in dock {others[0]}",
                 )
-            self._docks = {index: held for index, held in self._docks.items() if held != agent_id}
+        self._docks = {index: held for index, held in self._docks.items() if held != agent_id}
+        if closed:
             self._docks[dock_index] = agent_id
-        else:
-            self._docks = {index: held for index, held in self._docks.items() if held != agent_id}
 
     def _of_apad(self, at_ms: int, apad: APadMoved) -> Iterator[tuple[str, str]]:
         held = [it for it in apad.docks if it >= 0]
@@ -290,8 +288,7 @@ class Invariants:
                 f"{planned_m:.2f} m, and the legs are {self._legs_m:.2f} m",
             )
         for agent_id, counts in sorted(kept.items()):
-            doubled = sorted(sequence for sequence, count in counts.items() if count > 1)
-            if doubled:
+            if doubled := sorted(sequence for sequence, count in counts.items() if count > 1):
                 yield "a sample is kept once", f"aMussel {agent_id}: {doubled[:10]}"
             truth = self._truths.get(agent_id)
             if truth is not None and max(counts) >= truth.physical.samples:

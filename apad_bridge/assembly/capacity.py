@@ -233,16 +233,6 @@ def battery_worth_min(scenario: Scenario) -> float:
     return fmean(1 / (it.drain + (it.charge if is_held else 0.0)) for it in fleet)
 
 
-def drain_at_load(charge: float, amussels: int, docks: int, load: float) -> float:
-    """The drain of which a fleet draws `load` (in (0, 1]) of what the law allows: N = load x D (1 + charge / drain).
-
-    Both rates are charge on [0, 1] an agent minute. ValueError for a fleet that the docks could hold for ever.
-    """
-    if amussels <= load * docks:
-        raise ValueError(f"{docks} docks hold {amussels} aMussels for ever, whatever they draw")
-    return charge / (amussels / (load * docks) - 1)
-
-
 def sustained_by_balance(amussels: int, gained: float, drain: float, minutes: float) -> float:
     """The capacity that a flight measures: the fleet whose charge would have stayed the same; `drain` is the fleet's mean.
 

@@ -52,8 +52,7 @@ def drain_per_min_of(board: BoardConfig, all_ids: Sequence[int]) -> float:
     if whole is None:
         return board.charge.discharge * _MS_PER_MIN / FULL
     agent_id = board.agent_id or all_ids[0]
-    cycle = schedules(whole, all_ids, [agent_id])[agent_id].cycle
-    if cycle is not None:
+    if (cycle := schedules(whole, all_ids, [agent_id])[agent_id].cycle) is not None:
         return cycle.in_all * _MS_PER_MIN / cycle.period_ms
     loads = whole.power.loads.total(rails_of(State.ACTIVE, whole.power.kept_on, True, 0))
     return loads * _MS_PER_MIN / FULL

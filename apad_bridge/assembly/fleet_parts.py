@@ -22,7 +22,7 @@ from apad_bridge.scenario.firmware_config import clock_drift_ppb, spread_of
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start
 from apad_bridge.scenario.surface import current_config
-from apad_bridge.world.fleet import NO_LINKS, FlightFleet, LinksFile, NoLinks, WithoutWater
+from apad_bridge.world.fleet import FlightFleet, LinksFile, WithoutWater
 
 _START_MS = MissionMs(0)
 
@@ -91,12 +91,11 @@ def fleet_of(
     if sea is None:
         sea = Sea(config.sea, scenario.time_scale, granted_ms, now_ms=now_ms, opened=opened)
     station = sea.join(coordinator, host)
-    links: LinksFile | NoLinks = NO_LINKS
+    links: LinksFile | None = None
     if scenario.water.links_file is not None:
         links = LinksFile(Path(scenario.water.links_file), scenario.time_scale)
         station.set_topology(links.read())
-    sound_m_s = config.sea.sound.sound_speed_m_s
-    return FlightFleet(coordinator, host, station, config.timeslots, links, sound_m_s)
+    return FlightFleet(coordinator, host, station, config.timeslots, links, config.sea.sound.sound_speed_m_s)
 
 
 def shared_sea(scenario: Scenario, apads: int) -> Sea | None:

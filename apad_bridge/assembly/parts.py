@@ -18,12 +18,11 @@ from apad_bridge.events.persons import Steering
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.end_by import EndBy, KnownEnd
 from apad_bridge.mission.energy_exchange import EnergyExchange
-from apad_bridge.mission.flight_mission import FlightMission
+from apad_bridge.mission.flight_mission import FlightMission, MissionRole
 from apad_bridge.mission.home_stays import HomeStays
 from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.planner import PlanRules
 from apad_bridge.mission.plans import Planning
-from apad_bridge.mission.role import MissionRole
 from apad_bridge.mission.sources import Allocation, BeliefSource
 from apad_bridge.planning import registry
 from apad_bridge.scenario.choices import Hosting
@@ -88,8 +87,7 @@ def misses(scenario: Scenario) -> Misses:
 
 def simulated_apad(scenario: Scenario) -> SimulatedAPad:
     """Builds the simulated aPad in the scenario's sea, for a flight in one process."""
-    surface = surface_of(scenario)
-    return SimulatedAPad(scenario.apad, misses(scenario), scenario.area.home_m, surface=surface)
+    return SimulatedAPad(scenario.apad, misses(scenario), scenario.area.home_m, surface=surface_of(scenario))
 
 
 def simulated_hull(scenario: Scenario, held: Mapping[int, int] = MappingProxyType({})) -> SimulatedAPad:

@@ -133,8 +133,7 @@ def prior_state(parameters: TwinParameters) -> tuple[Array, Array]:
     rate = parameters.charger.rate_deviation
     sds = (_UNKNOWN_SD, _UNKNOWN_SD, parameters.drain_deviation, *sensor.bias_deviation, rate, 0.0, 0.0)
     cov = np.diag(np.square(sds))
-    untold = parameters.untold
-    if untold is not None:
+    if (untold := parameters.untold) is not None:
         # The drain on the scale of voltage is the load times 1 / capacity, and the charging rate is 1 / capacity.
         faster, variance = untold.rate
         load_var = parameters.drain_deviation**2 + untold.drain**2 / 3
@@ -353,8 +352,7 @@ def measured(
                 z[row], noise[row, row] = _censored(
                     float(expected[row]), spread, float(z[row]), sensor.noise**2
                 )
-    free = [row for row in (0, 1) if row not in clamped]
-    if free:
+    if free := [row for row in (0, 1) if row not in clamped]:
         mean, cov = update(mean, cov, (z - offsets)[free], noise[np.ix_(free, free)], reading[free])
     for row in clamped:
         mean, cov = _considered_update(
@@ -425,8 +423,7 @@ def reduced(rows: Sequence[Anchor]) -> tuple[Anchor, ...]:
     """
     kept: list[Anchor] = []
     for row in sorted(rows, key=lambda row: -row.weight):
-        like = next((n for n, one in enumerate(kept) if _alike(one, row)), None)
-        if like is None:
+        if (like := next((n for n, one in enumerate(kept) if _alike(one, row)), None)) is None:
             kept.append(row)
         else:
             kept[like] = moment_matched((kept[like], row))

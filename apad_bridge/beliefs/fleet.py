@@ -179,9 +179,7 @@ class FleetBeliefs:
         if self._due_every_ms is None:
             return belief
         silent = (belief.at_ms - belief.heard_ms) // self._due_every_ms
-        if silent == belief.silent_timeslots:
-            return belief
-        return belief.counting_silence(silent)
+        return belief if silent == belief.silent_timeslots else belief.counting_silence(silent)
 
     def hear(self, packet: StatusPacket, at_ms: MissionMs) -> str | None:
         """Takes in a packet received at mission time `at_ms`; or returns the reason why not, and changes nothing."""

@@ -72,9 +72,7 @@ def quantile(parts: Sequence[Gaussian], probability: float) -> float:
 def inside(mean: float, variance: float) -> float:
     """The probability of a Gaussian between 0 and 1."""
     sd = math.sqrt(max(variance, 0.0))
-    if sd < 1e-9:
-        return float(0 <= mean <= 1)
-    return normal_cdf((1 - mean) / sd) - normal_cdf(-mean / sd)
+    return float(0 <= mean <= 1) if sd < 1e-9 else normal_cdf((1 - mean) / sd) - normal_cdf(-mean / sd)
 
 
 def clamped(mean: float, variance: float) -> tuple[float, float]:

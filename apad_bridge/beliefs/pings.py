@@ -67,9 +67,7 @@ class PingSuspects:
         return self.others is not None and self.others.is_worth(belief, now_ms)
 
     def urgency(self, belief: Belief) -> float:
-        if belief.suspicion is not None or self.others is None:
-            return inf
-        return self.others.urgency(belief)
+        return inf if belief.suspicion is not None or self.others is None else self.others.urgency(belief)
 
 
 @dataclass(frozen=True, slots=True)

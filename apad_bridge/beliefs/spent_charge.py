@@ -216,8 +216,7 @@ def propagated(
     at_ms = from_ms
     while True:
         decision_ms = (at_ms // every_ms + 1) * every_ms
-        end_ms = min(decision_ms, to_ms)
-        load = load.spend(spending(at_ms, end_ms))
+        load = load.spend(spending(at_ms, min(decision_ms, to_ms)))
         if decision_ms > to_ms:
             return load
         load = load.choose(choices(decision_ms))

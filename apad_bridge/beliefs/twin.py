@@ -110,8 +110,7 @@ class Twin:
     def predict(self, belief: Belief, to_ms: MissionMs) -> Belief:
         if to_ms < belief.at_ms:
             raise ValueError(f"time went back: {to_ms} before {belief.at_ms}")
-        twin_state = self._propagated(belief, to_ms)
-        return self._to_belief(belief, twin_state, to_ms, belief.learned_from)
+        return self._to_belief(belief, self._propagated(belief, to_ms), to_ms, belief.learned_from)
 
     def update(self, belief: Belief | None, measurement: Measurement, at_ms: MissionMs) -> Belief | None:
         if isinstance(measurement, StatusPacket):
@@ -367,8 +366,7 @@ class Twin:
         )
         if abs(ahead_ms) > _NEVER_SET_DEVIATIONS * math.hypot(usual.offset_ms, usual.reading_ms):
             clock = self._clock_set(packet.agent_ms, at_ms)
-        variance_m2 = self._variance_of_place_m2(packet)
-        place = Place.at(packet.north_m, packet.east_m, variance_m2, parameters.water)
+        place = Place.at(packet.north_m, packet.east_m, self._variance_of_place_m2(packet), parameters.water)
         twin_state = TwinState(
             nominal_ms + round(clock.offset_ms),
             (Anchor(1.0, mean, cov),),

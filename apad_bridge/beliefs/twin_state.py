@@ -152,8 +152,7 @@ def choices(twin_state: TwinState, parameters: TwinParameters, schedule: Schedul
     habits = parameters.habits
 
     def at(decision_ms: int) -> spent_charge.ChargeChoice:
-        scheduled = schedule.at(decision_ms)
-        if scheduled is not None:
+        if (scheduled := schedule.at(decision_ms)) is not None:
             return spent_charge.ChargeChoice(spent_charge.scheduled_rows(habits, scheduled), scheduled, 0.0)
         deviation = habits.plan_deviation * habits.every_ms / MS_PER_MIN
         number, shares = decision_ms // habits.every_ms, shares_of(twin_state, parameters)
@@ -193,8 +192,7 @@ def mode_observed(twin_state: TwinState, parameters: TwinParameters, mode: Mode)
 
 def advanced(twin_state: TwinState, parameters: TwinParameters, schedule: Schedule, to_ms: int) -> TwinState:
     """The twin state predicted to agent time `to_ms`, without new measurements."""
-    elapsed_ms = to_ms - twin_state.at_ms
-    if elapsed_ms <= 0:
+    if to_ms <= twin_state.at_ms:
         return twin_state
     if twin_state.pending is not None and to_ms >= twin_state.pending.until_ms:
         twin_state = replace(twin_state, load=load_when_spent(twin_state), pending=None)
@@ -318,9 +316,7 @@ def _obeyed_unheard(permitted_ms: int, parameters: TwinParameters, at_ms: int) -
     """The probability that it received a permission, and was not heard from the surface since."""
     calls, sinking, arrives = parameters.calls, parameters.sinking, parameters.permission_arrives
     up_ms = min(at_ms - permitted_ms - sinking.surfacing_ms, parameters.board.float_timeout_ms)
-    if calls is None or up_ms < 0:
-        return arrives
-    return arrives * calls.missed ** (1 + up_ms // calls.every_ms)
+    return arrives if calls is None or up_ms < 0 else arrives * calls.missed ** (1 + up_ms // calls.every_ms)
 
 
 def earlier_probability(twin_state: TwinState, parameters: TwinParameters) -> float:

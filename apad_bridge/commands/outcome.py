@@ -64,7 +64,7 @@ def report(
         else:
             _print_next(console, directory, summary)
     sys.stdout.flush()
-    reasons = reasons_of(summary)
+    reasons = [EndReason(each["end_reason"]) for each in summary.get("apads", {"": summary}).values()]
     if _LOSSES & set(reasons):
         print(f"musselbed: {summary['ended_by']}; see {directory.path}", file=sys.stderr)
     if EndReason.SCRIPT_FAILED in reasons:
@@ -73,11 +73,6 @@ def report(
 
 
 _LOSSES = {EndReason.FLEET_LOST, EndReason.SEA_LOST, EndReason.CLOCK_LOST, EndReason.NODE_ENDED}
-
-
-def reasons_of(summary: dict[str, Any]) -> list[EndReason]:
-    """Why a run ended; with several aPads, each one's reason."""
-    return [EndReason(each["end_reason"]) for each in summary.get("apads", {"": summary}).values()]
 
 
 def exit_of(reason: EndReason) -> Exit:

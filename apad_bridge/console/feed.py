@@ -61,8 +61,7 @@ class Feed:
             own_time = options.time is TimeSource.WALL and not options.has_real_vehicle
             self._begun_speed = self._speed = options.speed if own_time else None
             self._journal = JournalTail(self._directory.journal)
-            begun = self._read_new()
-            self._view = RunView(scenario, begun, scenario.duration_ms)
+            self._view = RunView(scenario, self._read_new(), scenario.duration_ms)
             self._samples = SampleTail(self._directory.samples)
             self._view.take_samples(self._samples.new_samples())
         except ScenarioError as error:

@@ -171,8 +171,7 @@ def check_shadows(
     here = here or Path.cwd()
     entries = [Path(entry) if entry else here for entry in (sys.path if path is None else path)]
     for name in OUR_PACKAGES:
-        earlier = _foreign(name, [here], root)
-        if earlier:
+        if earlier := _foreign(name, [here], root):
             yield fail(
                 f"{earlier[0]} would be taken for musselbed's",
                 f"run musselbed in another folder than {here}",

@@ -106,14 +106,12 @@ def check_fence(
                 "bring it inside by hand, or see area.fence and area.origin: is it the right water?",
             )
         ]
-    edge_m = waters.boundary.distance(place)
-    found = f"the aPad at {where} lies inside, {edge_m:.1f} m from its edge"
+    found = f"the aPad at {where} lies inside, {waters.boundary.distance(place):.1f} m from its edge"
     findings = [ok(found)]
     if not clear.covers(place):
         mend = f"bring it farther in by hand: guards.clearance_m is {clearance_m:g} m"
         findings = [fail(found, mend)]
-    outside = sum(not clear.covers(shapely.Point(it)) for it in starts_m)
-    if outside:
+    if outside := sum(not clear.covers(shapely.Point(it)) for it in starts_m):
         mend = "move them by fleet.start, or widen the fence: they are neither called up nor fetched"
         findings.append(
             warn(f"{outside} aMussels lie outside the fence or too near to it", mend, check="starts")
@@ -129,8 +127,7 @@ def check_reaction(guards: GuardOptions) -> Finding:
             f"{MOST_JUMP_M:g} m at most: twice what a GPS without correction errs",
         )
     limits = {"position_age_s": guards.position_age_s, "frozen_s": guards.frozen_s}
-    late = {name: it for name, it in limits.items() if it + _LOOK_S > REACTION_S}
-    if late:
+    if late := {name: it for name, it in limits.items() if it + _LOOK_S > REACTION_S}:
         told = ", ".join(f"guards.{name} is {it:g} s" for name, it in late.items())
         mend = f"{REACTION_S - _LOOK_S:g} s each, where the GPS gives a fix more often than that"
         found = f"{told}: a bad position is noticed later than after {REACTION_S:g} s"

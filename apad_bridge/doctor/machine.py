@@ -85,11 +85,11 @@ def check_disk(folder: Path, free: int | None = None) -> Finding:
     return ok(room)
 
 
-def check_loopback(ports: int = 4) -> Iterator[Finding]:
+def check_loopback() -> Iterator[Finding]:
     """Checks 127.0.0.1, where a run of our own needs a few free ports and picks them itself."""
     held: list[socket.socket] = []
     try:
-        for _ in range(ports):
+        for _ in range(4):
             held.append(socket.create_server(("127.0.0.1", 0)))
         with socket.create_connection(held[0].getsockname(), timeout=2):
             pass

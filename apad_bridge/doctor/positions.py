@@ -104,8 +104,7 @@ def check_position(
         )
     if not samples:
         return fail(f"none within {seconds:g} s", "start what publishes it: GPS, filter, the vehicle's node")
-    bad = [fault for it in samples if (fault := it.fault) is not None]
-    if bad:
+    if bad := [fault for it in samples if (fault := it.fault) is not None]:
         return fail(
             f"{len(bad)} of {len(samples)} are not finite or beyond every water: {bad[-1]}",
             "start the vehicle's filter again, and see its origin and its compass",

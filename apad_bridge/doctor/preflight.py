@@ -119,9 +119,7 @@ def check_pilot(*, hears_pilot: bool, manual: TopicSeen) -> Finding:
 
 def check_bench(topic: str, others: Sequence[str]) -> Finding:
     """`others` are the living nodes that publish this vehicle's heartbeat: benches that fly it already."""
-    if others:
-        return fail(*second_bench(topic, others))
-    return ok(f"no other bench publishes {topic}")
+    return fail(*second_bench(topic, others)) if others else ok(f"no other bench publishes {topic}")
 
 
 def second_bench(topic: str, others: Sequence[str]) -> tuple[str, str]:

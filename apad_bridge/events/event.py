@@ -87,8 +87,7 @@ class Event:
         """The journal's fields, in order: an IntEnum by its name, a StrEnum by its value."""
         told = {}
         for it in fields_of(type(self)):
-            value = getattr(self, it.attribute)
-            if value is not None or not it.is_optional:
+            if (value := getattr(self, it.attribute)) is not None or not it.is_optional:
                 told[it.name] = value if value is None or it.plain is None else it.plain(value)
         return told
 

@@ -42,7 +42,6 @@ class UnknownEvent(Event):
 
 def event_of(kind: str, data: Mapping[str, Any]) -> Event:
     """The event of a journal's line."""
-    found = EVENTS.get(kind)
-    if found is not None:
+    if (found := EVENTS.get(kind)) is not None:
         return found.of(data)
     return UnknownEvent(kind, {name: it for name, it in data.items() if name not in ("t", "kind")})

@@ -402,9 +402,7 @@ class Shadow:
         """The first step of our plan as long as they follow it; else of a plan that we make now."""
         if not self._plan and self._place_m is not None:
             self._plan = self._planned(self._place_m)
-        if not self._plan:
-            return TheirMove(WAIT)
-        return TheirMove(self._plan[0].kind, self._plan[0].agent_id)
+        return TheirMove(WAIT) if not self._plan else TheirMove(self._plan[0].kind, self._plan[0].agent_id)
 
     def _planned(self, place_m: Place) -> tuple[Step, ...]:
         held, now_ms = self._docked, self._now_ms

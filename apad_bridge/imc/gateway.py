@@ -318,8 +318,7 @@ class ImcGateway:
             self._awaited -= 1
             if answered.answer.accepted and answered.order.plan_id:
                 self._plan_id = answered.order.plan_id
-            asked = answered.order.asked
-            self._send_to(answered.console, answered.order.answer(answered.answer), asked.src)
+            self._send_to(answered.console, answered.order.answer(answered.answer), answered.order.asked.src)
 
     def _send(self, source: System, said: Iterable[Message], *, announces: bool = False) -> None:
         for message in said:

@@ -225,9 +225,7 @@ def vehicle_state(picture: RunPicture, *, takes_orders: bool) -> Message:
 def _manoeuvre_type(picture: RunPicture) -> int:
     if picture.primitive.startswith("go to point"):
         return int(imc.Goto().msg_id)
-    if picture.primitive.startswith("hold position"):
-        return int(imc.StationKeeping().msg_id)
-    return _NO_ESTIMATE
+    return int(imc.StationKeeping().msg_id) if picture.primitive.startswith("hold position") else _NO_ESTIMATE
 
 
 def plan_information(plan: Message, changed_s: float, by: int) -> Message:
@@ -245,8 +243,7 @@ def plan_list(entries: Iterable[Message], name: str) -> Message:
     message = imc.PlanDBState()
     listed = list(entries)
     message.plan_count, message.plan_size = len(listed), sum(it.plan_size for it in listed)
-    newest = max(listed, key=lambda it: float(it.change_time), default=None)
-    if newest is not None:
+    if (newest := max(listed, key=lambda it: float(it.change_time), default=None)) is not None:
         message.change_time, message.change_sid = newest.change_time, newest.change_sid
     message.change_sname = name
     digest = hashlib.md5(b"".join(it.md5 for it in listed), usedforsecurity=False)

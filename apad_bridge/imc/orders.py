@@ -96,8 +96,7 @@ class ConsoleOrders:
             case operations.START:
                 return self._start(message, by, now_s)
             case operations.LOAD:
-                plan = self._plan_of(message)
-                self._of_manoeuvre(_only_manoeuvre(plan), by)
+                self._of_manoeuvre(_only_manoeuvre(self._plan_of(message)), by)
                 return _reply(message, True, "")
             case operations.GET:
                 reply = _reply(message, True, "")

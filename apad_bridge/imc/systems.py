@@ -113,8 +113,7 @@ class RunNumber:
 
 def _blocks_of(scenario: Scenario) -> int:
     """The number of blocks in a row that the ids of all of a run's systems lie in."""
-    names = scenario.apad_names
-    apads = max(map(apad_number, names))
+    apads = max(map(apad_number, scenario.apad_names))
     return min(_BLOCKS, 1 + max(apads // _APADS_BLOCK, scenario.fleet.ids[-1] // _AMUSSELS_BLOCK))
 
 

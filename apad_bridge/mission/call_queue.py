@@ -33,18 +33,6 @@ class Snapshot:
     paused: bool = False
 
 
-def _snapshot_of(mission: ManualMission) -> Snapshot:
-    return Snapshot(
-        mission.goto,
-        mission.docking,
-        mission.goto_orders,
-        mission.docking_orders,
-        mission.metres_to_go,
-        mission.failure,
-        mission.paused,
-    )
-
-
 class _Call:
     def __init__(self, act: Callable[[FlightMission, ManualMission | None], Any]) -> None:
         self.act = act
@@ -143,7 +131,19 @@ class CallQueue:
 
     def show(self, manual: ManualMission | None) -> None:
         """Ends the tick: passes the new snapshot to waiting threads and listeners."""
-        snapshot = Snapshot() if manual is None else _snapshot_of(manual)
+        snapshot = (
+            Snapshot()
+            if manual is None
+            else Snapshot(
+                manual.goto,
+                manual.docking,
+                manual.goto_orders,
+                manual.docking_orders,
+                manual.metres_to_go,
+                manual.failure,
+                manual.paused,
+            )
+        )
         with self._lock:
             self._snapshot = snapshot
             self._lock.notify_all()

@@ -54,8 +54,7 @@ def doubt(belief: Belief | None, named: bool | None) -> str | None:
     `named` is the word of the vehicle's service: it names the aMussel, or others alone; None where it knows nothing.
     """
     own = says_docked(belief)
-    agreeing = 1 + (own, named).count(True)
-    if agreeing >= 2 and agreeing > (own, named).count(False):
+    if (agreeing := 1 + (own, named).count(True)) >= 2 and agreeing > (own, named).count(False):
         return None
     reports = "is not heard in it" if own is None or belief is None else f"reports {belief.state.name}"
     names = "" if named is None else ", and the docks' service names others"
@@ -325,8 +324,7 @@ class DockingRoutine:
 
     def check_reach(self, belief: Belief, here: tuple[float, float]) -> None:
         """Raises OutOfReach for an aMussel that is believed too far from `here`."""
-        away_m = math.dist(here, (belief.north_m, belief.east_m))
-        if away_m > self._reach_m:
+        if (away_m := math.dist(here, (belief.north_m, belief.east_m))) > self._reach_m:
             raise OutOfReach(f"aMussel {belief.agent_id} is believed {away_m:.1f} m away: go there first")
 
     @property

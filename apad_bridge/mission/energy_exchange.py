@@ -344,8 +344,7 @@ class EnergyExchange(OrderBook):
         """Ends a release. A try has helped when the aMussel leaves with a charge above the pool's threshold."""
         agent_id, tries = self.step.agent_id, self._planner.tries
         self.set(released=tuple(sorted({**dict(self.state.released), agent_id: now_ms}.items())))
-        belief = self._beliefs.get(agent_id)
-        if belief is None or self._planner.pool.is_low(belief):
+        if (belief := self._beliefs.get(agent_id)) is None or self._planner.pool.is_low(belief):
             tries.service_failed(agent_id, "it left its dock with too little charge")
         else:
             tries.service_helped(agent_id)

@@ -82,6 +82,7 @@ class FlightMission:
 
     @property
     def unheard(self) -> str:
+        """The word for what is needed of the aPad before anything is done, and was not heard yet; empty for nothing."""
         return self._flying.unheard
 
     @property
@@ -97,9 +98,14 @@ class FlightMission:
         self._flying.battery_heard(fraction)
 
     def docks_named(self, named: Mapping[int, bool]) -> None:
+        """Takes the word of the vehicle's service about its docks: whether it names each aMussel reported in one."""
         self._flying.docks_named(named)
 
     def await_person(self, reason: str, pilot: str = "") -> None:
+        """From now on no order moves the aPad before a person allows it, for this reason; empty: orders may.
+
+        `pilot` is the reason why none does for a pilot's sake.
+        """
         self._awaits_person, self._pilot = reason, pilot
         self._flying.await_person(reason, pilot)
 
@@ -119,9 +125,14 @@ class FlightMission:
         return orders
 
     def stand_down(self, reason: str, now_ms: MissionMs) -> list[MissionAction]:
+        """One of several aPads can do no more: it plans nothing, goes nowhere and keeps its docked aMussels.
+
+        A second call changes nothing, and neither does any call to a mission that follows somebody's orders.
+        """
         return self._flying.stand_down(reason, now_ms)
 
     def end(self, end: MissionEnd, now_ms: MissionMs) -> list[MissionAction]:
+        """Ends the mission at once; a second call changes nothing."""
         self._calls.close(str(end))
         return self._flying.end(end, now_ms)
 
@@ -280,3 +291,7 @@ class FlightMission:
         self.tell(Overridden(taken, by))
         # The new mission's first orders go out before those that callers give within the same tick.
         self._orders += mission.advance(self.now_ms)
+
+
+MissionRole = EnergyExchange | FlightMission
+"""The mission of a supervisor: the paper's alone, or one that also takes calls."""

@@ -50,8 +50,7 @@ class HomePlaces:
 
     def learn(self, beliefs: Iterable[Belief]) -> None:
         """Takes the places of those that are heard for the first time."""
-        homes = with_new_homes(self._book.state.homes, beliefs)
-        if homes is not self._book.state.homes:
+        if (homes := with_new_homes(self._book.state.homes, beliefs)) is not self._book.state.homes:
             self._book.set(homes=homes)
 
     def take_nearest(

@@ -71,8 +71,7 @@ class ServiceTries:
         return frozenset(agent_id for agent_id, tries in counts if tries >= self.config.collection_attempts)
 
     def _tell_at_limit(self, counts: Counts, agent_id: int, reason: str) -> None:
-        tries = dict(counts)[agent_id]
-        if tries == self.config.collection_attempts:
+        if (tries := dict(counts)[agent_id]) == self.config.collection_attempts:
             self._book.tell(LeftAlone(agent_id, tries, reason))
 
 

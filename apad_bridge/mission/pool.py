@@ -80,8 +80,7 @@ class ChargingPool:
         batch = min(self.config.batch, max(1, left))
         if len(candidates) >= batch:
             return batch
-        urgent = any(it.state is State.FLOATING for it in candidates)
-        return len(candidates) if urgent else 0
+        return len(candidates) if any(it.state is State.FLOATING for it in candidates) else 0
 
     def is_low(self, belief: Belief) -> bool:
         """The aMussel is likely at or below the pool's threshold."""

@@ -49,6 +49,4 @@ class Reach:
 
     def sea(self, rules: Mission, now_ms: MissionMs) -> FlowNow | None:
         """The flow for a planner whose costs count it; None in calm water."""
-        if self._legs is None or not rules.costs.flow:
-            return None
-        return self._legs.at(now_ms, rules.speed_m_s)
+        return None if self._legs is None or not rules.costs.flow else self._legs.at(now_ms, rules.speed_m_s)

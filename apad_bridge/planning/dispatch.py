@@ -51,8 +51,7 @@ class DispatchRule(ABC):
         if not self.is_asynchronous:
             all_s = max(full_s)
             return (all_s if all_s <= self.now_s else min(all_s, self.room_s())), self.docked
-        done = [it for it, at_s in zip(self.docked, full_s, strict=True) if at_s <= self.now_s]
-        if done:
+        if done := [it for it, at_s in zip(self.docked, full_s, strict=True) if at_s <= self.now_s]:
             return self.now_s, done
         room_s = self.room_s()
         return (room_s, self.fullest()) if room_s <= self.now_s else (min(*full_s, room_s), ())

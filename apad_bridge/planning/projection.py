@@ -175,8 +175,7 @@ class Projection(DispatchRule):
         best, least = pool[0], inf
         for index in pool:
             charge = max(0.0, self._charge[index] - rates[index].drain_per_s * (now_s - self._since_s[index]))
-            cost = way_m(place_m, places[index]) + gain * charge
-            if cost < least:
+            if (cost := way_m(place_m, places[index]) + gain * charge) < least:
                 best, least = index, cost
         return best
 

@@ -155,8 +155,7 @@ def redeployment(name: str, trust: Trust | None = None) -> RedeploymentStrategy:
 
 def _create(name: str, sort: type[Sort], scales: Scales, trust: Trust | None) -> Sort:
     kind = sort.plans
-    in_file = InFile.of(name)
-    if in_file is not None:
+    if (in_file := InFile.of(name)) is not None:
         if trust is None or not trust.covers(in_file.path):
             raise NotTrusted(f"strategy {label(name)} is code in a file: add --trust if you trust it")
         source, strategy = f"strategy {label(name)}", _load_file(in_file, trust)

@@ -156,12 +156,10 @@ class Core(CollectionStrategy):
     ) -> list[Candidate]:
         """Those to collect, the next one first."""
         late_s = _floor_s(amussels - kept, best, model)
-        late = [it for it in situation.candidates if it.unserved_s > late_s]
-        if late:
+        if late := [it for it in situation.candidates if it.unserved_s > late_s]:
             return sorted(late, key=lambda it: (-it.unserved_s, it.agent_id))
         core = _core(situation, kept)
-        waiting = [it for it in situation.candidates if it.agent_id in core]
-        if waiting:
+        if waiting := [it for it in situation.candidates if it.agent_id in core]:
             return self._by_worth(waiting, situation, model, best)
         # The docks have time. Whoever is served once from the fast part costs no more than one of the core.
         once = [it for it in situation.candidates if not it.is_served and it.charge >= best.begin]

@@ -27,6 +27,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from agents.time_scale import MissionMs, TimeScale
+from apad_bridge.events.run import RepairedBag
 from apad_bridge.records.bag_messages import APAD, BELIEFS, EVENT, SOUND, TRUTH, Messages, definition
 from apad_bridge.records.bag_samples import BagUnreadable
 from apad_bridge.records.packet_lines import SoundRow
@@ -228,18 +229,10 @@ class BagWriter:
         self._writer.write(self._connections[name], max(1, now_ms * 1_000_000), data)
 
 
-@dataclass(frozen=True, slots=True)
-class BagRepair:
-    """The result of a repair. `last_ms` is the newest saved mission time (0 if there is none)."""
-
-    messages: int
-    last_ms: int
-    torn_bytes: int
-
-
-def repair_bag(path: Path) -> BagRepair | None:
+def repair_bag(path: Path) -> RepairedBag | None:
     """Repairs an unclosed bag in place: writes its index and keeps every whole message. None when the bag was closed.
 
+    `last_ms` is the newest saved mission time, 0 if there is none.
     The new bag is written beside the old one and renamed over it, so that a second kill loses nothing more.
     """
     if is_closed(path):
@@ -266,7 +259,7 @@ def repair_bag(path: Path) -> BagRepair | None:
     writer.close()
     torn_bytes = path.stat().st_size - whole_bytes
     os.replace(fresh, path)
-    return BagRepair(messages, last_ns // 1_000_000, torn_bytes)
+    return RepairedBag(name=path.name, messages=messages, last_ms=last_ns // 1_000_000, torn_bytes=torn_bytes)
 
 
 @dataclass(frozen=True, slots=True)
@@ -308,7 +301,7 @@ def recorded_messages(path: Path) -> Iterator[RecordedMessage]:
 
 def _connection_of(record: _Record) -> RecordedConnection:
     """The connection that a record states; one of `_DAMAGED` for a damaged one."""
-    fields = Header.read(BytesIO(_as_header(record.data)))
+    fields = Header.read(BytesIO(len(record.data).to_bytes(4, "little") + record.data))
     return RecordedConnection(
         record.header.get_string("topic"),
         fields.get_string("type").replace("/", "/msg/", 1),
@@ -398,10 +391,6 @@ def _in_chunk(chunk: _Record) -> Iterator[_Record]:
         raise ReaderError(f"a chunk that is not {compression}") from error
     while unpacked.tell() < chunk.header.get_uint32("size"):
         yield replace(_read_record(unpacked), end=chunk.end)
-
-
-def _as_header(data: bytes) -> bytes:
-    return len(data).to_bytes(4, "little") + data
 
 
 # Reads recorded messages by the definitions that came with them, whatever their md5.

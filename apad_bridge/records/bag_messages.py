@@ -67,8 +67,7 @@ def typestore() -> Typestore:
     ours: dict[str, Any] = {}
     for package in _PACKAGES:
         for path in sorted((_DEFINITIONS / package / "msg").glob("*.msg")):
-            name = f"{package}/msg/{path.stem}"
-            ours.update(get_types_from_msg(path.read_text(encoding="utf-8"), name))
+            ours.update(get_types_from_msg(path.read_text(encoding="utf-8"), f"{package}/msg/{path.stem}"))
     store.register(ours)
     return store
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from math import cos, hypot, isnan, radians
 
 from agents.mussel.outputs import Truth
 from apad_bridge.beliefs.belief import Belief, CapacityLeft
+from apad_bridge.events.event import Event
 from apad_bridge.events.fleet import BeliefChanged, CapacityLearned
 from apad_bridge.events.vehicle import APadMoved
 from apad_bridge.records.samples import APadSample
@@ -38,78 +40,64 @@ def differs_in_kind(now: Truth, before: Truth) -> bool:
 def has_moved(now: Truth, before: Truth) -> bool:
     """True if it moved by more than a quarter of a metre by itself: a docked aMussel moves with the aPad."""
     new, old = now.physical, before.physical
-    if new.docked:
-        return False
-    return hypot(new.north_um - old.north_um, new.east_um - old.east_um) > MUSSEL_MOVED_UM
+    return not new.docked and hypot(new.north_um - old.north_um, new.east_um - old.east_um) > MUSSEL_MOVED_UM
 
 
-class APadChanges:
-    """Journals the aPad when it moved, turned, used energy, changed its primitive or docks, or had no line for a minute."""
+class Changes:
+    """What of each tick gets a line: the aPad, beliefs, and what is left of capacities.
 
-    def __init__(self) -> None:
-        self._last: tuple[int, APadSample] | None = None
-
-    def event(self, now_ms: int, apad: APadSample) -> APadMoved | None:
-        if self._last is not None and not self._differs(now_ms, apad, *self._last):
-            return None
-        self._last = (now_ms, apad)
-        return APadMoved(
-            round(apad.north_m, 3),
-            round(apad.east_m, 3),
-            round(apad.heading_rad, 4),
-            _or_none(apad.voltage_v),
-            _or_none(apad.battery_fraction),
-            apad.primitive,
-            list(apad.docks),
-        )
-
-    def _differs(self, now_ms: int, apad: APadSample, before_ms: int, before: APadSample) -> bool:
-        return (
-            now_ms - before_ms >= APAD_PERIOD_MS
-            or hypot(apad.north_m - before.north_m, apad.east_m - before.east_m) > APAD_MOVED_M
-            or cos(apad.heading_rad - before.heading_rad) < APAD_TURNED_COS
-            or isnan(apad.battery_fraction) is not isnan(before.battery_fraction)
-            or abs(apad.battery_fraction - before.battery_fraction) >= APAD_BATTERY
-            or (apad.primitive, apad.docks) != (before.primitive, before.docks)
-        )
-
-
-class BeliefChanges:
-    """Journals a belief when its state changed, its charge moved by a hundredth, or a reported quantity by its step."""
+    The aPad, when it moved, turned, used energy, changed its primitive or docks, or had no line for a minute. A belief,
+    when its state changed, its charge moved by a hundredth, or a reported quantity by its step. A capacity, when an end of
+    its interval moved by a hundredth.
+    """
 
     def __init__(self) -> None:
-        self._last: dict[int, Belief] = {}
+        self._apad: tuple[int, APadSample] | None = None
+        self._beliefs: dict[int, Belief] = {}
+        self._capacities: dict[int, CapacityLeft] = {}
 
-    def events(self, beliefs: list[Belief]) -> list[BeliefChanged]:
-        return [_event_of(belief) for belief in beliefs if self._is_new(belief)]
+    def events(self, now_ms: int, apad: APadSample | None, beliefs: Sequence[Belief]) -> list[Event]:
+        events: list[Event] = []
+        if apad is not None and (self._apad is None or _apad_differs(now_ms, apad, *self._apad)):
+            self._apad = now_ms, apad
+            events.append(_apad_event(apad))
+        learned: list[Event] = []
+        for belief in beliefs:
+            agent_id, now = belief.agent_id, belief.capacity_left
+            before, capacity = self._beliefs.get(agent_id), self._capacities.get(agent_id)
+            if before is not belief and (before is None or _differs(before, belief)):
+                self._beliefs[agent_id] = belief
+                events.append(_event_of(belief))
+            if now is not None and (
+                capacity is None
+                or max(abs(now.low - capacity.low), abs(now.high - capacity.high)) >= CAPACITY_LEFT
+            ):
+                self._capacities[agent_id] = now
+                learned.append(CapacityLearned(agent_id, round(now.low, 4), round(now.high, 4)))
+        return events + learned
 
-    def _is_new(self, belief: Belief) -> bool:
-        before = self._last.get(belief.agent_id)
-        if before is belief or (before is not None and not _differs(before, belief)):
-            return False
-        self._last[belief.agent_id] = belief
-        return True
+
+def _apad_event(apad: APadSample) -> APadMoved:
+    return APadMoved(
+        round(apad.north_m, 3),
+        round(apad.east_m, 3),
+        round(apad.heading_rad, 4),
+        _or_none(apad.voltage_v),
+        _or_none(apad.battery_fraction),
+        apad.primitive,
+        list(apad.docks),
+    )
 
 
-class CapacityChanges:
-    """Journals what is left of a capacity when an end of its interval moved by a hundredth."""
-
-    def __init__(self) -> None:
-        self._last: dict[int, CapacityLeft] = {}
-
-    def events(self, beliefs: list[Belief]) -> list[CapacityLearned]:
-        return [
-            CapacityLearned(belief.agent_id, round(now.low, 4), round(now.high, 4))
-            for belief in beliefs
-            if (now := belief.capacity_left) is not None and self._is_new(belief.agent_id, now)
-        ]
-
-    def _is_new(self, agent_id: int, now: CapacityLeft) -> bool:
-        before = self._last.get(agent_id)
-        if before is not None and max(abs(now.low - before.low), abs(now.high - before.high)) < CAPACITY_LEFT:
-            return False
-        self._last[agent_id] = now
-        return True
+def _apad_differs(now_ms: int, apad: APadSample, before_ms: int, before: APadSample) -> bool:
+    return (
+        now_ms - before_ms >= APAD_PERIOD_MS
+        or hypot(apad.north_m - before.north_m, apad.east_m - before.east_m) > APAD_MOVED_M
+        or cos(apad.heading_rad - before.heading_rad) < APAD_TURNED_COS
+        or isnan(apad.battery_fraction) is not isnan(before.battery_fraction)
+        or abs(apad.battery_fraction - before.battery_fraction) >= APAD_BATTERY
+        or (apad.primitive, apad.docks) != (before.primitive, before.docks)
+    )
 
 
 def _event_of(belief: Belief) -> BeliefChanged:

@@ -146,8 +146,7 @@ def _cut_torn_line(descriptor: int) -> int:
     end = size = os.fstat(descriptor).st_size
     while end > 0:
         start = max(0, end - 65536)
-        newline = os.pread(descriptor, end - start, start).rfind(b"\n")
-        if newline >= 0:
+        if (newline := os.pread(descriptor, end - start, start).rfind(b"\n")) >= 0:
             end = start + newline + 1
             break
         end = start

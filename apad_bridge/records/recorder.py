@@ -18,9 +18,7 @@ from apad_bridge.events.sound import PacketPassed
 from apad_bridge.mission.facts import PlacedSample
 from apad_bridge.records.bag import BagWriter, repair_bag
 from apad_bridge.records.changes import (
-    APadChanges,
-    BeliefChanges,
-    CapacityChanges,
+    Changes,
     differs_in_kind,
     has_moved,
 )
@@ -125,9 +123,7 @@ class Recorder:
         self._newest: dict[int, Truth] = {}
         self._beliefs: Sequence[Belief] = ()
         self._digest = RunDigest()
-        self._apad_changes = APadChanges()
-        self._belief_changes = BeliefChanges()
-        self._capacity_changes = CapacityChanges()
+        self._changes = Changes()
         self._sampled_ms: int | None = None
         self._record_period_ms = round(scenario.records.record_period_s * 1000)
         self._checkpoint: Checkpoint | None = None
@@ -161,25 +157,18 @@ class Recorder:
         torn_bytes = recorder._journal.torn_bytes
         # A bag whose supervisor died at once has no sample: it lacks those since that supervisor began.
         begun_ms = max((at_ms for at_ms, _ in contents.events(RunResumed)), default=0)
-        lost_ms = 0 if repair is None else max(0, contents.last_ms - max(repair.last_ms, begun_ms))
+        lost_ms = 0 if repair is None else max(0, contents.last_ms - max(repair["last_ms"], begun_ms))
         recorder.event(
             contents.last_ms,
             RunResumed(
                 contents.dropped,
                 torn_bytes,
-                None
-                if repair is None
-                else {
-                    "name": bags[-1].name,
-                    "messages": repair.messages,
-                    "last_ms": repair.last_ms,
-                    "torn_bytes": repair.torn_bytes,
-                },
+                repair,
                 lost_ms,
             ),
         )
         recorder._journal.flush()
-        return recorder, Resumed(contents, torn_bytes, None if repair is None else bags[-1].name, lost_ms)
+        return recorder, Resumed(contents, torn_bytes, None if repair is None else repair["name"], lost_ms)
 
     @_on_disk
     def event(self, at_ms: MissionMs, event: Event) -> None:
@@ -262,12 +251,8 @@ class Recorder:
         self._journal.refuse_gone()
         apad = None if pose is None else apad_sample(pose, battery, primitive, docks)
         self._beliefs = beliefs
-        if apad is not None and (moved := self._apad_changes.event(now_ms, apad)) is not None:
-            self._journal.append(now_ms, moved)
-        for changed in self._belief_changes.events(list(beliefs)):
+        for changed in self._changes.events(now_ms, apad, beliefs):
             self._journal.append(now_ms, changed)
-        for learned in self._capacity_changes.events(list(beliefs)):
-            self._journal.append(now_ms, learned)
         if self._is_sampled(now_ms):
             belief_samples = [belief_sample(belief, now_ms) for belief in beliefs]
             self._bag.sample(now_ms, self.truths_at(now_ms), belief_samples, apad)

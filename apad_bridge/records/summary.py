@@ -398,7 +398,7 @@ def uptime_figures(
         "emptied": sum(uptime.emptied for uptime in uptimes),
         "samples_taken": sum(uptime.samples for uptime in uptimes),
         "dead_time_s": sum(uptime.dead for uptime in uptimes) * tick_ms / 1000,
-        "final_charge_mean": _mean_charge(left) if left else None,
+        "final_charge_mean": fraction(sum(uptime.charge for uptime in left)) / len(left) if left else None,
         "charge_gain_mean": fmean(gains) if gains else None,
         "uptime_equal_charge": None if worth is None else paper["mean"] + worth * fsum(gains),
         **apart,
@@ -429,7 +429,3 @@ def _spread(counts: Sequence[tuple[int, int]]) -> dict[str, float]:
         "max": max(shares),
         "min": min(shares),
     }
-
-
-def _mean_charge(uptimes: Sequence[AgentUptime]) -> float:
-    return fraction(sum(uptime.charge for uptime in uptimes)) / len(uptimes)

@@ -116,14 +116,12 @@ class UptimeMeter:
 
     def ended(self, agent_id: int, at_ms: int) -> None:
         """Ends this aMussel's simulation for good at agent time `at_ms`: it is active at no later tick."""
-        ledger = self._ledgers.get(agent_id)
-        if ledger is not None and ledger.ended_ms is None:
+        if (ledger := self._ledgers.get(agent_id)) is not None and ledger.ended_ms is None:
             ledger.ended_ms = max(at_ms, ledger.truth.at_ms)
 
     def set_presence(self, agent_id: int, presence: Presence, at_ms: int) -> None:
         """Sets an aMussel's presence after the tick at agent time `at_ms`; the times of calls must not fall."""
-        ledger = self._ledgers.get(agent_id)
-        if ledger is not None:
+        if (ledger := self._ledgers.get(agent_id)) is not None:
             ledger.counted = self._count(ledger, at_ms + 1)
             ledger.since_ms = max(ledger.since_ms, at_ms + 1)
         self._presences[agent_id] = presence

@@ -87,8 +87,7 @@ class AMusselBridge:
                 self._take(self._modem.command(packet.agent_id, packet.data, now_ms), now_ms)
             else:
                 self._drop("to an aMussel by another medium than sound")
-        skipped = self._modem.queue.skipped_bytes
-        if skipped > self.counts[_SKIPPED]:
+        if (skipped := self._modem.queue.skipped_bytes) > self.counts[_SKIPPED]:
             self._drop(_SKIPPED, skipped - self.counts[_SKIPPED])
         for reason, count in self._topics.dropped.items():
             if count > self.counts[reason]:

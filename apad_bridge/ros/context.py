@@ -27,7 +27,7 @@ from apad_bridge.ros.gateway.gateway import Gateway, GatewayFailed, TrueReports,
 from apad_bridge.ros.gateway.heartbeat import Heartbeat, WatchdogStates
 from apad_bridge.ros.gateway.standard_topics import StandardTopics
 from apad_bridge.ros.generation_a.contacts_link import ContactsLink
-from apad_bridge.ros.links.laboratory import DockAlertReceiver, Laboratory, LaboratoryLink
+from apad_bridge.ros.links.laboratory import Laboratory, LaboratoryLink
 from apad_bridge.ros.links.legacy_link import LegacyLink
 from apad_bridge.ros.links.other_apads import OtherAPads
 from apad_bridge.ros.links.vehicles import READY_S, TruthsAt, open_apad, reports_contact
@@ -120,7 +120,9 @@ def open_flight_context(
             raise PeerFailed(str(error)) from error
         capabilities = None if isinstance(vehicle, ContactsLink) else vehicle.capabilities
         is_bench = capabilities is not None and not capabilities.reports_contact
-        link = LaboratoryLink(laboratory, vehicle, cast(DockAlertReceiver, vehicle) if is_bench else None)
+        link = LaboratoryLink(
+            laboratory, vehicle, cast(Any, vehicle).receive_dock_report if is_bench else None
+        )
         yield FlightContext(
             vehicle=ListeningLink(link) if options.part is BenchPart.FLEET else link,
             pace=_pace(options, vehicle, now_ms, in_fine_steps=bool(watches)),

@@ -7,14 +7,21 @@ import os
 import socket
 import subprocess
 import sys
-from collections.abc import Mapping
-from contextlib import suppress
+import threading
+import time
+from collections.abc import Callable, Mapping
+from contextlib import closing, suppress
 from pathlib import Path
 from struct import Struct
 
+from agents.hosting.interrupts import received_by
 from agents.hosting.link_protocol import readable
-from apad_bridge.ros2.topics import Publication, hash_of
-from apad_bridge.scenario.errors import UserError
+from apad_bridge.records.journal import await_beginning
+from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
+from apad_bridge.ros2.followed_run import FollowedRun
+from apad_bridge.ros2.topics import EVENTS_KEPT, Publication, RunTopics, hash_of
+from apad_bridge.scenario.errors import ScenarioError, UserError
+from apad_bridge.scenario.loader import load
 
 ENVIRONMENT = Path(sys.prefix).with_name(".venv-ros2")
 """launch_scripts/install --ros2 makes it, beside that of musselbed, and writes the file `installed` once it is whole."""
@@ -96,3 +103,80 @@ def environment(outer: Mapping[str, str]) -> dict[str, str]:
     if not any(name in inner for name in _DISCOVERY):
         inner["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     return {**inner, "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp"}
+
+
+# Shows a run on ROS 2 until a person ends it: a process of its own, as a console is, that reads the journal.
+_NICE = 5
+"""Above the supervisor's: a viewer may wait for its processor, and a tick of the flight may not."""
+_POLL_S = 0.1
+_SHOW_S = 1.0
+"""Wall seconds between two messages of a topic, but for /clock and the events."""
+
+
+def serve(run_dir: Path, began: Callable[[RunTopics], None], tell: Callable[[str], None]) -> None:
+    """Publishes until SIGINT or SIGTERM. `began` is called once all topics have their first message.
+
+    `tell` takes lines for a person. RunDirectoryError for no run, or one that cannot be shown; Ros2Gone.
+    """
+    directory = RunDirectory(run_dir)
+    asked = threading.Event()
+    os.nice(_NICE)
+    if not directory.scenario.is_file():
+        raise RunDirectoryError(f"{run_dir}: no run: it has no scenario.yaml")
+    with received_by(asked.set):
+        if not await_beginning(directory, asked.is_set, tell):
+            return
+        RunDirectory.open(run_dir)
+        try:
+            scenario = load(directory.scenario)
+            run = FollowedRun(directory, scenario)
+        except ScenarioError as error:
+            raise RunDirectoryError(error.lines[0]) from error
+        except (OSError, ValueError) as error:
+            raise RunDirectoryError(f"{run_dir}: cannot be shown: {error}") from error
+        topics = RunTopics(scenario, run)
+        with closing(run), closing(Ros2Process(topics.node)) as ros2:
+            _Show(run, topics, ros2).run(asked, began, tell)
+
+
+class _Show:
+    def __init__(self, run: FollowedRun, topics: RunTopics, ros2: Ros2Process) -> None:
+        self._run = run
+        self._topics = topics
+        self._ros2 = ros2
+        self._shown_ms = -1
+
+    def run(
+        self, asked: threading.Event, began: Callable[[RunTopics], None], tell: Callable[[str], None]
+    ) -> None:
+        self._publish_events()
+        self._publish_state()
+        self._ros2.publish(self._topics.fixed_frames())
+        began(self._topics)
+        next_s, has_told_end = time.monotonic() + _SHOW_S, False
+        while not asked.wait(_POLL_S):
+            self._publish_events()
+            if time.monotonic() >= next_s:
+                next_s = max(next_s + _SHOW_S, time.monotonic())
+                self._publish_state()
+            if self._run.state.ended_by is not None and not has_told_end:
+                has_told_end = True
+                tell(f"the run has ended: {self._run.state.ended_by}; its end is shown until Ctrl-C")
+
+    def _publish_events(self) -> None:
+        """Publishes what is new, after the time at which it is."""
+        new = self._run.poll()
+        if new and not self._run.has_wall_time:
+            self._ros2.publish(self._topics.clock())
+        for it in list(self._topics.events(new))[-EVENTS_KEPT:]:
+            self._ros2.publish(it)
+
+    def _publish_state(self) -> None:
+        """Publishes the state if time has passed: a tree of frames takes no second picture of one time."""
+        if self._run.now_ms == self._shown_ms:
+            return
+        self._shown_ms = self._run.now_ms
+        if not self._run.has_wall_time:
+            self._ros2.publish(self._topics.clock())
+        for it in self._topics.state():
+            self._ros2.publish(it)

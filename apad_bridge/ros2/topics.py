@@ -78,8 +78,7 @@ def _full(kind: str) -> str:
 
 @cache
 def _zero(name: str) -> Any:
-    fields = _STORE.fielddefs[name][1]
-    return _STORE.types[name](**{field: _zero_of(*of) for field, of in fields})
+    return _STORE.types[name](**{field: _zero_of(*of) for field, of in _STORE.fielddefs[name][1]})
 
 
 def _zero_of(node: Any, inner: Any) -> Any:
@@ -223,8 +222,7 @@ class RunTopics:
             twist=make("geometry_msgs/TwistWithCovariance", twist=twist),
         )
         yield _published(self._of_apad("odometry"), "nav_msgs/Odometry", odometry)
-        fix = self._fix(now_ms, body, here_m, None)
-        yield _published(self._of_apad("fix"), "sensor_msgs/NavSatFix", fix)
+        yield _published(self._of_apad("fix"), "sensor_msgs/NavSatFix", self._fix(now_ms, body, here_m, None))
         if it.battery is not None:
             volts = math.nan if it.voltage_v is None else it.voltage_v
             header = self._header(now_ms, body)

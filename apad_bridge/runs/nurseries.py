@@ -64,8 +64,7 @@ def begin_nurseries(
     for member in members:
         if member.scenario.fleet.hosting is Hosting.PROCESSES:
             path = whole.of_apad(member.name, len(members)).path
-            config = flight_config(member.scenario, trust)
-            begun[member.name] = begin_nursery(config, member.starts, path)
+            begun[member.name] = begin_nursery(flight_config(member.scenario, trust), member.starts, path)
             stack.callback(begun[member.name].end)
     return begun
 

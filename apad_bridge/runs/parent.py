@@ -41,7 +41,7 @@ from apad_bridge.runs.children import (
 from apad_bridge.runs.display import JointDisplay, ProgressDisplay
 from apad_bridge.runs.exits import Exit
 from apad_bridge.runs.nurseries import end_fleet, start_nursery
-from apad_bridge.runs.parent_protocol import Failed, Gave, Kept, ParentMessage, Said, Seen, Summary
+from apad_bridge.runs.parent_protocol import APadView, Failed, Gave, Kept, ParentMessage, Said, Summary
 from apad_bridge.runs.several.summary import Flown
 from apad_bridge.runs.status import RunStatus
 from apad_bridge.scenario.another_apad import Sharing
@@ -251,7 +251,7 @@ class SupervisorWatch:
                 self._summaries[name] = figures
             case Failed(reason):
                 self._fail(name, reason)
-            case Seen() | Gave() | Kept():
+            case APadView() | Gave() | Kept():
                 if self._reassigner is not None:
                     self._reassigner.receive(name, message)
             case None:

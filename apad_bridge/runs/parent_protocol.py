@@ -12,7 +12,7 @@ from __future__ import annotations
 import contextlib
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import Any, get_args
@@ -47,30 +47,31 @@ class Failed:
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
-    """One of several aPads as its supervisor believes it, with the aMussels that it serves: the fields of `APadView`."""
+class APadView:
+    """One of several aPads, and the aMussels that it serves, as its supervisor believes; metres."""
 
     name: str
     is_down: bool
     place_m: tuple[float, float]
-    places_m: Mapping[int, tuple[float, float]]
-    movable: frozenset[int]
+    places_m: Mapping[int, tuple[float, float]] = field(default_factory=dict)
+    """The aMussels that may need service: there is a belief of them, and they are not lost."""
+    movable: frozenset[int] = frozenset()
+    """Those of `places_m` that may be moved."""
 
 
 @dataclass(frozen=True, slots=True)
-class HandedOver:
-    """An aMussel that is no longer served, with what was believed of it at mission time `at_ms` (`Estimator.kept`)."""
+class TransferredBelief:
+    """The former server's belief of an aMussel at mission time `at_ms`: the result of `Estimator.kept`, or None."""
 
-    agent_id: int
-    at_ms: int
-    estimate: Any
+    at_ms: int = 0
+    estimate: Any = None
 
 
 @dataclass(frozen=True, slots=True)
 class Gave:
-    """The aMussels of its orders that the aPad has left to another."""
+    """The aMussels of its orders that the aPad has left to another, with what was believed of each."""
 
-    transfers: tuple[HandedOver, ...]
+    transfers: Mapping[int, TransferredBelief]
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +81,7 @@ class Kept:
     agent_ids: tuple[int, ...]
 
 
-MemberReport = Seen | Gave | Kept
+MemberReport = APadView | Gave | Kept
 """The reports that only the parent of several aPads needs."""
 ParentMessage = RunStatus | Said | Summary | Failed | MemberReport
 
@@ -115,14 +116,6 @@ def say(text: str) -> None:
 @cache
 def _adapter(name: str) -> TypeAdapter[Any]:
     return TypeAdapter(_KINDS[name])
-
-
-@dataclass(frozen=True, slots=True)
-class TransferredBelief:
-    """The former server's belief of an aMussel at mission time `at_ms`: the result of `Estimator.kept`, or None."""
-
-    at_ms: int = 0
-    estimate: Any = None
 
 
 @dataclass(frozen=True, slots=True)

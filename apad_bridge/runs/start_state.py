@@ -49,9 +49,7 @@ def gap_ms(options: RunOptions, journal: Path, now_s: float) -> int:
     A real vehicle's time continued for as long as the journal, which every tick writes to, did not change. On a master
     of our own, /clock stopped with the supervisor.
     """
-    if options.owns_master:
-        return 0
-    return max(0, round((now_s - journal.stat().st_mtime) * 1000))
+    return 0 if options.owns_master else max(0, round((now_s - journal.stat().st_mtime) * 1000))
 
 
 def find_resume_point(state: RunState, epoch: int, gap_ms: int) -> ResumePoint:

@@ -133,8 +133,7 @@ def _open_run(run_dir: Path, trust: Trust | None, *, resume: bool, keeps: bool) 
     sea = _find_sea(config, options)
     others_ms = None if sea is None else sea.now_ms
     start_state = resume_run(directory, config, options, say, stamp_ms, others_ms)
-    resume_point = start_state.resume_point
-    if resume_point is not None and options.keeps:
+    if (resume_point := start_state.resume_point) is not None and options.keeps:
         resume_point = replace(resume_point, state=resume_point.state.stood_down())
         start_state = replace(start_state, resume_point=resume_point)
         at_ms = MissionMs(max(start_state.start_ms, start_state.journal.last_ms))

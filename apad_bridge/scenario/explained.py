@@ -120,21 +120,17 @@ def explain_unknown_key(schema: type, path: Path) -> str:
             expected = _UNITS[_split_unit(name)[1]] if _split_unit(name)[1] else "no unit"
             given = f", not {_UNITS[unit]}" if unit else ""
             return f"unknown key: did you mean {name}? (it is in {expected}{given})"
-    elsewhere = [dotted for dotted in all_keys(schema) if dotted.rsplit(".", 1)[-1] == key]
-    if elsewhere:
+    if elsewhere := [dotted for dotted in all_keys(schema) if dotted.rsplit(".", 1)[-1] == key]:
         return f"unknown key here: did you mean {' or '.join(elsewhere)}?"
     near = get_close_matches(key, known, n=1)
-    if near:
-        return f"unknown key: did you mean {near[0]}?"
-    return f"unknown key; known here: {', '.join(known)}"
+    return f"unknown key: did you mean {near[0]}?" if near else f"unknown key; known here: {', '.join(known)}"
 
 
 def all_keys(schema: type, prefix: str = "") -> Iterator[str]:
     """Yields every key of the schema, dotted, depth first."""
     for name, hint in get_type_hints(schema, include_extras=True).items():
         yield prefix + name
-        inner = _dataclass_in(hint)
-        if inner is not None:
+        if (inner := _dataclass_in(hint)) is not None:
             yield from all_keys(inner, f"{prefix}{name}.")
 
 

@@ -122,8 +122,7 @@ def from_data(data: Any, source: str) -> Scenario:
         raise ScenarioError([f"{source}: a scenario is a mapping of keys to values, not {abbreviated(data)}"])
     if "fleet" not in data and {"scenarios", "strategies"} <= data.keys():
         raise ScenarioError([f"{source}: this is a study: fly it by `musselbed study`"])
-    unreachable = list(_unreachable_files(data))
-    if unreachable:
+    if unreachable := list(_unreachable_files(data)):
         raise ScenarioError(f"{source}: {line}" for line in unreachable)
     data = with_profiles(_with_firmware(_with_polygon(data, source)))
     if refusal := _refusal_of_sensors(data):
@@ -136,8 +135,7 @@ def from_data(data: Any, source: str) -> Scenario:
         raise ScenarioError(dict.fromkeys(lines)) from error
     except ValueError as error:  # json: a list or mapping that holds itself by an alias
         raise ScenarioError([f"{source}: {error}"]) from error
-    found = contradictions(scenario)
-    if found:
+    if found := contradictions(scenario):
         raise ScenarioError(f"{source}: {key}: {message}" for key, message in found)
     return scenario
 

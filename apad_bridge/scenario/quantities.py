@@ -41,8 +41,7 @@ def _ten_decimals(rate: float) -> float:
 
 
 def _rising_to_one(segments: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
-    ends = [end for end, _ in segments]
-    if not ends or ends != sorted(set(ends)) or ends[-1] != 1.0:
+    if not (ends := [end for end, _ in segments]) or ends != sorted(set(ends)) or ends[-1] != 1.0:
         raise ValueError("must rise and end at 1.0")
     return segments
 

@@ -89,8 +89,7 @@ def read_starts(
     """
     former_run = path.is_dir()
     table = table_of(path)
-    frame = LocalFrame.about(area.origin)
-    rows = read_table(table, frame)
+    rows = read_table(table, LocalFrame.about(area.origin))
     if not former_run:
         _refuse_far_rows(table, rows, area)
     wanted = set(ids)

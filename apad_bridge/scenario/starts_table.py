@@ -128,7 +128,11 @@ def _read(path: Path, needed: Sequence[str] = ("id", "battery")) -> tuple[list[s
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "is not UTF-8 text"
         raise ScenarioError([f"{path}: {reason}"]) from error
-    lines = [(number, line) for number, line in enumerate(text.splitlines(), start=1) if _is_not_blank(line)]
+    lines = [
+        (number, line)
+        for number, line in enumerate(text.splitlines(), start=1)
+        if line.strip() and not line.lstrip().startswith("#")
+    ]
     if not lines:
         raise ScenarioError(
             [f"{path}: no header: the first line names the columns, such as id,north,east,battery"]
@@ -137,10 +141,6 @@ def _read(path: Path, needed: Sequence[str] = ("id", "battery")) -> tuple[list[s
         return _columns(lines[0][1], needed), lines[1:]
     except ValueError as error:
         raise ScenarioError([f"{path}:{lines[0][0]}: {error}"]) from error
-
-
-def _is_not_blank(line: str) -> bool:
-    return bool(line.strip()) and not line.lstrip().startswith("#")
 
 
 def _cells(line: str) -> list[str]:
@@ -204,8 +204,7 @@ def _place(texts: Mapping[str, str], frame: LocalFrame) -> tuple[float, float]:
     projected = frame.to_local(_number("lat", texts["lat"]), _number("lon", texts["lon"]))
     if local is None:
         return projected
-    apart_m = hypot(local[0] - projected[0], local[1] - projected[1])
-    if apart_m > _AGREE_M:
+    if (apart_m := hypot(local[0] - projected[0], local[1] - projected[1])) > _AGREE_M:
         raise ValueError(
             f"lat, lon and north, east are {apart_m:.2f} m apart: "
             f"correct one, leave two columns out, or use the origin that the file was written with"

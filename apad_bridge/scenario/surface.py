@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 from agents.water.stream import CurrentConfig, Stream, TideConstituent
@@ -173,19 +174,13 @@ class FlowNow:
         self._surface = surface
         self._at_ms = at_ms
         self._speed_m_s = speed_m_s
-        self._legs: dict[tuple[Vector, Vector], tuple[float, float]] = {}
+        self._leg = cache(self._looked_at)
 
     def metres(self, from_m: Vector, to_m: Vector) -> float:
         return self._leg(from_m, to_m)[0]
 
     def seconds(self, from_m: Vector, to_m: Vector) -> float:
         return self._leg(from_m, to_m)[1]
-
-    def _leg(self, from_m: Vector, to_m: Vector) -> tuple[float, float]:
-        leg = from_m, to_m
-        if leg not in self._legs:
-            self._legs[leg] = self._looked_at(from_m, to_m)
-        return self._legs[leg]
 
     def _looked_at(self, from_m: Vector, to_m: Vector) -> tuple[float, float]:
         """(metres, seconds) of a leg, with the mean of its points."""
@@ -228,8 +223,7 @@ class LegForecast:
         towards = towards[0] / length_m, towards[1] / length_m
         for place_m in _along(from_m, to_m, length_m):
             flow = self._surface.flow(place_m, at_ms)
-            good_m_s = made_good_m_s(self._apad, flow, towards)
-            if good_m_s < LEAST_M_S:
+            if made_good_m_s(self._apad, flow, towards) < LEAST_M_S:
                 return (
                     f"the aPad makes no way against {_told(flow)} at ({place_m[0]:.0f}, {place_m[1]:.0f}) m: "
                     f"its top speed through the water is {top_speed_m_s(self._apad):.2f} m/s"
@@ -268,8 +262,7 @@ class LegForecast:
         """The reason why the aPad cannot collect an aMussel at `place_m`, which comes up on the way; None if it can."""
         if self._surface is None:
             return None
-        meeting_m = self.meeting_m(from_m, place_m, speed_m_s, at_ms)
-        if meeting_m is not None:
+        if (meeting_m := self.meeting_m(from_m, place_m, speed_m_s, at_ms)) is not None:
             return self.obstacle(from_m, meeting_m, at_ms)
         float_m_s = math.hypot(*self._surface.of_float_m_s(place_m, at_ms))
         return f"it would float away with {float_m_s:.2f} m/s, and the aPad goes after it with {speed_m_s:.2f} m/s"

@@ -19,9 +19,7 @@ def read_text(path: Path, encoding: str = "utf-8") -> str:
     """The file's text. OSError, also for a device; UnicodeDecodeError. A pipe, as `<(command)` gives it, is read."""
     if path.is_char_device() or path.is_block_device():
         raise OSError(errno.EINVAL, "is a device, and not a file", str(path))
-    if path.is_fifo():
-        return _read_pipe(path).decode(encoding)
-    return path.read_text(encoding=encoding)
+    return _read_pipe(path).decode(encoding) if path.is_fifo() else path.read_text(encoding=encoding)
 
 
 def _read_pipe(path: Path) -> bytes:

@@ -94,8 +94,7 @@ def as_program(path: Path, _: Trust) -> Program:
             builtins.print(*values, **{**options, "file": text, "flush": False})
             api.say(text.getvalue())
 
-        folder = str(path.parent.absolute())
-        if folder not in sys.path:
+        if (folder := str(path.parent.absolute())) not in sys.path:
             sys.path.insert(0, folder)
         script_globals = {
             "api": api,

@@ -352,7 +352,7 @@ def _apad_at(scenario: Scenario, state: RunState, at_ms: MissionMs) -> Simulated
     for now_ms in [*range(0, at_ms, _BATTERY_HELD_MS), at_ms]:
         # It waits there from time 0 on, and what it draws meanwhile is given back.
         apad.advance(now_ms)
-        apad.change_battery(config.battery.start_fraction - apad.battery_fraction, now_ms)
+        apad.change_battery(config.battery.start_fraction - apad.battery.fraction, now_ms)
     return apad
 
 

@@ -8,7 +8,7 @@ as held if no aMussel is empty in the last fifth of its ten days.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from statistics import fmean
@@ -122,18 +122,12 @@ def held_from(phases: Sequence[SizedFlights]) -> float | None:
 
 def borders_of(phases: Sequence[SizedFlights]) -> Iterator[tuple[str, int, float | None]]:
     """(strategy, aMussels, `held_from`) for each fleet of the diagram."""
-    fleets = dict.fromkeys((it.strategy, it.amussels) for it in phases)
-    for strategy, amussels in fleets:
+    for strategy, amussels in dict.fromkeys((it.strategy, it.amussels) for it in phases):
         own = [it for it in phases if (it.strategy, it.amussels) == (strategy, amussels)]
         yield strategy, amussels, held_from(own)
 
 
-def diagram_of(
-    scenario: Scenario,
-    seeds: Sequence[int],
-    on_flown: Callable[[], None] = lambda: None,
-    trust: Trust | None = None,
-) -> list[SizedFlights]:
+def diagram_of(scenario: Scenario, seeds: Sequence[int], trust: Trust | None = None) -> list[SizedFlights]:
     """Flies the scenario's own fleet by its own rules for ten days of the aMussels' time, from each start charge.
 
     The aPad's battery is unlimited, and nothing drifts at random. Strategies in files are executed with `trust` alone.
@@ -153,7 +147,6 @@ def diagram_of(
                 scenario, {**values, "fleet.start": _start(mean), "seed": seed}, scenario.name
             )
             flights.append(fly(seeded, Model.EVENT_DRIVEN, trust))
-            on_flown()
         found.append(
             SizedFlights(
                 scenario.mission.collection,

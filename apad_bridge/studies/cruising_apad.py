@@ -34,7 +34,7 @@ from apad_bridge.world.apad.apad import BATTERY_EMPTY, ArrivalWatch
 from apad_bridge.world.apad.docks import Docks, Misses
 from apad_bridge.world.apad.kinematics import STEP_MS, STEP_S, Pose
 from apad_bridge.world.apad.motion import Motion
-from apad_bridge.world.apad.power import Charger, HullBattery, Ledger
+from apad_bridge.world.apad.power import Charger, HullBattery
 
 _SECOND_MS = 1000
 _MS_PER_HOUR = 3_600_000
@@ -48,7 +48,7 @@ class CruisingAPad:
     def __init__(self, config: APad, misses: Misses, home_m: tuple[float, float] | None = None) -> None:
         self._config = config
         self._motion = Motion(config)
-        self._battery = HullBattery(config.battery)
+        self.battery = HullBattery(config.battery)
         self._charger = Charger(config, home_m)
         self._docks = Docks(config.docks)
         self._places = of_simulated_apad(config.docks).docks
@@ -61,11 +61,6 @@ class CruisingAPad:
         self._facts: list[LinkFact] = []
         most_w = 4 * config.thruster_max_n * config.thruster_w_per_n
         self._most_w = most_w + config.battery.hotel_w + config.docks * config.battery.charging_w_per_dock
-
-    @property
-    def ledger(self) -> Ledger:
-        """Energy drawn since the start, by its use."""
-        return self._battery.ledger
 
     def advance_until(
         self, limit_ms: int, least_fraction: float, passes: Callable[[float, float], None] | None = None
@@ -88,7 +83,7 @@ class CruisingAPad:
         home, battery = self._config.home, self._config.battery
         if home is None:
             return 0
-        missing_wh = (fraction - self._battery.fraction) * battery.capacity_wh
+        missing_wh = (fraction - self.battery.fraction) * battery.capacity_wh
         return max(0, math.floor(missing_wh / home.charging_w * _MS_PER_HOUR))
 
     def advance(self, now_ms: int) -> list[LinkFact]:
@@ -96,17 +91,17 @@ class CruisingAPad:
         facts, self._facts = self._facts, []
         if self._reported_ms < now_ms:
             self._reported_ms = now_ms
-            self._battery.settle(now_ms)
+            self.battery.settle(now_ms)
             facts += [
                 self._pose_report(now_ms),
-                BatteryReported(now_ms, self._battery.voltage_v, self._battery.fraction),
+                BatteryReported(now_ms, self.battery.voltage_v, self.battery.fraction),
             ]
         return facts
 
     def command(self, cleared: Cleared[VehicleCommand], now_ms: int) -> None:
         command = cleared.order
-        self._battery.settle(now_ms)
-        if self._battery.is_empty and not isinstance(command, MoveArm):
+        self.battery.settle(now_ms)
+        if self.battery.is_empty and not isinstance(command, MoveArm):
             self._facts.append(CommandFailed(now_ms, command.command_id, BATTERY_EMPTY))
             return
         match command:
@@ -158,7 +153,7 @@ class CruisingAPad:
         while now_ms < until_ms and (motion.is_moving or self._arrival is not None or may_run_out):
             before = motion.pose
             now_ms += STEP_MS
-            self._battery.settle(now_ms)
+            self.battery.settle(now_ms)
             motion.end_step()
             if self._arrival is not None and self._arrival.has_arrived(motion.pose):
                 self._facts += [
@@ -167,19 +162,19 @@ class CruisingAPad:
                 ]
                 self._arrival = None
                 until_ms = min(until_ms, -(-now_ms // _SECOND_MS) * _SECOND_MS)
-            if self._battery.is_empty and self._has_power:
+            if self.battery.is_empty and self._has_power:
                 self._lose_power(now_ms)
             self._plan()
             steps = 0 if may_run_out else min(self._steady_steps(before), (until_ms - now_ms) // STEP_MS)
             if steps > 1:
                 now_ms += steps * STEP_MS
-                self._battery.settle(now_ms)
+                self.battery.settle(now_ms)
                 self._cruise(steps)
         self._now_ms = until_ms
 
     def _least_h_to(self, fraction: float) -> float:
         """Hours until the battery is down to `fraction` under the largest load."""
-        left_wh = (self._battery.fraction - fraction) * self._config.battery.capacity_wh
+        left_wh = (self.battery.fraction - fraction) * self._config.battery.capacity_wh
         return max(0.0, left_wh) / self._most_w
 
     def _lose_power(self, now_ms: int) -> None:
@@ -225,7 +220,7 @@ class CruisingAPad:
         self._set_load()
 
     def _set_load(self) -> None:
-        self._battery.set_load(
+        self.battery.set_load(
             self._motion.power_w, len(self._docks.docked), self._charger.power_w(self._motion)
         )
 

@@ -28,7 +28,6 @@ from agents.mussel.body import drift_words
 from agents.mussel.outputs import Truth
 from agents.time_scale import TICK_MS, MissionMs
 from apad_bridge.assembly import fleet_parts, parts
-from apad_bridge.assembly.division import members
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.hold_last import HoldLast
@@ -104,8 +103,7 @@ def fly_event_driven(scenario: Scenario, trust: registry.Trust | None = None) ->
         reports=replace(full_config.reports, period_ms=_NEVER_MS),
         body=replace(full_config.body, drift_amplitude_um=0),
     )
-    starts = starts_of(scenario)
-    initial_states = fleet_parts.initial_states(scenario, starts)
+    initial_states = fleet_parts.initial_states(scenario, starts_of(scenario))
     host = InProcessHost(fleet_parts.fleet_config(config), initial_states)
     fleet = fleet_parts.fleet_of(config, host, dict.fromkeys(initial_states, 0))
     vehicle = CruisingAPad(scenario.apad, parts.misses(scenario), scenario.area.home_m)
@@ -125,19 +123,7 @@ def fly_event_driven(scenario: Scenario, trust: registry.Trust | None = None) ->
         if supervisor.has_ended:
             break
         flight.now_ms = MissionMs(ticks.next_tick_ms(flight.now_ms, fleet.coordinator.next_due_ms))
-    return recorder.meter.figures(flight.now_ms, supervisor.mission.state, vehicle.ledger)
-
-
-def fly_shares(scenario: Scenario) -> dict[str, Figures]:
-    """Flies each aPad's planned share by the event-driven model; returns the figures by aPad.
-
-    While no aPad fails, the aPads of the paper's mode of hearing know nothing of each other, so a share is a mission of its
-    own. ValueError for a scenario that `model_gap` does not cover.
-    """
-    found = members(scenario, starts_of(scenario))
-    if (gap := model_gap(found[0].scenario)) is not None:
-        raise ValueError(f"the event-driven model leaves out {gap}")
-    return {it.name: fly_event_driven(it.scenario) for it in found}
+    return recorder.meter.figures(flight.now_ms, supervisor.mission.state, vehicle.battery.ledger)
 
 
 class TruthfulReports(HoldLast):
@@ -356,12 +342,10 @@ class Ticks:
     def _may_stop_to_charge(self) -> bool:
         """A docked aMussel does not get full by what its charger does now: the watch for stalls must see each tick."""
         for agent_id in self._mission.watched:
-            belief = self._beliefs.get(agent_id)
-            if belief is None or belief.state not in DOCKED:
+            if (belief := self._beliefs.get(agent_id)) is None or belief.state not in DOCKED:
                 return True
             physical = self._beliefs.truths[agent_id].physical
-            charge = self._beliefs.charge_of(agent_id)
-            if charge.reaches_at_ms(physical.primary, self._full_charge) is None:
+            if self._beliefs.charge_of(agent_id).reaches_at_ms(physical.primary, self._full_charge) is None:
                 return True
         return False
 

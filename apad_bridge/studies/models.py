@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from enum import StrEnum
 
 from agents.mussel.outputs import Truth
@@ -14,7 +13,6 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.studies.event_driven import fly_event_driven
 from apad_bridge.studies.figures import FigureMeter, Figures
 from apad_bridge.supervisor.context import FlightContext
-from apad_bridge.supervisor.loop import Flight
 from apad_bridge.world.apad.in_process import InProcessVehicle
 
 
@@ -30,10 +28,8 @@ def fly(scenario: Scenario, model: Model, trust: Trust | None = None) -> Figures
 
     Strategies in files are executed with `trust` alone.
     """
-    if Model(model) is Model.EVENT_DRIVEN:
-        figures = fly_event_driven(scenario, trust)
-    else:
-        figures = fly_each_tick(scenario, trust=trust)
+    fly_it = fly_event_driven if Model(model) is Model.EVENT_DRIVEN else fly_each_tick
+    figures = fly_it(scenario, trust)
     if figures.end_reason is EndReason.STRATEGY_FAILED:
         raise StrategyFailed(figures.ended_by)
     return figures
@@ -50,12 +46,8 @@ class _FigureRecorder(MemoryRecorder):
             self._figures.take(truth)
 
 
-def fly_each_tick(
-    scenario: Scenario,
-    prepare: Callable[[Flight], None] = lambda flight: None,
-    trust: Trust | None = None,
-) -> Figures:
-    """Flies the mission of `musselbed run --time asap`, with the aMussels in this process; `prepare` changes the flight."""
+def fly_each_tick(scenario: Scenario, trust: Trust | None = None) -> Figures:
+    """Flies the mission of `musselbed run --time asap`, with the aMussels in this process."""
     meter = FigureMeter(scenario)
     vehicles: list[InProcessVehicle] = []
 
@@ -67,6 +59,5 @@ def fly_each_tick(
     flight, _ = open_flight(
         scenario, join=keep_vehicle, recorder_of=lambda it: _FigureRecorder(it, meter), trust=trust
     )
-    prepare(flight)
     flight.run()
-    return meter.figures(flight.now_ms, flight.supervisor.mission.state, vehicles[0].apad.ledger)
+    return meter.figures(flight.now_ms, flight.supervisor.mission.state, vehicles[0].apad.battery.ledger)

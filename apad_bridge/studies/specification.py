@@ -147,8 +147,7 @@ class StudyPlan:
         """A digest of everything that decides a mission's figures; a study resumes the rows of the same digest alone."""
         scenarios = [[_by_content(it) for it in row] for row in self.scenarios]
         decisive = [scenarios, self.strategies, self.study.model, version("musselbed")]
-        further = [it for it in (self.study.draws, self.fitted_to) if it]
-        text = json.dumps([*decisive, *further])
+        text = json.dumps([*decisive, *[it for it in (self.study.draws, self.fitted_to) if it]])
         return hashlib.sha256(text.encode()).hexdigest()
 
     def to_wire(self) -> list[Any]:

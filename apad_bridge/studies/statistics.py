@@ -80,8 +80,7 @@ def _differences(
 ) -> dict[str, Difference | None]:
     found = {column: difference_of(ours, theirs, column, confidence) for column in COLUMNS}
     secondary = [it for it in COLUMNS if it != primary]
-    adjusted = holm_adjusted([found[it] for it in secondary])
-    return {**found, **dict(zip(secondary, adjusted, strict=True))}
+    return {**found, **dict(zip(secondary, holm_adjusted([found[it] for it in secondary]), strict=True))}
 
 
 def difference_of(

@@ -160,8 +160,7 @@ class TableTwo(Findings):
     """The paper's table beside ours, and then the comparison of the strategies."""
 
     def as_data(self) -> dict[str, Any]:
-        compared = table_two(self.plan, self.rows)
-        return {**super().as_data(), "table2": compared, "notes": notes()}
+        return {**super().as_data(), "table2": table_two(self.plan, self.rows), "notes": notes()}
 
     def lines(self, width: int) -> Iterator[Table | str]:
         compared = table_two(self.plan, self.rows)

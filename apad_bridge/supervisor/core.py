@@ -31,6 +31,7 @@ from apad_bridge.mission.facts import (
     SupervisorAction,
     WifiHeard,
 )
+from apad_bridge.mission.flight_mission import MissionRole
 from apad_bridge.mission.orders import (
     AllowMotion,
     GoBackIn,
@@ -40,7 +41,6 @@ from apad_bridge.mission.orders import (
     StopVehicle,
     TellClear,
 )
-from apad_bridge.mission.role import MissionRole
 from apad_bridge.mission.sources import Allocation
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.forecast import Forecast, Forecaster
@@ -207,7 +207,7 @@ class Supervisor:
         actions += self._pass_on(self.port.advance(now_ms), now_ms)
         if (end := self._reason_to_end(now_ms)) is not None:
             actions += self._carry_out(self.mission.end(MissionEnd(end), now_ms), now_ms)
-        elif (reason := self._reason_to_stand_down()) is not None:
+        elif (reason := self._stands_down.reason_to_stand_down(self._battery_ends)) is not None:
             actions += self._carry_out(self.mission.stand_down(reason, now_ms), now_ms)
         actions += self._carry_out(self.mission.advance(now_ms), now_ms)
         if self._ranging is not None:
@@ -335,9 +335,6 @@ class Supervisor:
             return EndReason.MISSION_TIME
         return self._stands_down.reason_to_end(self._battery_ends)
 
-    def _reason_to_stand_down(self) -> str | None:
-        return self._stands_down.reason_to_stand_down(self._battery_ends)
-
     @property
     def _battery_ends(self) -> EndReason | None:
         return EndReason.APAD_BATTERY if self._is_empty else None
@@ -427,8 +424,7 @@ class Supervisor:
         if outcome.closed:
             self.beliefs.learn(outcome.agent_id, Docked(), at_ms)
         else:
-            released = Released(self.pose.north_m, self.pose.east_m)
-            self.beliefs.learn(outcome.agent_id, released, at_ms)
+            self.beliefs.learn(outcome.agent_id, Released(self.pose.north_m, self.pose.east_m), at_ms)
 
     def _note_outcome(self, outcome: Outcome) -> list[SupervisorAction]:
         if isinstance(outcome, DockChanged):

@@ -96,8 +96,7 @@ class _Rates:
         return self._typical[docked] if own is None else own
 
     def _end_charge(self, begun: _Reading, ended: _Reading) -> None:
-        span_s = (ended.at_ms - begun.at_ms) / 1000
-        if span_s > 0 and ended.charge > begun.charge:
+        if (span_s := (ended.at_ms - begun.at_ms) / 1000) > 0 and ended.charge > begun.charge:
             self._charged.append((ended.charge - begun.charge) / span_s)
 
 

@@ -324,8 +324,7 @@ class Flight:
                 self._stimulate(*action, now_ms)
 
     def _send(self, send: Send, now_ms: MissionMs) -> None:
-        stimulus = self._fleet.send(send, now_ms)
-        if stimulus is not None:
+        if (stimulus := self._fleet.send(send, now_ms)) is not None:
             self._stimulate(send.agent_id, stimulus, now_ms)
 
     def _receive_from_vehicle(self, now_ms: MissionMs) -> None:
@@ -345,8 +344,7 @@ class Flight:
                 self.supervisor.receive(fact)
 
     def _stimulate(self, agent_id: int, stimulus: AgentStimulus, now_ms: MissionMs) -> None:
-        agent_ms = self._fleet.receive(agent_id, stimulus, now_ms)
-        if agent_ms is not None:
+        if (agent_ms := self._fleet.receive(agent_id, stimulus, now_ms)) is not None:
             self._note_stimulus(now_ms, agent_id, agent_ms, stimulus)
 
     def _note_stimulus(

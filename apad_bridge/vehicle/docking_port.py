@@ -350,10 +350,9 @@ class DockingPort:
         self._phase = DockingPhase.ACTING
         self._act_ms = None
         self._command_id = self._take_command_id()
-        if isinstance(primitive, OpenDock):
-            known_dock = dock_index_of(self.docked, primitive.agent_id)
-            if known_dock is not None:
-                primitive = replace(primitive, dock_index=known_dock)
+        known_dock = dock_index_of(self.docked, primitive.agent_id)
+        if isinstance(primitive, OpenDock) and known_dock is not None:
+            primitive = replace(primitive, dock_index=known_dock)
         actions.append(replace(primitive, command_id=self._command_id))
 
     def _receive_answer(
@@ -386,8 +385,7 @@ class DockingPort:
 
     def _apply(self, event: DockingEvent, at_ms: int, actions: list[PortAction], reason: str = "") -> None:
         """Apply the table's effect of this event in the present phase."""
-        effect = TABLE.get((self._phase, event))
-        if effect is None:
+        if (effect := TABLE.get((self._phase, event))) is None:
             self.dropped[f"{event.name.lower()}: while {self._phase.name.lower()}"] += 1
         elif effect is Effect.ACT:
             self._command_mechanism(actions)

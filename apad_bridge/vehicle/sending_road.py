@@ -204,8 +204,7 @@ class SendingRoad:
 
     def next_due_ms(self) -> int | None:
         """The time at which `advance` has something to do by itself; None for none."""
-        lines = self._lines.values()
-        due = [it.until_ms for it in lines if it.state in (_LineState.BUSY, _LineState.CLOSED)]
+        due = [it.until_ms for it in self._lines.values() if it.state in (_LineState.BUSY, _LineState.CLOSED)]
         due += [it.until_ms for it in (*self._stops.values(), *([self._order] if self._order else ()))]
         return min(due, default=None)
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Generic, Protocol, TypeVar
 
 from apad_bridge.beliefs.input_ranges import out_of_range
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
 from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.link import LinkFact
-from apad_bridge.vehicle.stack_messages import BatteryReceived, PoseReceived, StateRefReceived
+from apad_bridge.vehicle.stack_messages import BatteryReceived, StateRefReceived
 
 SILENT_MS = 5_000
 """Positions come at 10 Hz: fifty of them missing are no jitter."""
@@ -46,16 +46,16 @@ class Readings:
         self._invalid: tuple[int, int, str] | None = None
         """The count of unusable positions since the last good one; time of the newest, and why it is unusable."""
 
-    def receive(self, message: PoseReceived | StateRefReceived | BatteryReceived) -> None:
+    def receive(self, message: PoseReported | StateRefReceived | BatteryReceived) -> None:
         match message:
-            case PoseReceived():
+            case PoseReported():
                 self._receive_pose(message)
             case StateRefReceived(at_ms):
                 self.state_ms = max(self.state_ms, at_ms)
             case BatteryReceived():
                 self._receive_battery(message)
 
-    def _receive_pose(self, message: PoseReceived) -> None:
+    def _receive_pose(self, message: PoseReported) -> None:
         reason = out_of_range(north_m=message.north_m, east_m=message.east_m, yaw_rad=message.heading_rad)
         if reason is not None:
             self.dropped[f"position: {reason}"] += 1
@@ -72,17 +72,7 @@ class Readings:
             also_from = "" if before is None else before.also_from
             if before is not None and before.publisher != message.publisher:
                 also_from = before.publisher
-            self.pose = self._pose = PoseReported(
-                message.at_ms,
-                message.north_m,
-                message.east_m,
-                message.heading_rad,
-                message.stamp_ms,
-                message.speed_m_s,
-                message.publisher,
-                also_from,
-                message.heard_ms,
-            )
+            self.pose = self._pose = replace(message, also_from=also_from)
             self._poses.append(self._pose)
 
     def _receive_battery(self, message: BatteryReceived) -> None:
@@ -161,7 +151,7 @@ class DeferredMessages(Generic[StampedMessage]):
         `stateRef` never waits: it states the vehicle's progress.
         """
         if message.at_ms > now_ms + AHEAD_MS:
-            name = type(message).__name__.removesuffix("Received")
+            name = type(message).__name__.removesuffix("Received").removesuffix("Reported")
             self._dropped[f"{name}: stamped more than {AHEAD_MS // 1000} s ahead of the mission"] += 1
             return True
         if message.at_ms <= now_ms or isinstance(message, StateRefReceived):

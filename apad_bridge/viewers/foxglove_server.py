@@ -26,7 +26,7 @@ from apad_bridge.ros.graph_listener import GraphListener
 from apad_bridge.ros.system.route import enter_graph_of, somebodys_master
 from apad_bridge.ros.types.any_message import UnknownType, class_of
 from apad_bridge.ros.types.messages import use_generated_messages
-from apad_bridge.ros.types.user_texts import text_folders
+from apad_bridge.ros.types.workspace_services import text_folders
 from apad_bridge.viewers.viewer_gate import TOKEN_VARIABLE, ViewerGate, hidden_address
 
 _NICE = 5
@@ -161,8 +161,7 @@ class _Relay:
         """Returns when asked to end, or when the master is gone."""
         next_look_s = 0.0
         while not asked.is_set():
-            now_s = time.monotonic()
-            if now_s >= next_look_s:
+            if (now_s := time.monotonic()) >= next_look_s:
                 if not self._look():
                     return
                 next_look_s = now_s + (_LOOK_S if self._answered_s >= now_s else _WAIT_S)

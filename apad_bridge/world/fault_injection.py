@@ -193,8 +193,7 @@ class FaultInjection:
                 actions += [*self._switch(fault.injection, begins=False), _ended(fault.injection)]
         while self._planned and self._planned[0][0] <= now_ms:
             _, injection = self._planned.pop(0)
-            agent_id = injection.agent_id
-            if agent_id is not None and not is_simulated(agent_id):
+            if (agent_id := injection.agent_id) is not None and not is_simulated(agent_id):
                 outcome: list[Action] | str = f"aMussel {agent_id} is not simulated now"
             else:
                 outcome = self.cause(injection, beliefs, now_ms)
@@ -210,8 +209,7 @@ class FaultInjection:
 
     def cause(self, injection: Injection, beliefs: FleetBeliefs, now_ms: int) -> list[Action] | str:
         """Begins a fault: the stimuli and the event for the journal, or the reason for a refusal, without a change."""
-        refusal = self._refusal(injection, beliefs)
-        if refusal is not None:
+        if (refusal := self._refusal(injection, beliefs)) is not None:
             return refusal
         actions = self._switch(injection, begins=True)
         if injection.span_ms:

@@ -72,16 +72,6 @@ class LinksFile:
         return status.st_mtime_ns, status.st_size
 
 
-class NoLinks:
-    """The links of a fleet without such a file: they never change."""
-
-    def look(self) -> None:
-        return None
-
-
-NO_LINKS = NoLinks()
-
-
 class NoModems:
     """No water that carries sound: there is no modem here, and a ping is lost."""
 
@@ -133,7 +123,7 @@ class FlightFleet:
         host: Host,
         water: Station | RemoteStation | WithoutWater,
         timeslots: Timeslots | None = None,
-        links: LinksFile | NoLinks = NO_LINKS,
+        links: LinksFile | None = None,
         sound_m_s: float = math.inf,
     ) -> None:
         """Packets are counted in `timeslots`; `links` is checked at each tick; `sound_m_s` gives the ranges of packets."""
@@ -175,7 +165,7 @@ class FlightFleet:
 
     def update_links(self) -> Changed | None:
         """Applies a change of the links file, and returns it; None without one."""
-        changed = self._links.look()
+        changed = None if self._links is None else self._links.look()
         if changed is not None and changed.topology is not None:
             self.water.set_topology(changed.topology)
         return changed

@@ -337,8 +337,7 @@ def claim_conflicts(
     for claim in claims:
         for agent_id in sorted(claim.ids):
             was, what = presence_of(agent_id), "real" if claim.real else "simulated"
-            outcome = _OUTCOMES.get((was, claim.real))
-            if outcome is not None:
+            if (outcome := _OUTCOMES.get((was, claim.real))) is not None:
                 lines.append(
                     f"aMussel {agent_id} was {was}, and {claim.node} claims it as {what} now: {outcome}"
                 )

@@ -53,7 +53,7 @@ class SimulatedStack(ABC, Generic[PublishedT]):
 
     @property
     def battery_percent(self) -> float:
-        return 100 * self._apad.battery_fraction
+        return 100 * self._apad.battery.fraction
 
     def advance(self, now_ms: int) -> list[PublishedT]:
         """The messages to publish up to and including `now_ms`, in order. ValueError when time went back."""

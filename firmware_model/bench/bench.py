@@ -122,8 +122,7 @@ class Bench:
         return self.trace[done:]
 
     def _reset_if_due(self) -> None:
-        cause = self.board.reset_due
-        if cause is not None:
+        if (cause := self.board.reset_due) is not None:
             self.reset(cause)
 
     def tell(self, stimulus: Stimulus) -> list[Action]:
@@ -182,8 +181,7 @@ class Bench:
         self.trace += actions
         primary, secondary = self.board.primary, self.board.secondary
         if not self.courses or self.courses[-1][1] is not primary or self.courses[-1][2] is not secondary:
-            from_ms = max(primary.anchor_ms, secondary.anchor_ms)
-            self.courses.append((from_ms, primary, secondary))
+            self.courses.append((max(primary.anchor_ms, secondary.anchor_ms), primary, secondary))
         if self.ledger is not None:
             self.ledger.take(actions)
         for action in actions:

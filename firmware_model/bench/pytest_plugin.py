@@ -70,8 +70,7 @@ def make_bench(
     """
     if sleep not in CYCLES:
         raise ValueError(f"sleep: {sleep!r} is none of {', '.join(CYCLES)}")
-    unknown = [name for name in kept_on if name.upper() not in Rail.__members__]
-    if unknown:
+    if unknown := [name for name in kept_on if name.upper() not in Rail.__members__]:
         raise ValueError(f"kept_on: {unknown[0]!r} is none of {', '.join(Rail.__members__).lower()}")
     if last_resort.upper() not in LastResort.__members__:
         raise ValueError(

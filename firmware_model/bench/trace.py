@@ -74,17 +74,19 @@ def line(action: Action) -> str:
             return f"{clock(at_ms)}      dropped: {reason}"
 
 
+_SAMPLE_MS = 60_000
+
+
 def vcd(
     trace: Iterable[Action],
     courses: Sequence[tuple[int, Battery, Battery]],
     model: ChargeModel,
     until_ms: int,
-    sample_ms: int = 60_000,
     told: Iterable[tuple[int, Stimulus]] = (),
 ) -> str:
     """A VCD of states, rails, feed, batteries, pins and packets up to `until_ms`, in steps of a millisecond of agent time.
 
-    `courses` are (from ms, primary, secondary), as `Bench.courses` keeps them; charges are sampled every `sample_ms` and at
+    `courses` are (from ms, primary, secondary), as `Bench.courses` keeps them; charges are sampled every minute and at
     the start of each course. `told` are the stimuli, as `Bench.told` keeps them.
     """
     changes = [change for at_ms, stimulus in told for change in _inputs(at_ms, stimulus)]
@@ -106,7 +108,7 @@ def vcd(
                 changes.append((at_ms, f"s{Rail.MODEM_TRANSMITTING.name}:answer T"))
             case SendLog(at_ms):
                 changes.append((at_ms, f"s{Rail.WIFI.name}:log T"))
-    changes += _charges(courses, model, until_ms, sample_ms)
+    changes += _charges(courses, model, until_ms)
     lines = [*_header(), "$dumpvars", f"s{State.OFF.name} S", f"s{ActiveBattery.PRIMARY.name} F"]
     lines += [f"0{_rail_id(rail)}" for rail in Rail] + ["0C", "0U", "$end"]
     now_ms = -1
@@ -160,13 +162,13 @@ def _header() -> list[str]:
 
 
 def _charges(
-    courses: Sequence[tuple[int, Battery, Battery]], model: ChargeModel, until_ms: int, sample_ms: int
+    courses: Sequence[tuple[int, Battery, Battery]], model: ChargeModel, until_ms: int
 ) -> list[tuple[int, str]]:
     changes: list[tuple[int, str]] = []
     ends = [from_ms for from_ms, _, _ in courses[1:]] + [until_ms + 1]
     for (from_ms, primary, secondary), end_ms in zip(courses, ends, strict=True):
-        first_ms = (from_ms // sample_ms + 1) * sample_ms
-        for at_ms in (from_ms, *range(first_ms, end_ms, sample_ms)):
+        first_ms = (from_ms // _SAMPLE_MS + 1) * _SAMPLE_MS
+        for at_ms in (from_ms, *range(first_ms, end_ms, _SAMPLE_MS)):
             changes.append((at_ms, f"r{fraction(model.charge_at(primary, at_ms)):.9g} P"))
             changes.append((at_ms, f"r{fraction(model.charge_at(secondary, at_ms)):.9g} Q"))
     return changes

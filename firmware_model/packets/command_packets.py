@@ -7,6 +7,7 @@ time.
 from __future__ import annotations
 
 import struct
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, ClassVar, Self
@@ -65,38 +66,38 @@ class Threshold(IntEnum):
 _THRESHOLDS = {int(which): which for which in Threshold}
 
 
-class _Numbers:
-    """A command whose arguments are whole numbers; they are packed unchanged, in the order of its fields."""
+class _Arguments:
+    """A command with arguments: whole numbers, packed in the order of its fields."""
 
     __slots__ = ()
     VERSION: ClassVar[int] = 2
-    KIND: ClassVar[Kind]
+    kind: ClassVar[Kind]
     FORMAT: ClassVar[struct.Struct]
     __match_args__: ClassVar[tuple[str, ...]]
 
-    @property
-    def kind(self) -> Kind:
-        return self.KIND
-
     def encode(self) -> bytes:
-        """Raises struct.error for a number outside the range of its field."""
-        numbers = [getattr(self, name) for name in self.__match_args__]
-        return sealed(self.FORMAT.pack(self.VERSION, self.KIND, *numbers))
+        """Raises struct.error for an argument outside the range of its field."""
+        return sealed(self.FORMAT.pack(self.VERSION, self.kind, *self._numbers()))
 
     @classmethod
     def decode_body(cls, body: bytes) -> Self | None:
-        if len(body) != cls.FORMAT.size:
-            return None
+        return cls._of(*cls.FORMAT.unpack(body)[2:]) if len(body) == cls.FORMAT.size else None
+
+    def _numbers(self) -> Sequence[int]:
+        return [getattr(self, name) for name in self.__match_args__]
+
+    @classmethod
+    def _of(cls, *numbers: Any) -> Self | None:
         subclass: Any = cls  # the fields are the subclass's
-        command: Self = subclass(*cls.FORMAT.unpack(body)[2:])
+        command: Self = subclass(*numbers)
         return command
 
 
 @dataclass(frozen=True, slots=True)
-class SleepSchedule(_Numbers):
+class SleepSchedule(_Arguments):
     """Wake every `alarm_ms` (at whole multiples of it) for `wake_ms`."""
 
-    KIND: ClassVar[Kind] = Kind.SLEEP_SCHEDULE
+    kind: ClassVar[Kind] = Kind.SLEEP_SCHEDULE
     FORMAT: ClassVar[struct.Struct] = struct.Struct("<BBHII")
 
     agent_id: int
@@ -105,11 +106,11 @@ class SleepSchedule(_Numbers):
 
 
 @dataclass(frozen=True, slots=True)
-class SlotAssignment(_Numbers):
+class SlotAssignment(_Arguments):
     """Assigns timeslot `index` of every frame: transmit `guard_ms` after it opens, plus `offset_ms` (negative for earlier),
     so that the packet arrives in the timeslot."""
 
-    KIND: ClassVar[Kind] = Kind.SLOT_ASSIGNMENT
+    kind: ClassVar[Kind] = Kind.SLOT_ASSIGNMENT
     FORMAT: ClassVar[struct.Struct] = struct.Struct("<BBHIIHHi")
 
     agent_id: int
@@ -121,10 +122,10 @@ class SlotAssignment(_Numbers):
 
 
 @dataclass(frozen=True, slots=True)
-class Beacon(_Numbers):
+class Beacon(_Arguments):
     """The aPad's clock shows `agent_ms` when this packet ends."""
 
-    KIND: ClassVar[Kind] = Kind.BEACON
+    kind: ClassVar[Kind] = Kind.BEACON
     FORMAT: ClassVar[struct.Struct] = struct.Struct("<BBHQ")
 
     agent_id: int
@@ -132,10 +133,10 @@ class Beacon(_Numbers):
 
 
 @dataclass(frozen=True, slots=True)
-class LogAck(_Numbers):
+class LogAck(_Arguments):
     """Every record of the log below `next_sequence` is stored elsewhere."""
 
-    KIND: ClassVar[Kind] = Kind.LOG_ACK
+    kind: ClassVar[Kind] = Kind.LOG_ACK
     FORMAT: ClassVar[struct.Struct] = struct.Struct("<BBHI")
 
     agent_id: int
@@ -143,60 +144,42 @@ class LogAck(_Numbers):
 
 
 @dataclass(frozen=True, slots=True)
-class HoverAt:
+class HoverAt(_Arguments):
     """Hold this depth, in steps of a quarter of a metre down to 63.75 m, so that a v2 modem can carry the packet."""
 
-    VERSION: ClassVar[int] = 2
-    KIND: ClassVar[Kind] = Kind.HOVER
+    kind: ClassVar[Kind] = Kind.HOVER
     FORMAT: ClassVar[struct.Struct] = struct.Struct("<BBHB")
 
     agent_id: int
     depth_m: float
 
-    @property
-    def kind(self) -> Kind:
-        return self.KIND
-
-    def encode(self) -> bytes:
-        """Raises struct.error for a depth outside 0 to 63.75 m."""
-        return sealed(self.FORMAT.pack(self.VERSION, self.KIND, self.agent_id, round(self.depth_m * 4)))
+    def _numbers(self) -> Sequence[int]:
+        return self.agent_id, round(self.depth_m * 4)
 
     @classmethod
-    def decode_body(cls, body: bytes) -> HoverAt | None:
-        if len(body) != cls.FORMAT.size:
-            return None
-        _, _, agent_id, depth = cls.FORMAT.unpack(body)
+    def _of(cls, *numbers: Any) -> Self | None:
+        agent_id, depth = numbers
         return cls(agent_id, depth / 4)
 
 
 @dataclass(frozen=True, slots=True)
-class SetThreshold:
+class SetThreshold(_Arguments):
     """Set a threshold; `value` is a charge in [0, 1], in steps of 1/65535."""
 
-    VERSION: ClassVar[int] = 2
-    KIND: ClassVar[Kind] = Kind.SET_THRESHOLD
+    kind: ClassVar[Kind] = Kind.SET_THRESHOLD
     FORMAT: ClassVar[struct.Struct] = struct.Struct("<BBHBH")
 
     agent_id: int
     which: Threshold
     value: float
 
-    @property
-    def kind(self) -> Kind:
-        return self.KIND
-
-    def encode(self) -> bytes:
-        """Raises struct.error for a value outside [0, 1]."""
-        value = round(self.value * CHARGE_STEPS)
-        return sealed(self.FORMAT.pack(self.VERSION, self.KIND, self.agent_id, self.which, value))
+    def _numbers(self) -> Sequence[int]:
+        return self.agent_id, self.which, round(self.value * CHARGE_STEPS)
 
     @classmethod
-    def decode_body(cls, body: bytes) -> SetThreshold | None:
-        if len(body) != cls.FORMAT.size:
-            return None
-        _, _, agent_id, which, value = cls.FORMAT.unpack(body)
-        known = _THRESHOLDS.get(which)
-        return None if known is None else cls(agent_id, known, value / CHARGE_STEPS)
+    def _of(cls, *numbers: Any) -> Self | None:
+        agent_id, which, value = numbers
+        return cls(agent_id, _THRESHOLDS[which], value / CHARGE_STEPS) if which in _THRESHOLDS else None
 
 
 Command = CommandPacket | SleepSchedule | SlotAssignment | Beacon | LogAck | HoverAt | SetThreshold

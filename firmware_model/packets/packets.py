@@ -24,8 +24,9 @@ Packet = StatusPacket | ShortStatus | LogRecords | Command
 _BY_HEAD: dict[tuple[int, int], Callable[[bytes], Packet | None]] = {
     **{
         (kind.VERSION, kind.KIND): kind.decode_body
-        for kind in (StatusPacket, AcousticStatus, WifiStatus, LogRecords, *command_packets.WITH_ARGUMENTS)
+        for kind in (StatusPacket, AcousticStatus, WifiStatus, LogRecords)
     },
+    **{(it.VERSION, it.kind): it.decode_body for it in command_packets.WITH_ARGUMENTS},
     **dict.fromkeys(command_packets.PLAIN, command_packets.decode_plain),
 }
 """The decoders, by version and kind."""

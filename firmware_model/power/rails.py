@@ -119,8 +119,7 @@ class Loads:
     @classmethod
     def from_minutes(cls, per_minute: dict[Rail, float]) -> Loads:
         """Makes loads of scaled voltage a simulated minute. ValueError if a rail is missing."""
-        missing = [rail.name for rail in Rail if rail not in per_minute]
-        if missing:
+        if missing := [rail.name for rail in Rail if rail not in per_minute]:
             raise ValueError(f"no load is given for {', '.join(missing)}")
         return cls(tuple(grains_per_ms(per_minute[rail]) for rail in Rail))
 

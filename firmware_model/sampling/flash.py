@@ -105,8 +105,7 @@ def first_in(flash: Flash, ring: Ring, page: int) -> int | None:
 def _unwritable(flash: Flash, ring: Ring, sequence: int) -> int:
     """The number of records from `sequence` on that cannot be written, because their bytes are not erased."""
     page, before = ring.page(sequence), sequence % ring.records_a_page
-    first = first_in(flash, ring, page)
-    if first is not None and first != sequence - before:
+    if (first := first_in(flash, ring, page)) is not None and first != sequence - before:
         return -before % ring.records_a_page  # the page was never erased for them
     used = len(_written(flash, ring, page)) - before
     # Several unreadable records and no whole one before them are of the ring's former round: the page is erased as usual.

@@ -18,7 +18,7 @@ from apad_bridge.records.bag import RecordedConnection, RecordedMessage
 from apad_bridge.records.bag_messages import typestore
 from apad_bridge.scenario.schema import APad
 from apad_bridge.vehicle.commands import GoTo, Hold
-from apad_bridge.vehicle.generation_a.messages import GO_TO, PERCH, RELEASE
+from apad_bridge.vehicle.generation_a.messages import GO_TO, PERCH, RELEASE, GoalOrder
 from apad_bridge.vehicle.generation_b.messages import DockingOrder, PrimitiveStatus
 from apad_bridge.vehicle.stack_messages import BatteryReceived
 from apad_bridge.world.apad.apad import SimulatedAPad
@@ -140,7 +140,7 @@ class Recorder:
             RecordedMessage(connection, round(1e9 * (EPOCH_S + at_ms / 1000 + late_s)), bytes(data))
         )
 
-    def goal(self, at_ms: int, goal: of_a.ActionGoal) -> None:
+    def goal(self, at_ms: int, goal: GoalOrder) -> None:
         here = pose(goal.north_m, goal.east_m)
         inner = made("apad/aPadGoal", goal.kind, here, goal.name, here)
         goal_id = made("actionlib_msgs/GoalID", self._time(at_ms), goal.key)
@@ -194,7 +194,7 @@ def of_generation_a(
         nonlocal number, now_ms
         number += 1
         key = f"goal {number}"
-        goal = of_a.ActionGoal(key, kind, north_m, east_m, name)
+        goal = GoalOrder(key, kind, north_m, east_m, name)
         recorder.goal(now_ms, goal)
         told = recorder.take(apad.receive(goal, now_ms))
         for _ in range(6000):

@@ -27,6 +27,7 @@ from apad_bridge.vehicle.commands import (
     GoTo,
     Hold,
     OpenDock,
+    PoseReported,
     Primitive,
     Stop,
     VehicleCommand,
@@ -57,7 +58,7 @@ from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.guards.guarded_vehicle import GuardedVehicle
 from apad_bridge.vehicle.link import Cleared, LinkFact
 from apad_bridge.vehicle.outcomes import Outcome, PrimitiveFailed
-from apad_bridge.vehicle.stack_messages import BatteryReceived, PoseReceived
+from apad_bridge.vehicle.stack_messages import BatteryReceived
 from apad_bridge.world.apad.apad import SimulatedAPad
 from apad_bridge.world.apad.docks import Misses
 from apad_bridge.world.apad.kinematics import Pose
@@ -75,12 +76,12 @@ AWAY_M = 8.0
 """The first go-to's least length: after 12 s at 0.5 m/s the vehicle is still under way."""
 ARRIVED_TICKS = 100
 
-Shift = Callable[[Pose, int], PoseReceived | None]
+Shift = Callable[[Pose, int], PoseReported | None]
 """The pose that the vehicle publishes at a time: the truth, another one, or none."""
 
 
-def truly(pose: Pose, at_ms: int) -> PoseReceived | None:
-    return PoseReceived(at_ms, pose.north_m, pose.east_m, pose.heading_rad)
+def truly(pose: Pose, at_ms: int) -> PoseReported | None:
+    return PoseReported(at_ms, pose.north_m, pose.east_m, pose.heading_rad)
 
 
 GUARDS = GuardOptions(clearance_m=2.0, battery_reserve=0.1, leg_s=240.0)
@@ -193,7 +194,7 @@ class LinkToA(SimulatedLink):
         self._tell(seen, self._now_ms)
         self._active.append(key)
         self._receive(
-            self._vehicle.receive(shown_a.ActionGoal(key, GO_TO, north_m, east_m, ""), self._now_ms),
+            self._vehicle.receive(GoalOrder(key, GO_TO, north_m, east_m, ""), self._now_ms),
             self._now_ms,
         )
 
@@ -215,7 +216,7 @@ class LinkToA(SimulatedLink):
             self._goal = order
         else:
             self.observer.take_other(now_ms, order.name)
-        goal = shown_a.ActionGoal(order.key, order.kind, order.north_m, order.east_m, order.name)
+        goal = GoalOrder(order.key, order.kind, order.north_m, order.east_m, order.name)
         self._active.append(order.key)
         self._report(GoalStatusEntry(order.key, GoalCode.ACTIVE), now_ms)
         self._receive(self._vehicle.receive(goal, now_ms), now_ms)
@@ -430,7 +431,7 @@ def jumping_position(bench: Bench, rng: random.Random) -> None:
     off_m = (rng.uniform(12, 25) * rng.choice((-1, 1)), rng.uniform(12, 25) * rng.choice((-1, 1)))
     since_ms = bench.now_ms
 
-    def shift(pose: Pose, at_ms: int) -> PoseReceived | None:
+    def shift(pose: Pose, at_ms: int) -> PoseReported | None:
         is_far = (at_ms - since_ms) // 4_000 % 2 == 0
         return truly(moved(pose, off_m) if is_far else pose, at_ms)
 

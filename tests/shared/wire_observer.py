@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.vehicle.stack_messages import PoseReceived
+from apad_bridge.vehicle.commands import PoseReported
 
 SIDE_M = 60.0
 FENCE = ((0.0, 0.0), (SIDE_M, 0.0), (SIDE_M, SIDE_M), (0.0, SIDE_M))
@@ -26,7 +26,7 @@ class Observer:
 
     age_ms: int
     frozen_limit_ms: int
-    heard: PoseReceived | None = None
+    heard: PoseReported | None = None
     """The newest position that left the vehicle and is finite."""
     bad_from_ms: float = math.inf
     """From then on the positions that leave the vehicle are wrong, and the limits to notice that are over."""
@@ -53,7 +53,7 @@ class Observer:
             round(1000 * flown.guards.position_age_s), round(1000 * flown.guards.frozen_s), stop_m=stop_m
         )
 
-    def hear(self, pose: PoseReceived) -> None:
+    def hear(self, pose: PoseReported) -> None:
         if not (math.isfinite(pose.north_m) and math.isfinite(pose.east_m)):
             return
         before, here_m = self.heard, (pose.north_m, pose.east_m)

@@ -351,8 +351,7 @@ class AnswerReader:
         self._skip_noise()
         taken = bytes(self._bytes)
         if taken[:2] in (b"#B", b"#U"):
-            head = _MESSAGE.match(taken)
-            if head is not None:
+            if (head := _MESSAGE.match(taken)) is not None:
                 return self._message(taken, head)
             if len(taken) < (7 if taken[1:2] == b"B" else 4):
                 return None

@@ -60,8 +60,7 @@ def _panel(panel: Any, name: str, bins: dict[str, Score]) -> None:
                 color=_COUNT,
             )
     covered = [(place, score.coverage) for place, score in zip(places, bins.values(), strict=True)]
-    known = [(place, coverage) for place, coverage in covered if coverage is not None]
-    if known:
+    if known := [(place, coverage) for place, coverage in covered if coverage is not None]:
         other = panel.twinx()
         other.plot(*zip(*known, strict=True), "o", color=_COVERAGE, markersize=5)
         other.axhline(_WANTED, color=_COVERAGE, linewidth=0.8, linestyle="--")

@@ -66,11 +66,13 @@ class Scores:
         )
         for head, group in groups.items():
             bins |= {f"{head} {name}": score for name, score in group.items()}
-        return {name: score for name, score in bins.items() if _is_overconfident(score)}
-
-
-def _is_overconfident(score: Score) -> bool:
-    return score.samples >= _ENOUGH_SAMPLES and score.coverage is not None and score.coverage < LOW_COVERAGE
+        return {
+            name: score
+            for name, score in bins.items()
+            if score.samples >= _ENOUGH_SAMPLES
+            and score.coverage is not None
+            and score.coverage < LOW_COVERAGE
+        }
 
 
 def scores_of(rows: Iterable[BeliefComparison]) -> Scores | None:
@@ -80,8 +82,7 @@ def scores_of(rows: Iterable[BeliefComparison]) -> Scores | None:
         return None
     names = [name for _, name in AGES_H] + [OLDER]
     by_mode = _by(comparisons, lambda row: row.mode.name.lower().replace("_", " "), str)
-    released = [row for row in comparisons if row.is_released]
-    if released:
+    if released := [row for row in comparisons if row.is_released]:
         by_mode[RELEASED] = _score(released)
     secondary = [(row, row.secondary) for row in comparisons if row.secondary is not None]
     return Scores(

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from agents.fleet import FleetConfig
@@ -30,11 +30,10 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from firmware_model.actions import Action, RunBuoyancy, SetRail
 from firmware_model.packets.codec import Codec
-from firmware_model.power.charge import Battery, ChargeModel, Flow, fraction
+from firmware_model.power.charge import ChargeModel, Flow, fraction
 from firmware_model.power.energy_ledger import EnergyLedger
 from firmware_model.power.rails import Rail, bits
 from firmware_model.sampling.flash import Flash, MemoryFlash
-from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
 
 _MS_PER_HOUR = 3_600_000
@@ -180,7 +179,8 @@ class _Metered(Agent):
         whole = config.board.whole
         self._ledger = None if whole is None else EnergyLedger(whole.power.loads, 0)
         self._rails = 0
-        self._motors = _Drawn()
+        self._motors: Counter[str] = Counter()
+        """Grains of motor runs, by the state that began with one."""
         self.switched: list[tuple[int, int]] = []
         """(agent ms, set of rails) after each switch."""
         super().__init__(config, codec, physical, 0, ResetCause.POWER_ON, flash)
@@ -203,24 +203,22 @@ class _Metered(Agent):
         elif self.config.board.motor_run:
             for action in actions:
                 if isinstance(action, RunBuoyancy):
-                    self._motors.add_run(self.board.state, self.config.board.motor_run)
+                    self._motors[self.board.state.name] += self.config.board.motor_run
         return super()._carry_out(actions)
 
     def energy(self, run: _SecondRun) -> AgentEnergy:
         agent_id, charge = self.config.board.agent_id, self.config.board.charge
         if self._ledger is None:
-            drawn = _Drawn()
-            for truth, end_ms in _spans(run.truths, run.until_ms):
-                drawn.add(truth, end_ms, charge)
-            by_module = {BOARD: fraction(sum(drawn.grains.values()))}
-            if self._motors.grains:
-                by_module[MOTORS] = fraction(sum(self._motors.grains.values()))
-            by_state, hours = dict(Counter(drawn.grains) + Counter(self._motors.grains)), drawn.ms
+            drawn, hours = _drawn(run, charge)
+            by_module = {BOARD: fraction(drawn.total())}
+            if self._motors:
+                by_module[MOTORS] = fraction(self._motors.total())
+            by_state = drawn + self._motors
         else:
             self._ledger.settle(run.until_ms)
             by_module = {it.name.lower(): fraction(n) for it, n in self._ledger.by_rail().items()}
-            by_state = {it.name: n for it, n in self._ledger.by_state().items()}
-            hours = {it.name: n for it, n in self._ledger.state_ms().items() if n}
+            by_state = Counter({it.name: n for it, n in self._ledger.by_state().items()})
+            hours = Counter({it.name: n for it, n in self._ledger.state_ms().items() if n})
         return AgentEnergy(
             agent_id,
             by_module,
@@ -230,36 +228,18 @@ class _Metered(Agent):
         )
 
 
-@dataclass
-class _Drawn:
+def _drawn(run: _SecondRun, charge: ChargeModel) -> tuple[Counter[str], Counter[str]]:
     """Grains and time by state, from truths: of the paper's worst case, which has no modules."""
-
-    grains: dict[str, int] = field(default_factory=dict)
-    ms: dict[str, int] = field(default_factory=dict)
-
-    def add(self, truth: Truth, end_ms: int, charge: ChargeModel) -> None:
+    grains: Counter[str] = Counter()
+    ms: Counter[str] = Counter()
+    ends = [*(it.at_ms for it in run.truths[1:]), run.until_ms]
+    for truth, end_ms in zip(run.truths, ends, strict=True):
         name, physical = truth.state.name, truth.physical
-
-        def fallen(battery: Battery) -> int:
-            if battery.flow is not Flow.DISCHARGING:
-                return 0
-            return charge.charge_at(battery, truth.at_ms) - charge.charge_at(battery, end_ms)
-
-        both = fallen(physical.primary) + fallen(physical.secondary)
-        self._take(name, both)
-        self.ms[name] = self.ms.get(name, 0) + end_ms - truth.at_ms
-
-    def add_run(self, state: State, grains: int) -> None:
-        """Adds a motor run, with which this state began."""
-        self._take(state.name, grains)
-
-    def _take(self, name: str, grains: int) -> None:
-        self.grains[name] = self.grains.get(name, 0) + grains
-
-
-def _spans(truths: list[Truth], until_ms: int) -> Iterator[tuple[Truth, int]]:
-    ends = [*(it.at_ms for it in truths[1:]), until_ms]
-    return zip(truths, ends, strict=True)
+        for battery in (physical.primary, physical.secondary):
+            if battery.flow is Flow.DISCHARGING:
+                grains[name] += charge.charge_at(battery, truth.at_ms) - charge.charge_at(battery, end_ms)
+        ms[name] += end_ms - truth.at_ms
+    return grains, ms
 
 
 def _is_same_course(truths: Iterable[Truth], recorded: list[Truth]) -> bool:

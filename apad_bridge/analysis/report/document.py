@@ -15,7 +15,6 @@ from typing import Any, NamedTuple
 from apad_bridge.analysis.belief_scores import figure as belief_figure
 from apad_bridge.analysis.belief_scores.scores import Score
 from apad_bridge.analysis.energy.energy import AgentEnergy, summed
-from apad_bridge.analysis.replay.history import ToldEvent
 from apad_bridge.analysis.report import figures
 from apad_bridge.analysis.report.contents import RunReport
 from apad_bridge.scenario.text_file import write_atomically
@@ -192,15 +191,15 @@ def _score_row(name: str, score: Score) -> list[str]:
 
 def _trouble_table(report: RunReport) -> Table:
     rows = [
-        (clock(fault.at_ms), fault.text, "; ".join(f"{_later(it, fault)} {it.text}" for it in followed))
+        (
+            clock(fault.at_ms),
+            fault.text,
+            "; ".join(f"+{(it.at_ms - fault.at_ms) / 1000:.0f} s {it.text}" for it in followed),
+        )
         for fault, followed in report.troubles
     ]
     note = "None." if not rows else f"and {report.more_troubles} more" if report.more_troubles else ""
     return Table("Faults and what followed", ("mission time", "fault", "what followed"), rows, note)
-
-
-def _later(event: ToldEvent, fault: ToldEvent) -> str:
-    return f"+{(event.at_ms - fault.at_ms) / 1000:.0f} s"
 
 
 def clock(at_ms: int) -> str:

@@ -132,8 +132,7 @@ def run_conform(arguments: argparse.Namespace) -> int:
     console = Console(stderr=arguments.json)
     cost = arguments.cost, arguments.seed
     results = []
-    cases = _cases(arguments)
-    for case in track(cases, "cases", console=console, transient=True, disable=arguments.json):
+    for case in track(_cases(arguments), "cases", console=console, transient=True, disable=arguments.json):
         try:
             result = _judged(program, case, waivers, *cost)
         except ValueError as error:

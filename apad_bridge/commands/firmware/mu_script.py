@@ -79,8 +79,7 @@ class MuScript:
 
     def __post_init__(self) -> None:
         capacity_left(self.cycles, self.years)
-        unknown = [name for name in self.kept_on if name.upper() not in Rail.__members__]
-        if unknown:
+        if unknown := [name for name in self.kept_on if name.upper() not in Rail.__members__]:
             raise ValueError(
                 f"kept_on: no rail is called {unknown[0]!r}; there are {', '.join(Rail.__members__).lower()}"
             )
@@ -150,8 +149,7 @@ def play(script: MuScript) -> Bench:
     bench = Bench(config_of(script), primary=script.primary, secondary=script.secondary)
     end_ms = round(script.hours * 3_600_000)
     for hours, fact in sorted(script.tell, key=lambda it: it[0]):
-        at_ms = round(hours * 3_600_000)
-        if at_ms <= end_ms:
+        if (at_ms := round(hours * 3_600_000)) <= end_ms:
             bench.run_until(at_ms)
             _stimulate(bench, fact)
     bench.run_until(end_ms)

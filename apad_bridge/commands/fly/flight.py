@@ -46,8 +46,7 @@ class Script:
 
 def _refuse_several(live: Sequence[Service], scenario: Scenario) -> None:
     """UserError for a scenario of several aPads, where a service follows one of them."""
-    names = [it.name for it in live if not it.serves_several]
-    if names and scenario.apads:
+    if (names := [it.name for it in live if not it.serves_several]) and scenario.apads:
         raise UserError(
             f"--{names[0]} shows one aPad, and the scenario names several: start `musselbed {names[0]} RUN/NAME` "
             "beside the run"

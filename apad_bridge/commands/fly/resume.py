@@ -55,8 +55,7 @@ def run(arguments: argparse.Namespace) -> int:
     path = arguments.directory
     try:
         directory = RunDirectory.open(path)
-        run_format = format_of(directory.journal)
-        if run_format != FORMAT_VERSION:
+        if (run_format := format_of(directory.journal)) != FORMAT_VERSION:
             raise UserError(
                 f"{directory.journal} has format {run_format}, and this version resumes format {FORMAT_VERSION} alone: "
                 f"resume the run with the version that began it ({directory.versions})"

@@ -61,7 +61,13 @@ def run(arguments: argparse.Namespace) -> int:
             broken |= broken_rules(directory)
     print_result(
         arguments.json,
-        {str(path): [_as_json(it) for it in each] for path, each in broken.items()},
+        {
+            str(path): [
+                {"rule": it.rule, "reason": it.reason, "lines": [entry.line for entry in it.entries]}
+                for it in each
+            ]
+            for path, each in broken.items()
+        },
         lambda: print_rules(broken, sys.stdout),
     )
     return exit_of_rules(broken)
@@ -143,10 +149,6 @@ def broken_rules(directory: Path) -> dict[Path, list[Broken]]:
         return {each: check_run(RunDirectory.open(each)) for each in _runs_in(directory)}
     except (RunDirectoryError, ScenarioError, OSError) as error:
         raise UserError(str(error)) from error
-
-
-def _as_json(it: Broken) -> dict[str, Any]:
-    return {"rule": it.rule, "reason": it.reason, "lines": [entry.line for entry in it.entries]}
 
 
 def print_rules(broken: Mapping[Path, list[Broken]], to: TextIO) -> None:

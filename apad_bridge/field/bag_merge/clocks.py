@@ -113,8 +113,7 @@ def _steps_by_blocks(offsets: Floats, block: int) -> list[int]:
 
 def _steps(offsets: Floats) -> list[int]:
     """The first value after each step: the median of the next values differs from that of the last ones."""
-    count = len(offsets)
-    if count < 2 * _SIDE:
+    if len(offsets) < 2 * _SIDE:
         return []
     windows = np.lib.stride_tricks.sliding_window_view(offsets, _SIDE)
     medians = np.median(windows, axis=1)

@@ -102,8 +102,7 @@ def figures_of(path: Path) -> RunFigures | None:
         connection = message.connection
         if connection.kind not in (*uptimes, EVENT):
             continue
-        read = types.read(message)
-        (events if connection.kind == EVENT else uptimes[connection.kind]).take(read)
+        (events if connection.kind == EVENT else uptimes[connection.kind]).take(types.read(message))
     name = next((name for name, kind in _SAMPLES.items() if uptimes[kind].seen), None)
     if name is None and not events.events:
         return None
@@ -126,8 +125,7 @@ def figures_of(path: Path) -> RunFigures | None:
 
 def _missing(times_ms: set[int]) -> int:
     """Number of missing samples, by the most frequent period between samples."""
-    ordered = sorted(times_ms)
-    spans = Counter(after - before for before, after in pairwise(ordered))
+    spans = Counter(after - before for before, after in pairwise(sorted(times_ms)))
     if not spans:
         return 0
     period_ms, _ = spans.most_common(1)[0]

@@ -106,8 +106,7 @@ def match(first: Recording, second: Recording) -> Matching:
         partner[place] = mate
     matching = Matching(first, second, offset, ())
     for key, places in there.items():
-        mates = here.get(key, [])
-        if mates and not len(places) == 1 == len(mates):
+        if (mates := here.get(key, [])) and not len(places) == 1 == len(mates):
             _pair_by_time(matching, mates, places, partner)
     return Matching(first, second, offset, tuple(partner))
 

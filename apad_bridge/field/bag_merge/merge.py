@@ -153,8 +153,7 @@ def _write(matching: Matching, path: Path) -> int:
 
     try:
         for place, message in enumerate(recorded_messages(matching.second.path)):
-            mate = matching.partner[place]
-            if mate >= 0:
+            if (mate := matching.partner[place]) >= 0:
                 written += sum(1 for _ in write_first_up_to(mate))
             else:
                 write(message.connection, round(1e9 * matching.first_times_s(place)), message.data)

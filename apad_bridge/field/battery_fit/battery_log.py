@@ -210,8 +210,7 @@ def _unit_in(name: str, units: tuple[str, ...]) -> str | None:
         return "ns" if "ns" in units else None
     words: list[str] = re.findall(r"[a-z]+|%", name.lower())
     for word in reversed(words):
-        unit = _UNIT_WORDS.get(word, word)
-        if unit in units:
+        if (unit := _UNIT_WORDS.get(word, word)) in units:
             return unit
     return None
 

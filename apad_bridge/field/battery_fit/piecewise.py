@@ -66,8 +66,7 @@ def fit(x: Floats, y: Floats, segments: int) -> Piecewise:
     if (apart := _as_separate_lines(trial, segments)) is not None:
         starts.append(_exchange(trial, apart))
     inner = min((_refine(trial, start) for start in starts), key=trial.squares)
-    knots = np.array([0.0, *inner, 1.0])
-    _, values = trial.solve(knots)
+    _, values = trial.solve(np.array([0.0, *inner, 1.0]))
     at = [float(x[0]), *(float(x[0]) + span * knot for knot in inner), float(x[-1])]
     return Piecewise(tuple(at), tuple(float(value) for value in values))
 
@@ -184,8 +183,7 @@ def _refine(trial: _Trial, inner: tuple[float, ...]) -> tuple[float, ...]:
                 other = tuple(at + by if n in group else at for n, at in enumerate(inner))
                 if not all(a < b for a, b in zip((0.0, *other), (*other, 1.0), strict=True)):
                     continue
-                squares = trial.squares(other)
-                if squares < best * _GAIN:
+                if (squares := trial.squares(other)) < best * _GAIN:
                     inner, best, moved = other, squares, True
         if not moved:
             step /= 2

@@ -98,8 +98,7 @@ def calibrate(
     found = Calibration()
     logs = [it.log for it in recordings]
     found.notes += [line for log in logs for line in log.missing]
-    legs = [leg for log in logs for leg in legs_of(log)]
-    _motion(found, logs, legs, scenario.apad.max_speed_m_s)
+    _motion(found, logs, [leg for log in logs for leg in legs_of(log)], scenario.apad.max_speed_m_s)
     _docking(found, logs)
     _drift(found, logs, adrift_s)
     moved = with_block(scenario, found.block)

@@ -160,8 +160,7 @@ class FactReader:
     # The aPad, both generations.
 
     def _position(self, at_s: float, told: Any) -> Iterator[LoggedFact]:
-        place_m = _finite(told.position.north, told.position.east)
-        yield Posed(at_s, Teller.VEHICLE, _stamp_s(told), place_m)
+        yield Posed(at_s, Teller.VEHICLE, _stamp_s(told), _finite(told.position.north, told.position.east))
 
     def _battery(self, at_s: float, told: Any) -> Iterator[LoggedFact]:
         (percent,) = _finite(told.data)
@@ -267,8 +266,7 @@ class FactReader:
 
     def _sound(self, at_s: float, told: Any) -> Iterator[LoggedFact]:
         (range_m,) = _finite(told.range)
-        outcome = told.message.partition(" ")[0]
-        if outcome not in _DEAF:
+        if (outcome := told.message.partition(" ")[0]) not in _DEAF:
             yield SoundEnded(at_s, range_m, outcome == _RECEIVED)
 
     # A supervisor of ours.
@@ -329,5 +327,4 @@ def _finite(*numbers: float) -> tuple[Any, ...]:
 
 def _stamp_s(told: Any) -> float | None:
     stamp = told.header.stamp
-    at_s = float(stamp.sec + stamp.nanosec / 1e9)
-    return at_s or None
+    return float(stamp.sec + stamp.nanosec / 1e9) or None

@@ -126,8 +126,7 @@ def vehicle_log(name: str, facts: Sequence[LoggedFact], missing: Iterable[str] =
 
 def _better(told: list[Told]) -> list[Told]:
     """The vehicle's own word, or else that of a supervisor."""
-    own = [it for it in told if it.teller is Teller.VEHICLE]
-    return own or told
+    return [it for it in told if it.teller is Teller.VEHICLE] or told
 
 
 def _track(poses: list[Posed]) -> Track:
@@ -161,8 +160,7 @@ def _works(facts: Iterable[LoggedFact]) -> tuple[list[Done], list[Done]]:
 
     for it in facts:
         if isinstance(it, WorkBegan):
-            before = running.pop(it.teller, None)
-            if before is not None and before.key != it.key:
+            if (before := running.pop(it.teller, None)) is not None and before.key != it.key:
                 end(before, it.at_s, is_done=False, missed=False)
             running[it.teller] = it
         elif isinstance(it, WorkEnded):

@@ -92,7 +92,11 @@ class ClaimBoard:
                 presence = presence_of(agent_id)
                 if claim.real and presence in (Presence.SIMULATED, Presence.RETIRED):
                     changes.append(PresenceRequest(agent_id, PresenceTrigger.HAND_OVER, claim.node))
-                elif not claim.real and presence is Presence.SIMULATED and self._yields_to(claim):
+                elif (
+                    not claim.real
+                    and presence is Presence.SIMULATED
+                    and (claim.since_s, claim.node) < (self._since_s, self._node)
+                ):
                     changes.append(PresenceRequest(agent_id, PresenceTrigger.RETIRE, claim.node))
         with self._lock:
             unclaimed_real_ids, self._given_back = self._given_back, {}
@@ -105,9 +109,6 @@ class ClaimBoard:
         self._ended.set()
         self._subscriber.unregister()
         self._publisher.unregister()
-
-    def _yields_to(self, claim: Claim) -> bool:
-        return (claim.since_s, claim.node) < (self._since_s, self._node)
 
     def _collect_others(self) -> None:
         others = _publishers() - {self._node}

@@ -88,6 +88,4 @@ def number_of(heard_ms: int | None, now_ms: int, *, is_off: bool) -> float | Non
     """
     if is_off:
         return OFF
-    if heard_ms is None or now_ms - heard_ms > STALE_MS:
-        return None
-    return max(0, now_ms - heard_ms) / 1000
+    return None if heard_ms is None or now_ms - heard_ms > STALE_MS else max(0, now_ms - heard_ms) / 1000

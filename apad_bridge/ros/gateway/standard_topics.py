@@ -14,10 +14,11 @@ Messages are made at ticks, and only for topics that have a subscriber. ROS reso
 from __future__ import annotations
 
 from collections.abc import Iterable
+from math import sqrt
 from typing import Any
 
 import rospy
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from nav_msgs.msg import Path
 from sensor_msgs.msg import BatteryState, NavSatFix
 from tf2_msgs.msg import TFMessage
@@ -27,15 +28,111 @@ from agents.time_scale import MissionMs
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.planning.solution import StepKind
 from apad_bridge.ros.gateway import standard_messages as make
-from apad_bridge.ros.gateway.fleet_diagnostics import diagnose
 from apad_bridge.ros.gateway.never_blocking import Stalls, never_blocking_publisher
+from apad_bridge.ros.gateway.standard_messages import shown
+from apad_bridge.ros.system.ros_time import stamp
 from apad_bridge.ros_names.frames import NED_IN_ENU, UPRIGHT, Frames, enu, yaw
 from apad_bridge.ros_names.names import DIAGNOSTICS, TF, TF_STATIC, is_one_of_several, of_amussel, ours
-from apad_bridge.ros_names.shown import APadTrack, apad_shape, ball_size_m
+from apad_bridge.ros_names.shown import APadTrack, apad_shape, ball_size_m, condition_of
 from apad_bridge.scenario.area.local_frame import LocalFrame
-from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.schema import Mission, Scenario
 from apad_bridge.supervisor.context import Watcher
 from apad_bridge.supervisor.core import Supervisor
+
+
+# The statuses on /diagnostics: one for each aMussel, the aPad and the mission, as rqt_runtime_monitor shows them.
+def diagnose(
+    supervisor: Supervisor,
+    agent_ids: tuple[int, ...],
+    rules: Mission,
+    now_ms: MissionMs,
+    apad: str = "",
+    namespace: str = "",
+) -> DiagnosticArray:
+    """Names the `apad`, if it is one of several, and the `namespace`, because all publish on one topic."""
+    beliefs = {belief.agent_id: belief for belief in supervisor.beliefs.all()}
+    array = DiagnosticArray(status=[_mission(supervisor, apad), _apad(supervisor, apad)])
+    array.header.stamp = stamp(now_ms)
+    array.status += [_agent(agent_id, beliefs.get(agent_id), rules, now_ms) for agent_id in agent_ids]
+    if namespace:
+        for status in array.status:
+            status.name, status.hardware_id = (
+                f"{namespace}/{status.name}",
+                f"{namespace}/{status.hardware_id}",
+            )
+    return array
+
+
+def _agent(agent_id: int, belief: Belief | None, rules: Mission, now_ms: MissionMs) -> DiagnosticStatus:
+    status = DiagnosticStatus(name=f"musselbed: aMussel {agent_id}", hardware_id=f"amussel{agent_id}")
+    status.level, status.message = condition_of(None if belief is None else shown(belief), now_ms, rules)
+    if belief is not None:
+        status.values = _values(
+            state=belief.state.name,
+            primary=f"{belief.primary:.3f}",
+            secondary=f"{belief.secondary:.3f}",
+            last_heard=f"{belief.age_s(now_ms):.0f} s ago",
+        )
+        if belief.is_predicted:
+            status.values += _uncertainty(belief)
+    return status
+
+
+def _uncertainty(belief: Belief) -> list[KeyValue]:
+    """The values for which standard messages have no field."""
+    low, high = belief.charge_interval()
+    (primary, _, secondary), (north, _, east) = belief.charge_cov, belief.place_cov
+    clock = belief.clock
+    return _values(
+        mode=belief.mode.name,
+        mode_probability=f"{belief.probability_of(belief.mode):.3f}",
+        primary_95=f"{low:.3f} to {high:.3f}",
+        primary_deviation=f"{sqrt(primary):.4f}",
+        secondary_deviation=f"{sqrt(secondary):.4f}",
+        place_deviation=f"{sqrt(north):.2f} m north, {sqrt(east):.2f} m east",
+        clock=f"{clock.offset_ms / 1000:+.3f} s, deviation {sqrt(clock.offset_var) / 1000:.3f} s",
+        silent_timeslots=belief.silent_timeslots,
+        learned_from=" ".join(source.name.lower() for source in belief.learned_from if source.name),
+    )
+
+
+def _apad(supervisor: Supervisor, name: str) -> DiagnosticStatus:
+    status = DiagnosticStatus(name=f"musselbed: aPad {name}".rstrip(), hardware_id=name or "apad")
+    failure, battery = supervisor.port.first_failure, supervisor.battery
+    status.values = _values(primitive=supervisor.primitive)
+    if battery is not None:
+        status.values += _values(
+            voltage=f"{battery.voltage_v:.2f} V", battery=f"{100 * battery.fraction:.0f} %"
+        )
+    if failure is not None:
+        status.level, status.message = DiagnosticStatus.ERROR, f"first failure: {failure.reason}"
+    elif supervisor.pose is None:
+        status.level, status.message = DiagnosticStatus.STALE, "its position is not known yet"
+    else:
+        status.level, status.message = DiagnosticStatus.OK, supervisor.primitive
+    return status
+
+
+def _mission(supervisor: Supervisor, apad: str) -> DiagnosticStatus:
+    state = supervisor.mission.state
+    docks = ("-" if agent_id is None else str(agent_id) for agent_id in supervisor.mission.docks)
+    return DiagnosticStatus(
+        level=DiagnosticStatus.STALE if supervisor.mission.unheard else DiagnosticStatus.OK,
+        name=f"musselbed: mission {apad}".rstrip(),
+        message=state.phase_text(supervisor.mission.unheard),
+        hardware_id="supervisor",
+        values=_values(
+            services=state.services,
+            way=f"{state.cost_m:.1f} m",
+            docks=" ".join(docks),
+            dropped_packets=sum(supervisor.dropped.values()),
+        ),
+    )
+
+
+def _values(**values: object) -> list[KeyValue]:
+    return [KeyValue(key.replace("_", " "), str(value)) for key, value in values.items()]
+
 
 _QUEUE = 10
 _NOTHING_KNOWN = (0.0, 0.0, 0.0)
@@ -66,7 +163,7 @@ class StandardTopics:
         self._path = rospy.Publisher(ours("apad/path"), Path, queue_size=_QUEUE)
         self._plan = rospy.Publisher(ours("plan"), Path, queue_size=_QUEUE)
         self._markers = rospy.Publisher(ours("markers"), MarkerArray, queue_size=_QUEUE)
-        self._fleet_markers = FleetMarkers(self._ids, frames.enu, ball_size_m(scenario.area))
+        self._ball_m = ball_size_m(scenario.area)
         self._diagnostics = rospy.Publisher(DIAGNOSTICS, DiagnosticArray, queue_size=_QUEUE)
         self._tf = rospy.Publisher(TF, TFMessage, queue_size=_QUEUE)
         self._tf_static = rospy.Publisher(TF_STATIC, TFMessage, queue_size=1, latch=True)
@@ -133,7 +230,7 @@ class StandardTopics:
             return known
 
         _publish(self._tf, transforms)
-        _publish(self._markers, lambda: self._fleet_markers.draw(supervisor, now_ms))
+        _publish(self._markers, lambda: fleet_markers(supervisor, self._ids, world, self._ball_m, now_ms))
 
 
 def _goals(supervisor: Supervisor) -> list[tuple[float, float]]:
@@ -158,40 +255,27 @@ def _publish(publisher: rospy.Publisher, make_message: Any) -> None:
         publisher.publish(make_message())
 
 
-class FleetMarkers:
-    """RViz keeps a marker until its deletion, so each picture begins with the deletion of all markers of its topic.
+def fleet_markers(
+    supervisor: Supervisor, agent_ids: Iterable[int], world: str, ball_m: float, now_ms: int
+) -> list[Marker]:
+    """The whole picture, in the frame `world`, with balls of this diameter; it does not depend on the one before.
 
-    A reader that loses the one deletion of a single marker would keep a ghost. Readers apply an array as one change, so
-    nothing flickers. A lifetime would empty screens where mission time goes on and its supervisor does not.
+    RViz keeps a marker until its deletion, so each picture begins with the deletion of all markers of its topic. A reader
+    that loses the one deletion of a single marker would keep a ghost. Readers apply an array as one change, so nothing
+    flickers. A lifetime would empty screens where mission time goes on and its supervisor does not.
     """
-
-    def __init__(self, agent_ids: Iterable[int], world: str, ball_m: float) -> None:
-        """`world` is the frame of all markers, `ball_m` the diameter of an aMussel's ball."""
-        self._ids = frozenset(agent_ids)
-        self._world = world
-        self._ball_m = ball_m
-
-    def draw(self, supervisor: Supervisor, now_ms: int) -> list[Marker]:
-        """The whole picture, which does not depend on the one before."""
-        return [self._clearing(now_ms), *self._shown(supervisor, now_ms)]
-
-    def _shown(self, supervisor: Supervisor, now_ms: int) -> list[Marker]:
-        # Each aPad draws the aMussels that it serves: one handed on is drawn by the aPad that serves it now.
-        allocation, pose = supervisor.allocation, supervisor.pose
-        ids = self._ids | allocation.served_for_others
-        rows = {it: dock_index for dock_index, it in enumerate(supervisor.mission.docks) if it is not None}
-        shown = [
-            shape
-            for it in allocation.all()
-            if it.agent_id in ids
-            for shape in make.shown(it).shapes(self._ball_m, rows.get(it.agent_id, 0))
-        ]
-        if pose is not None:
-            at, attitude = enu(pose.north_m, pose.east_m), yaw(pose.heading_rad)
-            shown.append(apad_shape(at, attitude, self._ball_m))
-        return [make.marker(now_ms, self._world, it) for it in shown]
-
-    def _clearing(self, now_ms: int) -> Marker:
-        marker = Marker(header=make.header(now_ms, self._world), action=Marker.DELETEALL)
-        marker.pose.orientation.w = 1.0  # all 0 is no attitude, and readers complain of it
-        return marker
+    clearing = Marker(header=make.header(now_ms, world), action=Marker.DELETEALL)
+    clearing.pose.orientation.w = 1.0  # all 0 is no attitude, and readers complain of it
+    # Each aPad draws the aMussels that it serves: one handed on is drawn by the aPad that serves it now.
+    allocation, pose = supervisor.allocation, supervisor.pose
+    ids = allocation.served_for_others.union(agent_ids)
+    rows = {it: dock_index for dock_index, it in enumerate(supervisor.mission.docks) if it is not None}
+    shown = [
+        shape
+        for it in allocation.all()
+        if it.agent_id in ids
+        for shape in make.shown(it).shapes(ball_m, rows.get(it.agent_id, 0))
+    ]
+    if pose is not None:
+        shown.append(apad_shape(enu(pose.north_m, pose.east_m), yaw(pose.heading_rad), ball_m))
+    return [clearing, *(make.marker(now_ms, world, it) for it in shown)]

@@ -11,8 +11,8 @@ import rospy
 from actionlib_msgs.msg import GoalStatusArray
 
 from apad_bridge.beliefs.input_ranges import out_of_range
-from apad_bridge.ros.generation_a.dock_inquiry import DockInquiry
-from apad_bridge.ros.system.inbox import Listening
+from apad_bridge.ros.links.service_calls import ServiceAddress, ask_service
+from apad_bridge.ros.system.inbox import Inbox, Listening
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import AMUSSEL, of_amussel, of_apad
 from apad_bridge.vehicle.capabilities import published_docks
@@ -22,15 +22,33 @@ from apad_bridge.vehicle.generation_a.messages import DocksReceived, GoalStatusR
 from apad_bridge.vehicle.generation_a.server_watch import ServerWatch
 from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.link import APadSeen, Carried, Cleared, LetGo, LinkFact
-from apad_bridge.vehicle.stack_messages import UNSTAMPED, PoseReceived
+from apad_bridge.vehicle.stack_messages import UNSTAMPED
 from apad_bridge.vehicle.telemetry import Readings
 
 use_generated_messages()
 
 from auv_msgs.msg import NavSts  # noqa: E402
+from misc_msgs.srv import GetDockingInfo  # noqa: E402
 
 
-class ContactsLink(Listening[HeldPositionReceived | PoseReceived | DocksReceived | GoalStatusReceived]):
+class DockInquiry:
+    """Asks the aPad which objects its docks hold.
+
+    It calls `check_docking_availability` of the aPad called `name`, and puts a `DocksReceived` into the inbox."""
+
+    def __init__(self, name: str, inbox: Inbox[Any]) -> None:
+        self._address = ServiceAddress(of_apad(name, "check_docking_availability"), GetDockingInfo)
+        self._inbox = inbox
+
+    def ask(self) -> None:
+        ask_service(self._address, GetDockingInfo._request_class(), self._answered)
+
+    def _answered(self, response: Any, refused: str | None) -> None:
+        held = None if refused is not None else frozenset(it.strip("/") for it in response.slots)
+        self._inbox.put(DocksReceived(UNSTAMPED, held), always=True)
+
+
+class ContactsLink(Listening[HeldPositionReceived | PoseReported | DocksReceived | GoalStatusReceived]):
     """Gives a fleet alone the contacts of docks that somebody else's planner commands.
 
     It also subscribes to the position and the action server's status of the aPad `apad` (its namespace), so that neither a
@@ -74,7 +92,7 @@ class ContactsLink(Listening[HeldPositionReceived | PoseReceived | DocksReceived
         facts: list[LinkFact] = []
         for message in self._inbox.take():
             match replace(message, at_ms=now_ms):
-                case PoseReceived() as pose:
+                case PoseReported() as pose:
                     self._readings.receive(pose)
                 case DocksReceived() as answer:
                     facts += self._docks.receive_answer(
@@ -94,13 +112,10 @@ class ContactsLink(Listening[HeldPositionReceived | PoseReceived | DocksReceived
         if self._docks.take_question():
             self._inquiry.ask()
         contacts = [fact for fact in facts if isinstance(fact, Carried | LetGo)]
-        return [*self._apad_seen(), *contacts]
-
-    def _apad_seen(self) -> list[LinkFact]:
+        poses = self._readings.take(Gate.without_guards())
         return [
-            APadSeen(it.at_ms, it.north_m, it.east_m)
-            for it in self._readings.take(Gate.without_guards())
-            if isinstance(it, PoseReported)
+            *(APadSeen(it.at_ms, it.north_m, it.east_m) for it in poses if isinstance(it, PoseReported)),
+            *contacts,
         ]
 
     @property
@@ -113,7 +128,7 @@ class ContactsLink(Listening[HeldPositionReceived | PoseReceived | DocksReceived
 
     def _note_apad(self, message: Any) -> None:
         place, yaw = message.position, message.orientation.yaw
-        self._inbox.put(PoseReceived(UNSTAMPED, place.north, place.east, yaw))
+        self._inbox.put(PoseReported(UNSTAMPED, place.north, place.east, yaw))
 
     def _note_server(self, _: Any) -> None:
         self._inbox.put(GoalStatusReceived(UNSTAMPED, (), whole=True))

@@ -20,7 +20,7 @@ from typing import Any
 import rospy
 from actionlib_msgs.msg import GoalID, GoalStatusArray
 
-from apad_bridge.ros.generation_a.dock_inquiry import DockInquiry
+from apad_bridge.ros.generation_a.contacts_link import DockInquiry
 from apad_bridge.ros.links.legacy_link import LegacyLink, OpenedAPad
 from apad_bridge.ros.links.legacy_subscribers import POSE_FIELDS, LegacySubscribers, publisher_of
 from apad_bridge.ros.links.service_calls import CallFailed

@@ -18,8 +18,8 @@ from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_apad
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.schema import Scenario
+from apad_bridge.vehicle.generation_a.messages import GoalOrder
 from apad_bridge.world.generation_a.messages import (
-    ActionGoal,
     BatteryAndProgressPublished,
     GoalEnded,
     GoalOutcome,
@@ -136,7 +136,7 @@ class Server(LegacyServer[GenerationAVehicle]):
                 return
             handle.set_accepted()
             self._goals[key] = handle
-            goal = ActionGoal(
+            goal = GoalOrder(
                 key, message.id, message.pose.position.x, message.pose.position.y, message.object
             )
             self._show(vehicle.receive(goal, vehicle.now_ms))
@@ -179,13 +179,10 @@ class Server(LegacyServer[GenerationAVehicle]):
         publisher.publish(message)
 
     def _publish_progress(self, goal_key: str | None, covered_percent: float) -> None:
-        vehicle = self._vehicle
-        if vehicle is not None and vehicle.has_crashed:
+        if (vehicle := self._vehicle) is not None and vehicle.has_crashed:
             return
-        handle = self._goals.get(goal_key or "")
-        if handle is not None:
-            feedback = aPadFeedback(id=handle.get_goal().id, status=covered_percent)
-            handle.publish_feedback(feedback)
+        if (handle := self._goals.get(goal_key or "")) is not None:
+            handle.publish_feedback(aPadFeedback(id=handle.get_goal().id, status=covered_percent))
         self._server.publish_status()
 
     def _end_goal(self, ended: GoalEnded) -> None:

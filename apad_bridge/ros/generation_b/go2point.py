@@ -71,8 +71,7 @@ class Go2Point:
         self._requested = handle
         if handle.get_goal_id().id == self._commanders_key:
             return
-        taken = self._order(messages.goal(handle.get_goal()))
-        if taken is False:
+        if self._order(messages.goal(handle.get_goal())) is False:
             handle.set_rejected(None, "the vehicle takes no orders")
         self._requested = None
 

@@ -8,8 +8,7 @@ relay = PacketRelay(division, [laboratory.take], laboratory.outlets)
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
-from typing import Protocol, runtime_checkable
+from collections.abc import Callable, Iterable
 
 from agents.packet_medium import Medium
 from agents.time_scale import MissionMs
@@ -34,13 +33,6 @@ _KINDS = {
     MessageKind.CLEAR: (Kind.RELEASE, Medium.WIFI),
 }
 _WHATS = {kind: what for what, (kind, _) in _KINDS.items()}
-
-
-@runtime_checkable
-class DockAlertReceiver(Protocol):
-    """A link whose vehicle does not publish what its docks hold."""
-
-    def receive_dock_report(self, alert: DockReport) -> None: ...
 
 
 class Laboratory:
@@ -111,18 +103,20 @@ class Laboratory:
 class LaboratoryLink:
     """The vehicle's link, which also receives alerts of docks from others, and publishes its own."""
 
-    def __init__(self, laboratory: Laboratory, vehicle: VehicleLink, docks: DockAlertReceiver | None) -> None:
+    def __init__(
+        self, laboratory: Laboratory, vehicle: VehicleLink, dock_report: Callable[[DockReport], None] | None
+    ) -> None:
         self._laboratory = laboratory
         self._vehicle = vehicle
-        self._docks = docks
+        self._dock_report = dock_report
 
     def advance(self, now_ms: int) -> list[LinkFact]:
         laboratory = self._laboratory
         for message in laboratory.subscribers.take(now_ms):
             if not isinstance(message, DockReport):
                 laboratory.messages.append(message)
-            elif self._docks is not None:
-                self._docks.receive_dock_report(message)
+            elif self._dock_report is not None:
+                self._dock_report(message)
             else:
                 laboratory.ignored["a docked alert, though the aPad itself reports what it holds"] += 1
         facts = self._vehicle.advance(now_ms)

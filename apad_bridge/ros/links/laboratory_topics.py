@@ -10,7 +10,7 @@ import rospy
 from apad_bridge.ros.system.inbox import Listening
 from apad_bridge.ros.system.ros_time import stamp
 from apad_bridge.ros.types.any_message import AnyMessages, UnknownType, class_of
-from apad_bridge.ros.types.user_texts import text_folders
+from apad_bridge.ros.types.workspace_services import text_folders
 from apad_bridge.scenario.lab_interface.fields import read, write
 from apad_bridge.scenario.lab_interface.messages import (
     ClearanceMessage,

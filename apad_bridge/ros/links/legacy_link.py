@@ -180,14 +180,13 @@ class LegacyLink(ABC, Generic[CoreT]):
     def wait_until_done(self, now_ms: int, timeout_s: float) -> bool:
         """Waits until `stateRef` confirms that all due by `now_ms` was handled. False after `timeout_s`."""
         self._now_ms = now_ms
-        return not self._wait_while(lambda: [] if self._is_done(now_ms) else ["stateRef"], timeout_s)
+        return not self._wait_while(
+            lambda: [] if self._core.readings.state_ms >= now_ms else ["stateRef"], timeout_s
+        )
 
     def _unanswered(self) -> list[str]:
         """Keys of the orders whose answer comes without delay, in the vehicle's time."""
         return list(self._core.unacknowledged)
-
-    def _is_done(self, now_ms: int) -> bool:
-        return self._core.readings.state_ms >= now_ms
 
     def _wait_while(self, missing: Callable[[], list[str]], timeout_s: float) -> list[str]:
         """Receives messages while something is missing. Returns what still is after `timeout_s`."""

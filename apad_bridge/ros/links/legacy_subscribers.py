@@ -24,7 +24,8 @@ from apad_bridge.ros.system.ros_time import arrival_ms, to_ms
 from apad_bridge.ros.types.any_listener import AnyListener
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_apad
-from apad_bridge.vehicle.stack_messages import UNSTAMPED, BatteryReceived, PoseReceived, StateRefReceived
+from apad_bridge.vehicle.commands import PoseReported
+from apad_bridge.vehicle.stack_messages import UNSTAMPED, BatteryReceived, StateRefReceived
 
 use_generated_messages()
 
@@ -103,7 +104,7 @@ class LegacySubscribers:
         position, yaw, publisher = message.position, message.orientation.yaw, publisher_of(message)
         stamp_ms = to_ms(message.header.stamp) or None  # 0 is no time
         heard_ms = None if self._stamped else arrival_ms()
-        pose = PoseReceived(
+        pose = PoseReported(
             self._stamp(message), position.north, position.east, yaw, stamp_ms, heard_ms=heard_ms
         )
         sent = _POSE.pack(

@@ -102,8 +102,7 @@ def _on_graph(
 ) -> LegacyServer[Any]:
     # Its own supervisor publishes the changes of its docks.
     remappings = beside_others(scenario.apad.name) if is_one_of_several(whole) else []
-    name = f"{plain(scenario.apad.name)}_simulated"
-    start_node(name, remappings, xmlrpc_port=xmlrpc_port)
+    start_node(f"{plain(scenario.apad.name)}_simulated", remappings, xmlrpc_port=xmlrpc_port)
     server: type[LegacyServer[Any]] = part_of(
         stack_of(scenario.apad.generation).generation, "ros.server", "Server"
     )

@@ -96,8 +96,7 @@ def _join_graph() -> str | None:
     """Makes this process a node, or returns the reason why there can be none."""
     node = rospy.resolve_name(NODE)
     publishers, _, _ = rosgraph.Master(node).getSystemState()
-    others = {node for topic, nodes in publishers if topic == CLOCK for node in nodes} - {node}
-    if others:
+    if others := {node for topic, nodes in publishers if topic == CLOCK for node in nodes} - {node}:
         return f"/clock comes from {', '.join(sorted(others))} already: end it first"
     start_node(NODE)
     return None

@@ -173,8 +173,7 @@ class Handshakes:
     def _run(self) -> None:
         while True:
             # A connection may come at any time during the wait, which is why it is short.
-            ready = self._poll.poll(self._handshake_s / 4)
-            for descriptor, _ in ready:
+            for descriptor, _ in self._poll.poll(self._handshake_s / 4):
                 self._look(descriptor)
             now_s = self._clock()
             with self._lock:

@@ -80,15 +80,13 @@ def class_of(kind: str, search_path: dict[str, list[str]]) -> Any:
 
     Raises UnknownType when there is none.
     """
-    found = roslib.message.get_message_class(kind)
-    if found is not None:
+    if (found := roslib.message.get_message_class(kind)) is not None:
         return found
     context = genmsg.MsgContext.create_default()
     try:
         specification = load_msg_by_type(context, kind, search_path)
         load_depends(context, specification, search_path)
-        text = compute_full_text(context, specification)
-        return genpy.dynamic.generate_dynamic(kind, text)[kind]
+        return genpy.dynamic.generate_dynamic(kind, compute_full_text(context, specification))[kind]
     except (genmsg.MsgNotFound, genmsg.InvalidMsgSpec, genmsg.MsgGenerationException, OSError) as error:
         raise UnknownType(
             f"{kind} is neither installed nor among the texts on ROS_PACKAGE_PATH: {error}"

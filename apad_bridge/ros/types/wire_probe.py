@@ -166,8 +166,7 @@ def _subscribed(graph: Graph, topic: str) -> Iterator[tuple[socket.socket, io.By
         topic = graph.name_there(topic)
         rest = io.BytesIO()
         request = {"callerid": CALLER, "topic": topic, "md5sum": "*", "type": "*", "tcp_nodelay": "1"}
-        header = _handshake(connection, request, rest)
-        yield connection, rest, header
+        yield connection, rest, _handshake(connection, request, rest)
 
 
 def _publisher_of(graph: Graph, topic: str) -> str:

@@ -34,8 +34,7 @@ def add_parser(commands: Any) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    from apad_bridge.ros2.ros2_process import Ros2Gone, require_ros2
-    from apad_bridge.ros2.serving import serve
+    from apad_bridge.ros2.ros2_process import Ros2Gone, require_ros2, serve
 
     require_ros2()
 

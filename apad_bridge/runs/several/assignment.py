@@ -9,8 +9,8 @@ The planner knows of each aPad what its supervisor believes, and nothing else.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from math import fsum
 
 from apad_bridge.beliefs.belief import Belief
@@ -18,21 +18,9 @@ from apad_bridge.beliefs.modes import LIKELY, SUBMERGED, Mode
 from apad_bridge.events.mission import Phase
 from apad_bridge.mission.pool import floats
 from apad_bridge.planning.allocation import Point, allocate
+from apad_bridge.runs.parent_protocol import APadView
 from apad_bridge.supervisor.core import Supervisor
 from firmware_model.state_groups import AT_WORK, BEYOND_HELP, STRANDED
-
-
-@dataclass(frozen=True, slots=True)
-class APadView:
-    """An aPad and the aMussels that it serves, as its supervisor believes; metres."""
-
-    name: str
-    is_down: bool
-    place_m: Point
-    places_m: Mapping[int, Point] = field(default_factory=dict)
-    """The aMussels that may need service: there is a belief of them, and they are not lost."""
-    movable: frozenset[int] = frozenset()
-    """Those of `places_m` that may be moved."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +51,7 @@ class Assignment:
         When an aPad has stood down, all movable aMussels are planned anew; later, only those that it still serves.
         """
         up = [it for it in views if not it.is_down]
-        stranded = {it.name: self._movable_of(it) for it in views if it.is_down}
+        stranded = {it.name: it.movable & self._shares[it.name] for it in views if it.is_down}
         if not up or not any(stranded.values()):
             return []
         down = frozenset(stranded)
@@ -99,9 +87,6 @@ class Assignment:
         self._shares[move.giver] -= {move.agent_id}
         self._shares[move.taker] |= {move.agent_id}
 
-    def _movable_of(self, view: APadView) -> Collection[int]:
-        return view.movable & self._shares[view.name]
-
 
 def _centre(view: APadView, served: frozenset[int]) -> Point:
     """The mean place of the aMussels served, so that shares change no more than they must; else the aPad's place."""
@@ -130,9 +115,7 @@ def view_of(name: str, start_m: tuple[float, float], supervisor: Supervisor) -> 
 
 
 def _is_lost(belief: Belief) -> bool:
-    if belief.is_predicted:
-        return belief.probability_of(Mode.LOST) >= LIKELY
-    return belief.state in BEYOND_HELP
+    return belief.probability_of(Mode.LOST) >= LIKELY if belief.is_predicted else belief.state in BEYOND_HELP
 
 
 def _is_free(belief: Belief, is_down: bool) -> bool:

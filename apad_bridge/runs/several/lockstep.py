@@ -101,8 +101,7 @@ class Exchange:
     def _carry(self, packet: RelayedPacket) -> None:
         """Takes an aMussel's packet to its server, and all else to its home; a packet to EVERYONE has neither."""
         name_of = self.server if packet.source is PacketOrigin.LOCAL_AMUSSEL else self.home
-        name = name_of.get(packet.agent_id)
-        if name is not None:
+        if (name := name_of.get(packet.agent_id)) is not None:
             self._waiting[name].append(replace(packet, source=_AS_REMOTE[packet.source]))
 
 
@@ -202,5 +201,4 @@ def fly_in_step(
         runner = LockstepRunner(flights, exchange, assignment)
         with flying.stopped_by_signals(*(it.flight for it in flights.values())):
             runner.run()
-        summaries = {name: it.finish() for name, it in opened.items()}
-        return Flown(summaries, handed_on=runner.handed_on_count)
+        return Flown({name: it.finish() for name, it in opened.items()}, handed_on=runner.handed_on_count)

@@ -6,7 +6,7 @@ The orders name the aMussels to serve; the reports are messages of `parent_proto
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 
 from agents.time_scale import MissionMs
@@ -16,15 +16,14 @@ from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.mission.facts import StandDownRequested
 from apad_bridge.runs.parent_protocol import (
     ORDERS_FILE,
+    APadView,
     Gave,
-    HandedOver,
     Kept,
     MemberReport,
     Orders,
-    Seen,
     TransferredBelief,
 )
-from apad_bridge.runs.several.assignment import APadView, view_of
+from apad_bridge.runs.several.assignment import view_of
 from apad_bridge.runs.several.lockstep import ASSIGNMENT_PERIOD_MS
 from apad_bridge.scenario.run_options import RunOptions
 from apad_bridge.scenario.schema import DockingProfile, Scenario
@@ -62,7 +61,7 @@ class MemberLink:
                 self._apply_orders(orders, supervisor, now_ms)
             self._take_pending(supervisor, now_ms)
             if orders is not None or now_ms % ASSIGNMENT_PERIOD_MS == 0:
-                self._report(Seen(**asdict(self._view(supervisor))))
+                self._report(self._view(supervisor))
 
         return watch
 
@@ -89,21 +88,22 @@ class MemberLink:
             supervisor.receive(StandDownRequested(now_ms, orders.stands_down))
         allocation = supervisor.allocation
         movable = self._view(supervisor).movable
-        gave, kept = [], []
+        gave: dict[int, TransferredBelief] = {}
+        kept = []
         for agent_id in sorted(allocation.served - orders.serves.keys()):
             if agent_id not in movable:
                 kept.append(agent_id)
                 continue
             belief = supervisor.beliefs.get(agent_id)
             estimate = None if belief is None else supervisor.beliefs.estimator.kept(belief)
-            gave.append(HandedOver(agent_id, now_ms, estimate))
+            gave[agent_id] = TransferredBelief(now_ms, estimate)
             supervisor.stop_serving(agent_id)
             self._events.append(HandedOn(agent_id))
         self._pending = {
             it: transfer for it, transfer in orders.serves.items() if it not in allocation.served
         }
         if gave:
-            self._report(Gave(tuple(gave)))
+            self._report(Gave(gave))
         if kept:
             self._report(Kept(tuple(kept)))
 

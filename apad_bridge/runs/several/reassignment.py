@@ -7,18 +7,19 @@ taker's orders contain the aMussel. So it is never in two shares, and a lost tra
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import assert_never
 
 from apad_bridge.runs.parent_protocol import (
+    APadView,
     Gave,
     Kept,
+    MemberReport,
     Orders,
-    Seen,
     TransferredBelief,
 )
-from apad_bridge.runs.several.assignment import APadView, Assignment, Move
+from apad_bridge.runs.several.assignment import Assignment, Move
 
 
 class Reassigner:
@@ -43,17 +44,17 @@ class Reassigner:
     def shares(self) -> Mapping[str, frozenset[int]]:
         return self._assignment.shares
 
-    def receive(self, name: str, report: Seen | Gave | Kept) -> None:
+    def receive(self, name: str, report: MemberReport) -> None:
         match report:
             case Gave(transfers):
-                for it in transfers:
-                    self._complete_move(it.agent_id, TransferredBelief(it.at_ms, it.estimate))
+                for agent_id, belief in transfers.items():
+                    self._complete_move(agent_id, belief)
             case Kept(agent_ids):
                 for agent_id in agent_ids:
                     if self._pending_moves.pop(agent_id, None) is not None:
                         self._order_service(name, agent_id, TransferredBelief())
-            case Seen():
-                self._views[name] = APadView(**asdict(report))
+            case APadView():
+                self._views[name] = report
                 self._plan_moves()
             case _:
                 assert_never(report)

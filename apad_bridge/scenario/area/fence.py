@@ -103,8 +103,7 @@ def corners_of(polygon: str | Sequence[Sequence[float]], frame: LocalFrame) -> C
     else:
         closed = len(polygon) > 1 and polygon[0] == polygon[-1]
         corners = tuple(frame.to_local(*_pair(it)) for it in polygon[: -1 if closed else None])
-    far_m = max((math.hypot(*it) for it in corners), default=0.0)
-    if far_m > _FAR_M:
+    if (far_m := max((math.hypot(*it) for it in corners), default=0.0)) > _FAR_M:
         raise ValueError(
             f"lies {far_m / 1000:.0f} km from area.origin: correct the origin, or the order of the degrees; a list has "
             "[latitude, longitude], a GeoJSON file [longitude, latitude]"

@@ -39,13 +39,10 @@ def write(message: Any, path: str, value: Any) -> None:
         raise TypeError(f"{path!r}: cannot send elements of a list: name the list")
     for step in parents:
         message = getattr(message, step) if isinstance(step, str) else message[step]
-    present = getattr(message, last)
-    setattr(message, last, _as_kind(value, present))
+    setattr(message, last, _as_kind(value, getattr(message, last)))
 
 
 def _as_kind(value: Any, present: Any) -> Any:
     if isinstance(value, bytes) or isinstance(present, bytes | list | tuple):
         return value
-    if isinstance(present, str):
-        return str(value)
-    return type(present)(value)
+    return str(value) if isinstance(present, str) else type(present)(value)

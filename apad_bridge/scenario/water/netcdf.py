@@ -214,8 +214,7 @@ def _metres(row: Any, column: Any, frame: LocalFrame) -> tuple[Floats, Floats]:
     if row.name == "north_m":
         return rows, columns
     norths = np.array([frame.to_local(it, frame.longitude_deg)[0] for it in rows])
-    easts = np.array([frame.to_local(frame.latitude_deg, it)[1] for it in columns])
-    return norths, easts
+    return norths, np.array([frame.to_local(frame.latitude_deg, it)[1] for it in columns])
 
 
 def _by_time(variable: Any, axes: list[str]) -> Iterator[Floats]:

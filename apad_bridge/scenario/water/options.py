@@ -53,8 +53,7 @@ class Current:
     """(depth in m, fraction of the current there) by rising depth, linear between. Empty: the full current everywhere."""
 
     def __post_init__(self) -> None:
-        depths = [depth for depth, _ in self.profile]
-        if depths != sorted(set(depths)):
+        if (depths := [depth for depth, _ in self.profile]) != sorted(set(depths)):
             raise ValueError("profile must go down")
 
 

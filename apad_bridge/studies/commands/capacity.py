@@ -101,7 +101,7 @@ def _flown(scenario: Scenario, trust: Trust | None) -> list[SizedFlights]:
         raise UserError(f"--fly: the event-driven model leaves out {gap}")
     check_code(scenario, scenario.name, trust)
     try:
-        return diagram_of(scenario, _SEEDS, trust=trust)
+        return diagram_of(scenario, _SEEDS, trust)
     except StrategyFailed as failed:
         raise UserError(f"--fly: the strategy failed: {failed}") from failed
 
@@ -114,8 +114,7 @@ def _print_phases(phases: Sequence[SizedFlights]) -> None:
             f"from a mean charge of {it.start_charge:g}: {it.held} of {it.flown} flights held, "
             f"{it.uptime_percent:.1f} % uptime"
         )
-    least = held_from(phases)
-    if least is None:
+    if (least := held_from(phases)) is None:
         print(f"no start holds this fleet for ever, up to a mean charge of {phases[-1].start_charge:g}")
     else:
         print(f"the fleet is held for ever from a mean charge of {least:g} at the start")

@@ -63,7 +63,7 @@ from apad_bridge.vehicle.generation_a.messages import (
 from apad_bridge.vehicle.generation_a.server_watch import SERVER_SILENT_MS, ServerWatch
 from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.link import Cleared, LinkFact
-from apad_bridge.vehicle.stack_messages import BatteryReceived, PoseReceived, StateRefReceived
+from apad_bridge.vehicle.stack_messages import BatteryReceived, StateRefReceived
 from apad_bridge.vehicle.telemetry import (
     FAR_M,
     DeferredMessages,
@@ -216,8 +216,7 @@ class GenerationACore:
         cleared = self._gate.clear_for_wire(order, _as_command(order), before, self._now_ms)
         if cleared is not None:
             return cleared
-        sent = self._goals.pop(order.key, None)
-        if sent is not None:
+        if (sent := self._goals.pop(order.key, None)) is not None:
             if isinstance(sent.command, CloseDock):
                 self.docks.perch_refused(sent.command.agent_id)
             self._facts.append(
@@ -305,7 +304,7 @@ class GenerationACore:
         if self._deferred.defers(message, now_ms):
             return
         match message:
-            case PoseReceived() | StateRefReceived() | BatteryReceived():
+            case PoseReported() | StateRefReceived() | BatteryReceived():
                 self.readings.receive(message)
             case HeldPositionReceived():
                 self._receive_held_position(message)
@@ -337,8 +336,7 @@ class GenerationACore:
         self._want_release(now_ms)
         facts, self._facts = self._facts, []
         facts += self.docks.places(self.readings)
-        readings = self.readings.take(self._gate)
-        return facts + readings
+        return facts + self.readings.take(self._gate)
 
     def _see_goal(self, goal: GoalSeen) -> None:
         """Takes a goal on its way to the server; another client's go-to is for the guards to judge."""

@@ -251,8 +251,7 @@ class ReportedDocks:
             since_ms = max(holding.heard_ms, holding.confirmed_ms, readings.heard_since_ms)
             if holding.release_ms is not None:
                 silence_ms = RELEASE_SILENCE_MS if holding.is_accepted else UNACCEPTED_SILENCE_MS
-                due_ms = max(since_ms, holding.release_ms) + silence_ms
-                if due_ms <= heard_ms:
+                if (due_ms := max(since_ms, holding.release_ms) + silence_ms) <= heard_ms:
                     self.dropped["silence on position_static, taken for a release"] += 1
                     facts += self._open(agent_id, due_ms)
             elif since_ms + SILENCE_MS > heard_ms:

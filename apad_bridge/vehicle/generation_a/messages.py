@@ -8,7 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import IntEnum
 
-from apad_bridge.vehicle.stack_messages import BatteryReceived, PoseReceived, StateRefReceived
+from apad_bridge.vehicle.commands import PoseReported
+from apad_bridge.vehicle.stack_messages import BatteryReceived, StateRefReceived
 
 GO_TO, PERCH, RELEASE = 0, 1, 2
 """Kinds of goals, by their id."""
@@ -130,7 +131,7 @@ class DocksReceived:
 
 
 Received = (
-    PoseReceived
+    PoseReported
     | StateRefReceived
     | BatteryReceived
     | HeldPositionReceived

@@ -18,6 +18,7 @@ from apad_bridge.vehicle.commands import (
     GoTo,
     OpenDock,
     OrderCut,
+    PoseReported,
     VehicleCommand,
 )
 from apad_bridge.vehicle.generation_b.docks import KeptDocks
@@ -34,7 +35,7 @@ from apad_bridge.vehicle.generation_b.messages import (
 from apad_bridge.vehicle.generation_b.tasks import Tasks
 from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.link import Cleared, LinkFact
-from apad_bridge.vehicle.stack_messages import BatteryReceived, PoseReceived, StateRefReceived
+from apad_bridge.vehicle.stack_messages import BatteryReceived, StateRefReceived
 from apad_bridge.vehicle.telemetry import DeferredMessages, Readings, SilenceWatch
 
 OWN_GOALS = 16
@@ -109,7 +110,7 @@ class GenerationBCore:
         if self._deferred.defers(message, now_ms):
             return
         match message:
-            case PoseReceived() | StateRefReceived() | BatteryReceived():
+            case PoseReported() | StateRefReceived() | BatteryReceived():
                 self.readings.receive(message)
             case ServiceAnswered():
                 self._tasks.receive_answer(message)

@@ -10,9 +10,17 @@ import math
 from dataclasses import dataclass, field
 from enum import IntEnum, StrEnum
 
-from apad_bridge.vehicle.commands import GoalOfOthers, GoTo, Hold, OrderCut, Stop, VehicleCommand
+from apad_bridge.vehicle.commands import (
+    GoalOfOthers,
+    GoTo,
+    Hold,
+    OrderCut,
+    PoseReported,
+    Stop,
+    VehicleCommand,
+)
 from apad_bridge.vehicle.link import Cleared
-from apad_bridge.vehicle.stack_messages import BatteryReceived, PoseReceived, StateRefReceived
+from apad_bridge.vehicle.stack_messages import BatteryReceived, StateRefReceived
 
 PRIMITIVE_FINISHED = "/PRIMITIVE_FINISHED"
 CAMERA_SERVO = (0.1, 0.46, 0.75, 1.0)
@@ -118,7 +126,7 @@ class ArmReceived:
 
 
 Received = (
-    PoseReceived
+    PoseReported
     | StateRefReceived
     | BatteryReceived
     | ServiceAnswered

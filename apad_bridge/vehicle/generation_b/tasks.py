@@ -410,8 +410,7 @@ class Tasks:
     def _watch_servo(self, servo: ServoTask, now_ms: int) -> None:
         pending = self.calls.pending
         answered_ms = None if pending is None else pending.answered_ms
-        order = servo.next_order(self._pose, answered_ms, now_ms)
-        if order is not None:
+        if (order := servo.next_order(self._pose, answered_ms, now_ms)) is not None:
             self._order(order, now_ms)
         elif (why := servo.why_over(answered_ms, now_ms)) is not None and servo.has_let_go:
             self._servo_done(servo, now_ms)

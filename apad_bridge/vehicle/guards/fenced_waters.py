@@ -15,13 +15,14 @@ from shapely.geometry import Point as PlanePoint
 
 from apad_bridge.scenario.area.fence import Fence
 from apad_bridge.vehicle.guards.orders import Point
+from apad_bridge.vehicle.guards.waters import Waters
 
 _EPSILON_M = 1e-6
 _FAR_M = 1000.0
 """A drift is followed so far."""
 
 
-class FencedWaters:
+class FencedWaters(Waters):
     """Waters inside a fence and outside its keep-out zones.
 
     A goal keeps `clearance_m` to the edge, and so does the whole way. A way that begins nearer to the edge may not come
@@ -58,16 +59,14 @@ class FencedWaters:
         if fault := self.fault_of_room(goal_m, self._clearance_m):
             return f"the goal {fault}"
         least_m = min(self._clearance_m, self._edge.distance(PlanePoint(start_m)))
-        way_m = self._edge.distance(way)
-        if way_m < least_m - _EPSILON_M:
+        if (way_m := self._edge.distance(way)) < least_m - _EPSILON_M:
             return f"the way passes {way_m:.1f} m from the fence or a keep-out zone: the least is {self._clearance_m:g} m"
         return ""
 
     def _crossing(self, way: LineString) -> str:
         """The edge that a way crosses first, and where."""
         beyond = shapely.get_coordinates(way.difference(self._waters))
-        along_m = min(way.project(PlanePoint(it)) for it in beyond)
-        at = way.interpolate(along_m)
+        at = way.interpolate(min(way.project(PlanePoint(it)) for it in beyond))
         leaves_fence = self._fence.exterior.distance(at) < _EPSILON_M
         edge = "the fence" if leaves_fence else "a keep-out zone"
         return f"the way crosses {edge} at {_text((at.x, at.y))}, and the aPad goes straight"
@@ -96,8 +95,7 @@ class FencedWaters:
                     inside_m,
                     f"the way back is {way_m:.1f} m long, the longest is {most_m:g} m: take it by hand",
                 )
-        way = LineString([place_m, inside_m])
-        if self._fence.difference(self._waters).intersects(way):
+        if self._fence.difference(self._waters).intersects(LineString([place_m, inside_m])):
             return inside_m, "the way back crosses a keep-out zone: take it by hand"
         return inside_m, ""
 

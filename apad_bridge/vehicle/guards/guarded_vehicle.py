@@ -240,8 +240,7 @@ class GuardedVehicle:
             return
         who = client or "another client, which this stack does not name,"
         self.gate.events.append(OthersCommanded(client))
-        stop = self._stops.in_force
-        if stop is not None and not self.gate.pilot:
+        if (stop := self._stops.in_force) is not None and not self.gate.pilot:
             self._keeper.send_again(f"{who} commands the aPad", now_ms)
         elif stop is None:
             self.gate.note_others(f"{who} commands the aPad: continue, take it over, or give it back")

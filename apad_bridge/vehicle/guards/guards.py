@@ -162,8 +162,7 @@ class BatteryForHome:
         goal_m, place_m = goal_of(order), situation.place_m
         if goal_m is None or place_m is None:
             return ""
-        home_m = math.dist(goal_m, self.home_m)
-        if home_m <= math.dist(place_m, self.home_m):
+        if math.dist(goal_m, self.home_m) <= math.dist(place_m, self.home_m):
             return ""
         if situation.battery_fraction is None:
             return "the charge of the aPad's battery is not known, and the way home needs some"

@@ -376,8 +376,7 @@ class PositionWatch:
             return f"the aPad's position is no place: {self._invalid[1]}"
         if self._newest is None:
             return "the aPad's position is not known"
-        age_ms = now_ms - self._clock.earliest_ms(self._newest)
-        if age_ms > self.limits.age_ms:
+        if now_ms - self._clock.earliest_ms(self._newest) > self.limits.age_ms:
             return f"the aPad's position is older than {self.limits.age_ms / 1000:g} s"
         return ""
 

@@ -155,8 +155,7 @@ class StopKeeper:
         stop = self._stops.in_force
         self._stops.sent(command_id, now_ms)
         if stop is not None and stop.place_m is not None:
-            held = Hold(command_id, *stop.place_m, pre_empts=True)
-            self._send(self._gate.clear_stop(held), now_ms)
+            self._send(self._gate.clear_stop(Hold(command_id, *stop.place_m, pre_empts=True)), now_ms)
         else:
             self._send(self._gate.clear_stop(Stop(command_id)), now_ms)
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from itertools import pairwise
+from statistics import fmean, linear_regression, pstdev
 
 from apad_bridge.vehicle.guards.orders import Point
 
@@ -56,8 +57,8 @@ def apart_m(positions: list[Position]) -> float:
     if min(len(low), len(high)) < LEAST_CLUSTER:
         return 0.0
     changes = sum((one > cut) != (other > cut) for one, other in pairwise(along))
-    distance_m = math.fsum(high) / len(high) - math.fsum(low) / len(low)
-    width_m = max(_deviation(low), _deviation(high))
+    distance_m = fmean(high) - fmean(low)
+    width_m = max(pstdev(low), pstdev(high))
     is_apart = distance_m >= LEAST_M and distance_m > WIDTHS * width_m
     return distance_m if is_apart and changes >= LEAST_CHANGES else 0.0
 
@@ -74,13 +75,5 @@ def _along(positions: list[Position]) -> list[float]:
 
 def _without_motion(seconds: list[float], values: list[float]) -> list[float]:
     """The residuals of a line by least squares."""
-    count = len(values)
-    mean_s, mean = math.fsum(seconds) / count, math.fsum(values) / count
-    square = math.fsum((it - mean_s) ** 2 for it in seconds)
-    slope = math.fsum((s - mean_s) * (v - mean) for s, v in zip(seconds, values, strict=True)) / square
-    return [v - mean - slope * (s - mean_s) for s, v in zip(seconds, values, strict=True)]
-
-
-def _deviation(values: list[float]) -> float:
-    mean = math.fsum(values) / len(values)
-    return math.sqrt(math.fsum((it - mean) ** 2 for it in values) / len(values))
+    slope, intercept = linear_regression(seconds, values)
+    return [v - intercept - slope * s for s, v in zip(seconds, values, strict=True)]

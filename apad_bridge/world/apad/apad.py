@@ -30,8 +30,8 @@ from apad_bridge.vehicle.commands import (
 )
 from apad_bridge.world.apad.docks import Docks, Misses
 from apad_bridge.world.apad.kinematics import STEP_MS, Pose
-from apad_bridge.world.apad.motion import Coast, Forces, Motion, Steer
-from apad_bridge.world.apad.power import Charger, HullBattery, Ledger
+from apad_bridge.world.apad.motion import Coast, Motion, Steer
+from apad_bridge.world.apad.power import Charger, HullBattery
 
 ARRIVAL_SAMPLES = 1000 // STEP_MS
 REPORT_MS = 1000
@@ -85,8 +85,8 @@ class SimulatedAPad:
         surface: Surface | None = None,
     ) -> None:
         self._surface = surface
-        self._motion = Motion(config)
-        self._battery = HullBattery(config.battery)
+        self.motion = Motion(config)
+        self.battery = HullBattery(config.battery)
         self._charger = Charger(config, home_m)
         self.capabilities = of_simulated_apad(config.docks)
         self._docks = Docks(config.docks, held)
@@ -102,7 +102,7 @@ class SimulatedAPad:
 
     @property
     def next_due_ms(self) -> int:
-        if self._motion.is_moving or self._arrival is not None or self._accepted is not None:
+        if self.motion.is_moving or self._arrival is not None or self._accepted is not None:
             return self._instant_ms + STEP_MS
         return (self._instant_ms // REPORT_MS + 1) * REPORT_MS
 
@@ -119,15 +119,15 @@ class SimulatedAPad:
     def receive(self, command: VehicleCommand | Coast | Steer, now_ms: int) -> list[VehicleFact]:
         """Take a command, after the work due until `now_ms`. A motion command silently replaces the previous one."""
         facts = self.advance(now_ms)
-        self._battery.settle(now_ms)
+        self.battery.settle(now_ms)
         if isinstance(command, Coast | Steer | Stop):
-            if not self._battery.is_empty:
+            if not self.battery.is_empty:
                 self._accept(Coast() if isinstance(command, Stop) else command)
             if isinstance(command, Stop):  # without power the controllers are off already
                 facts.append(CommandAccepted(now_ms, command.command_id))
         elif isinstance(command, MoveArm | PilotLeft | ReleaseByName):
             pass  # arms cost nothing here, no pilot steers it, and no dock of its own lies
-        elif self._battery.is_empty:
+        elif self.battery.is_empty:
             facts.append(CommandFailed(now_ms, command.command_id, BATTERY_EMPTY))
         elif isinstance(command, CloseDock):
             place_m = self.pose.north_m, self.pose.east_m
@@ -146,8 +146,8 @@ class SimulatedAPad:
     def change_battery(self, fraction: float, now_ms: int) -> list[VehicleFact]:
         """Somebody charges the battery by a fraction of a full one, or with a minus drains it."""
         facts = self.advance(now_ms)
-        self._battery.settle(now_ms)
-        self._battery.add(fraction)
+        self.battery.settle(now_ms)
+        self.battery.add(fraction)
         return facts
 
     def _accept(self, command: MotionCommand) -> None:
@@ -165,33 +165,33 @@ class SimulatedAPad:
         self._running = command
         match command:
             case GoTo(_, north_m, east_m, speed_m_s):
-                self._motion.set_goal(north_m, east_m, speed_m_s)
+                self.motion.set_goal(north_m, east_m, speed_m_s)
                 self._arrival = ArrivalWatch(command)
             case Hold(_, north_m, east_m):
-                self._motion.set_goal(north_m, east_m, math.inf)
+                self.motion.set_goal(north_m, east_m, math.inf)
                 if command.heading_rad is not None:
-                    self._motion.turn_to(command.heading_rad)
+                    self.motion.turn_to(command.heading_rad)
             case Steer():
-                self._motion.steer(command)
+                self.motion.steer(command)
             case Coast():
-                self._motion.cut_power()
+                self.motion.cut_power()
 
     def _process_instant(self, at_ms: int, facts: list[VehicleFact]) -> None:
         """One grid instant: end the step before it, report facts, plan the step after it."""
-        self._battery.settle(at_ms)
-        was_moving = self._motion.is_moving
-        self._motion.end_step()
+        self.battery.settle(at_ms)
+        was_moving = self.motion.is_moving
+        self.motion.end_step()
         self._instant_ms = at_ms
-        pose = self._motion.pose
+        pose = self.motion.pose
         if was_moving or at_ms % REPORT_MS == 0:
             facts.append(PoseReported(at_ms, pose.north_m, pose.east_m, pose.heading_rad, at_ms))
         if at_ms % REPORT_MS == 0:
-            facts.append(BatteryReported(at_ms, self._battery.voltage_v, self._battery.fraction))
+            facts.append(BatteryReported(at_ms, self.battery.voltage_v, self.battery.fraction))
         if self._arrival is not None and self._arrival.has_arrived(pose):
             facts.append(Arrived(at_ms, self._arrival.command.command_id))
             self._arrival = None
         self._begin_accepted()
-        if self._battery.is_empty and self._has_power:
+        if self.battery.is_empty and self._has_power:
             self._lose_power(at_ms, facts)
         self._plan()
 
@@ -201,53 +201,24 @@ class SimulatedAPad:
             assert isinstance(self._running, GoTo | Hold)
             facts.append(CommandFailed(at_ms, self._running.command_id, BATTERY_EMPTY))
         self._running = self._arrival = None
-        self._motion.cut_power()
+        self.motion.cut_power()
 
     def _plan(self) -> None:
         if self._surface is not None:
             pose = self.pose
-            self._motion.take_flow(self._surface.flow((pose.north_m, pose.east_m), self._instant_ms))
-        self._motion.plan_step()
+            self.motion.take_flow(self._surface.flow((pose.north_m, pose.east_m), self._instant_ms))
+        self.motion.plan_step()
         self._set_load()
 
     def _set_load(self) -> None:
-        self._battery.set_load(
-            self._motion.power_w, len(self._docks.docked), self._charger.power_w(self._motion)
+        self.battery.set_load(
+            self.motion.power_w, len(self._docks.docked), self._charger.power_w(self.motion)
         )
 
     @property
     def pose(self) -> Pose:
         """The pose at the last grid instant."""
-        return self._motion.pose
-
-    @property
-    def thruster_forces_n(self) -> Forces:
-        """Front left, front right, rear left, rear right, over the present step."""
-        return self._motion.forces_n
-
-    @property
-    def power_w(self) -> float:
-        """The whole load of the battery over the present step."""
-        return self._battery.power_w
-
-    @property
-    def battery_fraction(self) -> float:
-        """The charge as a fraction of a full battery, in [0, 1], as of the last instant or command."""
-        return self._battery.fraction
-
-    @property
-    def battery_voltage_v(self) -> float:
-        return self._battery.voltage_v
-
-    @property
-    def energy_used_fraction(self) -> float:
-        """The energy drawn since the start, as a fraction of a FULL battery, in [0, 1]."""
-        return self._battery.used_fraction
-
-    @property
-    def ledger(self) -> Ledger:
-        """Energy by its use since the start, at the last instant or command."""
-        return self._battery.ledger
+        return self.motion.pose
 
     @property
     def docked(self) -> Mapping[int, int]:

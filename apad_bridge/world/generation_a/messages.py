@@ -18,16 +18,6 @@ class GoalOutcome(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class ActionGoal:
-    key: str
-    kind: int
-    north_m: float
-    east_m: float
-    name: str
-    """The object to perch or release: a bare namespace, as `amussel7`."""
-
-
-@dataclass(frozen=True, slots=True)
 class HeldPositionPublished:
     """The position at which the aPad holds `name`; with `released`, the last one."""
 

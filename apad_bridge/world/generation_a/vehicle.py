@@ -29,12 +29,11 @@ from apad_bridge.vehicle.commands import (
     OpenDock,
     VehicleFact,
 )
-from apad_bridge.vehicle.generation_a.messages import GO_TO, OBJECT_PREFIX, PERCH, RELEASE
+from apad_bridge.vehicle.generation_a.messages import GO_TO, OBJECT_PREFIX, PERCH, RELEASE, GoalOrder
 from apad_bridge.world.apad.apad import SimulatedAPad
 from apad_bridge.world.apad.docks import MISSED, Misses
 from apad_bridge.world.apad.motion import Coast
 from apad_bridge.world.generation_a.messages import (
-    ActionGoal,
     BatteryAndProgressPublished,
     GoalEnded,
     GoalOutcome,
@@ -69,7 +68,7 @@ class GenerationAVehicle(SimulatedStack[Published]):
         self._speed_m_s = speed_m_s
         self._victory_radius_m = victory_radius_m
         self._misses = misses
-        self._goal: ActionGoal | None = None
+        self._goal: GoalOrder | None = None
         self._start_distance_m = 0.0
         self._reference: GoTo | Hold = Hold(0, apad.pose.north_m, apad.pose.east_m)
         """The place to which the controllers steer, whether a goal runs or not."""
@@ -89,7 +88,7 @@ class GenerationAVehicle(SimulatedStack[Published]):
         """The held objects in the order of dock indices, without free docks."""
         return [self._docks[dock_index][0] for dock_index in sorted(self._docks)]
 
-    def receive(self, goal: ActionGoal, now_ms: int) -> list[Published]:
+    def receive(self, goal: GoalOrder, now_ms: int) -> list[Published]:
         """A new goal pre-empts the running one, whatever its kind."""
         published = self.advance(now_ms)
         if self.has_crashed:
@@ -160,7 +159,7 @@ class GenerationAVehicle(SimulatedStack[Published]):
             self.dropped[f"charging or draining: {reason}"] += 1
         return published
 
-    def _go_to(self, goal: ActionGoal) -> list[Published]:
+    def _go_to(self, goal: GoalOrder) -> list[Published]:
         pose = self._apad.pose
         self._start_distance_m = math.hypot(goal.north_m - pose.north_m, goal.east_m - pose.east_m)
         if self._fault is Fault.STUCK:
@@ -174,7 +173,7 @@ class GenerationAVehicle(SimulatedStack[Published]):
             self.has_crashed, self._goal = True, None
         return published
 
-    def _perch(self, goal: ActionGoal) -> list[Published]:
+    def _perch(self, goal: GoalOrder) -> list[Published]:
         free = self.free_docks
         if not free or self._fault is Fault.PERCHES_NOTHING:
             return self._end(GoalOutcome.SUCCEEDED)
@@ -187,13 +186,12 @@ class GenerationAVehicle(SimulatedStack[Published]):
         ):
             return self._end(GoalOutcome.ABORTED, MISSED)
         dock_index, serial = free[0], self._next_serial()
-        facts = self._apad.receive(CloseDock(serial, dock_index, serial), self._apad_ms)
-        if failed := self._goal_end(facts):
+        if failed := self._goal_end(self._apad.receive(CloseDock(serial, dock_index, serial), self._apad_ms)):
             return failed
         self._docks[dock_index] = (goal.name, serial)
         return [self._held(dock_index), *self._end(GoalOutcome.SUCCEEDED)]
 
-    def _release(self, goal: ActionGoal) -> list[Published]:
+    def _release(self, goal: GoalOrder) -> list[Published]:
         dock_index = next(
             (dock_index for dock_index in sorted(self._docks) if self._docks[dock_index][0] == goal.name),
             None,

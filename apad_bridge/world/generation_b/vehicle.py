@@ -241,8 +241,7 @@ class GenerationBVehicle(SimulatedStack[Published]):
         elif self._stage is Stage.PULLING and since_ms >= PULL_BACK_MS:
             self._end(PrimitiveStatus.DONE, published, finished=True)
         if self._stage is Stage.SERVOING:
-            steered = servoing(order, self._seen, at_ms)
-            if steered is None:
+            if (steered := servoing(order, self._seen, at_ms)) is None:
                 self._end(PrimitiveStatus.DONE, published, finished=True)
             else:
                 self._command(steered, published)

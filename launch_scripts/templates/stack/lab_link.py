@@ -18,17 +18,14 @@ from apad_bridge.ros.links.legacy_subscribers import LegacySubscribers
 from apad_bridge.ros.links.order_sender import Answered
 from apad_bridge.ros.types.live_types import unreadable_topics
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.vehicle.commands import OrderCut, VehicleCommand
+from apad_bridge.vehicle.commands import GoTo, Hold, OrderCut, Stop, VehicleCommand
 from apad_bridge.vehicle.generation_b.core import GenerationBCore
 from apad_bridge.vehicle.generation_b.messages import (
-    GoToOrder,
     ManualReceived,
     NumberedOrder,
-    PositionOrder,
     PrimitiveStatus,
     ServiceAnswered,
     StatusReceived,
-    StopOrder,
 )
 from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.link import Cleared, LinkFact
@@ -113,13 +110,13 @@ class LabLink(LegacyLink[GenerationBCore]):
         for cleared in self._core.take_calls():
             call, answered = cleared.order, self._answer_to(cleared.order)
             match call.order:
-                case GoToOrder(north_m, east_m) | PositionOrder(north_m, east_m):
-                    is_stop = isinstance(call.order, PositionOrder) and call.order.pre_empts
+                case GoTo(_, north_m, east_m) | Hold(_, north_m, east_m):
+                    is_stop = isinstance(call.order, Hold) and call.order.pre_empts
                     goal = PoseStamped()
                     goal.pose.position.x, goal.pose.position.y = north_m, east_m
                     goal.pose.orientation.w = 1.0
                     self._sender.send(GOAL, Rank.HOLD if is_stop else Rank.ORDER, cleared, goal, answered)
-                case StopOrder():
+                case Stop():
                     self._sender.send(OFF, Rank.OFF, cleared, Trigger._request_class(), answered)
 
     def _answer_to(self, call: NumberedOrder) -> Answered:

@@ -87,7 +87,7 @@ def test_it_reads_every_command_and_comes_to_every_state(
     monkeypatch.setattr(warm_up, "Agent", Watched)
     codec = Recording()
     warm_up.warm_up(fleet.maker(), codec, 1)
-    assert codec.kinds == {None, *PLAIN_KINDS, *(command.KIND for command in WITH_ARGUMENTS)}
+    assert codec.kinds == {None, *PLAIN_KINDS, *(command.kind for command in WITH_ARGUMENTS)}
     assert seen == states
 
 

@@ -6,7 +6,8 @@ import math
 
 import pytest
 
-from apad_bridge.acoustics.locator import Locator, PositionFix, RangeTaken
+from apad_bridge.acoustics.locator import Locator, RangeTaken
+from apad_bridge.events.sound import PlaceFixed
 from apad_bridge.scenario.water.options import Localisation
 
 CONFIG = Localisation(deviation_m=0.1, memory_s=600.0, apart_m=2.0)
@@ -18,7 +19,7 @@ def taken(at_s: int, north_m: float, east_m: float, error_m: float = 0.0) -> Ran
     return RangeTaken(1000 * at_s, 7, math.dist((north_m, east_m, 0.5), TRUE) + error_m, north_m, east_m, 0.5)
 
 
-def at_corners(locator: Locator, count: int, **errors_m: float) -> list[PositionFix | None]:
+def at_corners(locator: Locator, count: int, **errors_m: float) -> list[PlaceFixed | None]:
     return [locator.take(taken(10 * n, *CORNERS[n], errors_m.get(f"at{n}", 0.0)), None) for n in range(count)]
 
 
@@ -27,7 +28,7 @@ def test_the_third_range_from_elsewhere_gives_a_fix() -> None:
     assert first is None and second is None
     assert third is not None and fourth is not None
     assert (third.north_m, third.east_m) == pytest.approx(TRUE[:2], abs=1e-4)
-    assert (fourth.ranges, fourth.at_ms, fourth.agent_id) == (4, 30_000, 7)
+    assert (fourth.ranges, fourth.id) == (4, 7)
     # Horizontal unit vectors from the corners of 60 x 80 m: (+-30, +-40) / sqrt(30^2 + 40^2 + 9.5^2).
     squared = 50**2 + 9.5**2
     hdop = math.sqrt(squared / (4 * 30**2) + squared / (4 * 40**2))

@@ -19,7 +19,6 @@ from apad_bridge.assembly.capacity import (
     _best_gain,
     active_minutes,
     bounds_of,
-    drain_at_load,
     rates_of,
     sustained_by_balance,
     uptime_with_closing,
@@ -256,15 +255,6 @@ def test_a_dock_that_gives_less_than_the_board_draws_fills_nobody_from_empty() -
         (ABOVE_KNEE - 2 * MOTOR_RUN) / (ABOVE_KNEE / (TWO_COILS - docked)), rel=1e-4
     )
     assert (found.sustained_from_empty, found.cycles_per_apad_charge) == (4, 0)
-
-
-def test_a_fleet_that_draws_a_part_of_the_law_by_hand() -> None:
-    # Twenty docks and 120 aMussels at 90 %: 120 = 0.9 x 20 x (1 + 17 / 3).
-    drain = drain_at_load(C, 120, 20, 0.9)
-    assert drain == pytest.approx(C * 3 / 17)
-    assert 0.9 * 20 * (1 + C / drain) == pytest.approx(120)
-    with pytest.raises(ValueError, match="20 docks hold 18 aMussels for ever"):
-        drain_at_load(C, 18, 20, 0.9)
 
 
 def test_the_capacity_by_a_fleet_s_balance_by_hand() -> None:

@@ -139,7 +139,7 @@ def test_on_somebody_elses_master_a_bag_keeps_mission_time_and_the_masters(tmp_p
         header = message.header.stamp
         assert (header.sec, header.nanosec) == (1_800_000_000 + mission_ms // 1000, 250_000_000)
     # Readers go by mission time: the whole chunks of a torn bag end at second 20, and samples are asked for by period.
-    assert repair_bag(torn).last_ms == 20_000
+    assert repair_bag(torn)["last_ms"] == 20_000
     assert [it.at_ms for it in instants([bag.path], 10_000)] == [0, 10_000, 20_000]
 
 
@@ -211,7 +211,7 @@ sys.stdin.read()
         read(tmp_path / "run.bag")
     repair = repair_bag(tmp_path / "run.bag")
     # Ticks 0..10, 11..20 and so on to 181..190 are whole chunks; 191..199 were never written.
-    assert (repair.messages, repair.last_ms, repair.torn_bytes) == (3 * 191, 190_000, 0)
+    assert (repair["messages"], repair["last_ms"], repair["torn_bytes"]) == (3 * 191, 190_000, 0)
     assert len(read(tmp_path / "run.bag")) == 3 * 191
     assert repair_bag(tmp_path / "run.bag") is None
 
@@ -232,9 +232,9 @@ def test_a_bag_cut_anywhere_is_repaired_to_what_is_whole(tmp_path):
         repair = repair_bag(torn)
         stamps = read_stamps(torn)
         assert stamps == expected[: len(stamps)]
-        assert repair.messages == len(stamps) >= saved_before
-        assert repair.last_ms == (stamps[-1][1] // 1_000_000 if stamps else 0)
-        saved_before = repair.messages
+        assert repair["messages"] == len(stamps) >= saved_before
+        assert repair["last_ms"] == (stamps[-1][1] // 1_000_000 if stamps else 0)
+        saved_before = repair["messages"]
     assert saved_before == len(expected)
 
 
@@ -283,9 +283,9 @@ def test_damaged_bytes_cost_messages_and_raise_nothing(tmp_path_factory, damage,
     kept = sum(1 for _ in recorded_messages(path))
     repaired = repair_bag(path)
     if repaired is not None:
-        assert sum(1 for _ in recorded_messages(path)) == repaired.messages == kept
+        assert sum(1 for _ in recorded_messages(path)) == repaired["messages"] == kept
         with Reader(path) as reader:
-            assert reader.message_count == repaired.messages
+            assert reader.message_count == repaired["messages"]
 
 
 @contextmanager

@@ -120,7 +120,7 @@ def test_an_unclosed_bag_of_means_is_repaired_and_stays_one(
     assert str(why_no_deviations(path)).startswith(f"{path}: not a bag that can be read")
     path.write_bytes(path.read_bytes()[:-250])
     repair = repair_bag(path)
-    assert repair is not None and (repair.messages, repair.last_ms) == (9, 4000)
+    assert repair is not None and (repair["messages"], repair["last_ms"]) == (9, 4000)
     assert [it.at_ms for it in instants([path], 1000)] == [0, 1000, 2000, 3000]
 
 

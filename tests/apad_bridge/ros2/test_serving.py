@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 from apad_bridge.records.run_directory import RunDirectoryError
-from apad_bridge.ros2 import serving
-from apad_bridge.ros2.serving import serve
+from apad_bridge.ros2 import ros2_process
+from apad_bridge.ros2.ros2_process import serve
 from apad_bridge.ros2.topics import Publication
 from apad_bridge.scenario.run_options import TimeSource
 
@@ -49,10 +49,12 @@ class Desk:
 
     def show(self, run_dir: Path, monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
         event = SimpleNamespace(set=lambda: None, is_set=lambda: False, wait=self.wait)
-        monkeypatch.setattr(serving, "Ros2Process", self)
-        monkeypatch.setattr(serving, "threading", SimpleNamespace(Event=lambda: event))
-        monkeypatch.setattr(serving, "time", SimpleNamespace(monotonic=lambda: self.now_s))
-        monkeypatch.setattr(serving, "os", SimpleNamespace(nice=lambda by: setattr(self, "niceness", by)))
+        monkeypatch.setattr(ros2_process, "Ros2Process", self)
+        monkeypatch.setattr(ros2_process, "threading", SimpleNamespace(Event=lambda: event))
+        monkeypatch.setattr(ros2_process, "time", SimpleNamespace(monotonic=lambda: self.now_s))
+        monkeypatch.setattr(
+            ros2_process, "os", SimpleNamespace(nice=lambda by: setattr(self, "niceness", by))
+        )
         serve(run_dir, lambda topics: self.told.append(topics.summary), self.told.append)
         return self.came
 
@@ -180,8 +182,8 @@ def test_a_person_ends_it_while_it_waits_for_the_beginning(
         act()
         yield
 
-    monkeypatch.setattr(serving, "received_by", signalled)
-    monkeypatch.setattr(serving, "os", SimpleNamespace(nice=lambda by: None))
+    monkeypatch.setattr(ros2_process, "received_by", signalled)
+    monkeypatch.setattr(ros2_process, "os", SimpleNamespace(nice=lambda by: None))
     told: list[object] = []
     serve(tmp_path, told.append, told.append)
     assert told == []

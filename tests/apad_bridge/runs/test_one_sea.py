@@ -134,7 +134,7 @@ def test_the_node_and_the_flight_in_one_process_have_one_hull_in_one_sea(pool: S
     apad = build(in_current(pool, 0.2))
     apad.receive(Hold(1, *pool.apad.start_m), 0)
     apad.advance(60_000)
-    assert math.fsum(map(abs, apad.thruster_forces_n)) == pytest.approx(4 * 40 * 0.2**2 / (2 * math.sqrt(2)))
+    assert math.fsum(map(abs, apad.motion.forces_n)) == pytest.approx(4 * 40 * 0.2**2 / (2 * math.sqrt(2)))
 
 
 @pytest.mark.parametrize(

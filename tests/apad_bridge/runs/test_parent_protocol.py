@@ -9,14 +9,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from apad_bridge.runs.parent_protocol import (
+    APadView,
     Failed,
     Gave,
-    HandedOver,
     Kept,
     ParentMessage,
     Said,
-    Seen,
     Summary,
+    TransferredBelief,
     from_line,
     to_line,
 )
@@ -40,8 +40,10 @@ MESSAGES: dict[type, st.SearchStrategy[ParentMessage]] = {
     Said: st.builds(Said, st.text()),
     Summary: st.builds(Summary, st.dictionaries(st.text(), PLAIN)),
     Failed: st.builds(Failed, st.text()),
-    Seen: st.builds(Seen, st.text(), st.booleans(), PLACES, st.dictionaries(IDS, PLACES), st.frozensets(IDS)),
-    Gave: st.builds(Gave, st.lists(st.builds(HandedOver, IDS, IDS, PLAIN)).map(tuple)),
+    APadView: st.builds(
+        APadView, st.text(), st.booleans(), PLACES, st.dictionaries(IDS, PLACES), st.frozensets(IDS)
+    ),
+    Gave: st.builds(Gave, st.dictionaries(IDS, st.builds(TransferredBelief, IDS, PLAIN))),
     Kept: st.builds(Kept, st.lists(IDS).map(tuple)),
 }
 

@@ -33,7 +33,6 @@ from apad_bridge.studies.event_driven import (
     Ticks,
     drift_sums,
     fly_event_driven,
-    fly_shares,
     model_gap,
 )
 from apad_bridge.studies.figures import Figures
@@ -364,16 +363,11 @@ def test_shares_flown_one_by_one_are_those_of_the_apads_in_step() -> None:
     )
     opened = open_lockstep(members(scenario, starts_of(scenario)), scenario.sharing)
     opened.runner.run()
-    ours = fly_shares(scenario)
+    ours = {it.name: fly_event_driven(it.scenario) for it in members(scenario, starts_of(scenario))}
     for name, flown in opened.figures().items():
         assert ours[name].services == flown["services"] > 0
         assert ours[name].metres == pytest.approx(flown["planned_m"])
         assert ours[name].uptime_paper_mean == pytest.approx(flown["uptime_paper"]["mean"])
-
-
-def test_shares_outside_the_model_are_refused() -> None:
-    with pytest.raises(ValueError, match="leaves out guards"):
-        fly_shares(changed(guards={}))
 
 
 def test_a_battery_that_runs_out_ends_both_models_alike() -> None:
@@ -434,9 +428,9 @@ def test_the_cruising_apad_arrives_when_and_where_the_simulated_one_does(
     now_ms += 60_000
     stepped.advance(now_ms)
     cruising.advance(now_ms)
-    ours, theirs = cruising.ledger, stepped.ledger
+    ours, theirs = cruising.battery.ledger, stepped.battery.ledger
     assert theirs.used_wh == pytest.approx(
-        stepped.energy_used_fraction * config.battery.capacity_wh, rel=1e-9
+        stepped.battery.used_fraction * config.battery.capacity_wh, rel=1e-9
     )
     assert asdict(ours) == pytest.approx(asdict(theirs), rel=1e-6)
 

@@ -13,7 +13,7 @@ from apad_bridge.vehicle.commands import BatteryReported, PoseReported
 from apad_bridge.vehicle.generation_a.core import GenerationACore
 from apad_bridge.vehicle.generation_a.docks import ReportedDocks
 from apad_bridge.vehicle.generation_b.core import GenerationBCore
-from apad_bridge.vehicle.stack_messages import BatteryReceived, PoseReceived, StateRefReceived
+from apad_bridge.vehicle.stack_messages import BatteryReceived, StateRefReceived
 from apad_bridge.world.apad.apad import SimulatedAPad
 from apad_bridge.world.apad.docks import Misses
 from apad_bridge.world.generation_a.vehicle import GenerationAVehicle
@@ -44,8 +44,8 @@ def made_at(request: pytest.FixtureRequest) -> Callable[[int], Vehicle]:
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, 1e308, -1e308])
 def test_a_number_out_of_range_is_dropped_and_counted(core: Core, bad: float) -> None:
-    core.receive(PoseReceived(0, bad, 0.0, 0.0), 0)
-    core.receive(PoseReceived(0, 0.0, 0.0, bad), 0)
+    core.receive(PoseReported(0, bad, 0.0, 0.0), 0)
+    core.receive(PoseReported(0, 0.0, 0.0, bad), 0)
     core.receive(BatteryReceived(0, bad), 0)
     assert core.advance(0) == []
     assert core.dropped == {
@@ -67,15 +67,15 @@ def test_percent_becomes_a_fraction_and_a_voltage(
 
 
 def test_of_poses_only_the_newest_is_told_and_an_overtaken_one_is_counted(core: Core) -> None:
-    core.receive(PoseReceived(100, 2.1, 3.1, 0.0), 100)
-    core.receive(PoseReceived(900, 4.0, 5.0, 0.5), 1_000)
-    core.receive(PoseReceived(800, 2.1, 3.1, 0.0), 1_000)
+    core.receive(PoseReported(100, 2.1, 3.1, 0.0), 100)
+    core.receive(PoseReported(900, 4.0, 5.0, 0.5), 1_000)
+    core.receive(PoseReported(800, 2.1, 3.1, 0.0), 1_000)
     assert core.advance(1_000) == [PoseReported(900, 4.0, 5.0, 0.5)]
     assert core.dropped == {"position: a newer one overtook it": 1}
 
 
 def test_what_is_stamped_later_waits_for_its_time_but_stateRef_counts_at_once(core: Core) -> None:
-    core.receive(PoseReceived(1_500, 4.0, 5.0, 0.0), 1_000)
+    core.receive(PoseReported(1_500, 4.0, 5.0, 0.0), 1_000)
     core.receive(StateRefReceived(2_000), 1_000)  # from a node that is ahead
     assert core.readings.state_ms == 2_000 and core.advance(1_000) == []
     assert core.advance(2_000) == [PoseReported(1_500, 4.0, 5.0, 0.0)]

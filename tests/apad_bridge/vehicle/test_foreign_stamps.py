@@ -5,17 +5,18 @@ from __future__ import annotations
 from collections import Counter
 from typing import Any
 
-from apad_bridge.vehicle.stack_messages import PoseReceived, StateRefReceived
+from apad_bridge.vehicle.commands import PoseReported
+from apad_bridge.vehicle.stack_messages import StateRefReceived
 from apad_bridge.vehicle.telemetry import AHEAD_MS, DeferredMessages
 
 
 def test_a_stamp_far_ahead_is_dropped_and_counted_and_a_near_one_has_its_time() -> None:
     dropped: Counter[str] = Counter()
     messages: DeferredMessages[Any] = DeferredMessages(0, dropped)
-    near = PoseReceived(AHEAD_MS, 1.0, 2.0, 0.0)
+    near = PoseReported(AHEAD_MS, 1.0, 2.0, 0.0)
     assert messages.defers(near, 0)
     for n in range(1, 1001):
-        assert messages.defers(PoseReceived(AHEAD_MS + n, 1.0, 2.0, 0.0), 0)
+        assert messages.defers(PoseReported(AHEAD_MS + n, 1.0, 2.0, 0.0), 0)
     assert dropped == {"Pose: stamped more than 10 s ahead of the mission": 1000}
     assert messages.advance(1_000) == [near]
 

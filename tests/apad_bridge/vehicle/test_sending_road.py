@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 
 from apad_bridge.scenario.choices import Generation
 from apad_bridge.scenario.schema import Docking, DockingProfile
-from apad_bridge.vehicle.commands import GoTo, Hold, Stop
+from apad_bridge.vehicle.commands import GoTo, Hold, PoseReported, Stop
 from apad_bridge.vehicle.generation_a.core import GenerationACore
 from apad_bridge.vehicle.generation_a.docks import ReportedDocks
 from apad_bridge.vehicle.generation_a.messages import GoalOrder
@@ -46,7 +46,6 @@ from apad_bridge.vehicle.sending_road import (
     SendingRoad,
     Write,
 )
-from apad_bridge.vehicle.stack_messages import PoseReceived
 from apad_bridge.world.apad.docks import Misses
 from apad_bridge.world.generation_b.docks import BenchDocks
 
@@ -71,7 +70,7 @@ class Link:
             )
 
     def advance(self, now_ms: int) -> list[LinkFact]:
-        self.core.receive(PoseReceived(now_ms, *HERE_M, 0.0), now_ms)
+        self.core.receive(PoseReported(now_ms, *HERE_M, 0.0), now_ms)
         return self.core.advance(now_ms)
 
     def command(self, cleared: Cleared[Any], now_ms: int) -> None:

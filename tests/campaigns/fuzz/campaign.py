@@ -607,7 +607,7 @@ def _bags(folder: Path) -> Iterator[Door]:
             counts["messages"] += sum(1 for _ in recorded_messages(path))
             repaired = repair_bag(path)
             counts["closed" if repaired is None else "repaired"] += 1
-            if repaired is not None and sum(1 for _ in recorded_messages(path)) != repaired.messages:
+            if repaired is not None and sum(1 for _ in recorded_messages(path)) != repaired["messages"]:
                 raise Broken(f"a bag with other messages than its repair kept: {repaired}")
 
         yield once

@@ -24,10 +24,9 @@ from apad_bridge.records.bag import RecordedMessage
 from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.loader import load, write_resolved
 from apad_bridge.scenario.yaml_text import parse_yaml
-from apad_bridge.vehicle.generation_a.messages import GO_TO
+from apad_bridge.vehicle.generation_a.messages import GO_TO, GoalOrder
 from apad_bridge.world.apad.kinematics import Pose
 from apad_bridge.world.generation_a.messages import (
-    ActionGoal,
     BatteryAndProgressPublished,
     GoalEnded,
     GoalOutcome,
@@ -143,7 +142,7 @@ def proportional_day() -> list[RecordedMessage]:
     place, velocity, now_ms = np.zeros(2), np.zeros(2), 0
     for n in range(8):
         goal = np.array([(12.0, 3.0), (0.0, 10.0), (15.0, 15.0), (-4.0, 2.0)][n % 4])
-        recorder.goal(now_ms, ActionGoal(f"goal {n}", GO_TO, float(goal[0]), float(goal[1]), ""))
+        recorder.goal(now_ms, GoalOrder(f"goal {n}", GO_TO, float(goal[0]), float(goal[1]), ""))
         arrived = False
         for _ in range(300):
             now_ms += 100

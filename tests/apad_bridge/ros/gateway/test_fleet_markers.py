@@ -12,7 +12,7 @@ from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.mission.sources import Allocation
-from apad_bridge.ros.gateway.standard_topics import FleetMarkers
+from apad_bridge.ros.gateway.standard_topics import fleet_markers
 from apad_bridge.vehicle.commands import PoseReported
 from apad_bridge.world.roster import PresenceRequest, Presences, PresenceTrigger
 from firmware_model.packets import StatusPacket
@@ -49,7 +49,7 @@ class APad:
         self.pose = PoseReported(0, 1.0, 2.0, 0.0)
         self.mission = SimpleNamespace(docks=(None,) * 4)
         self.screen = Screen()
-        self._markers = FleetMarkers(own, "musselbed/enu", 0.5)
+        self._own = own
         self.now_ms = 0
         self.is_connected = True
 
@@ -69,7 +69,7 @@ class APad:
 
     def tick(self) -> None:
         self.now_ms += 1000
-        picture = self._markers.draw(self, self.now_ms)  # type: ignore[arg-type]
+        picture = fleet_markers(self, self._own, "musselbed/enu", 0.5, self.now_ms)  # type: ignore[arg-type]
         if self.is_connected:
             self.screen.take(picture)
 

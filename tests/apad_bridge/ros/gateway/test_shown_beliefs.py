@@ -16,8 +16,8 @@ from visualization_msgs.msg import Marker
 from apad_bridge.beliefs.belief import Belief, ClockBelief, Source
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.events.mission import MissionState
-from apad_bridge.ros.gateway.fleet_diagnostics import diagnose
 from apad_bridge.ros.gateway.standard_messages import agent_battery, fix, marker, shown
+from apad_bridge.ros.gateway.standard_topics import diagnose
 from apad_bridge.ros_names.frames import UPRIGHT, ellipse_95
 from apad_bridge.ros_names.shown import apad_shape, ball_size_m
 from apad_bridge.scenario.area.local_frame import LocalFrame

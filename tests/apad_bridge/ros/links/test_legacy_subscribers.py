@@ -12,7 +12,8 @@ import pytest
 
 from apad_bridge.ros.links.legacy_subscribers import LegacySubscribers, NavSts
 from apad_bridge.ros.system.inbox import Inbox
-from apad_bridge.vehicle.stack_messages import UNSTAMPED, PoseReceived
+from apad_bridge.vehicle.commands import PoseReported
+from apad_bridge.vehicle.stack_messages import UNSTAMPED
 
 
 @pytest.mark.parametrize("stamped", [True, False])
@@ -32,8 +33,8 @@ def test_a_position_keeps_its_own_stamp_and_on_our_clock_its_time(
     after_ms = math.ceil(1000 * time.monotonic())
     (pose,) = inbox.take()
     if stamped:
-        assert pose == PoseReceived(stamp_ms or 0, 1.0, 2.0, 0.5, stamp_ms, 0.5, "/nav")
+        assert pose == PoseReported(stamp_ms or 0, 1.0, 2.0, 0.5, stamp_ms, 0.5, "/nav")
     else:
         assert before_ms <= pose.heard_ms <= after_ms
-        assert replace(pose, heard_ms=None) == PoseReceived(UNSTAMPED, 1.0, 2.0, 0.5, stamp_ms, 0.5, "/nav")
+        assert replace(pose, heard_ms=None) == PoseReported(UNSTAMPED, 1.0, 2.0, 0.5, stamp_ms, 0.5, "/nav")
     subscribers.close()

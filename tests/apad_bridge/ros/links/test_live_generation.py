@@ -7,8 +7,8 @@ import pytest
 from apad_bridge.assembly.stacks import stacks
 from apad_bridge.doctor.graph import Graph
 from apad_bridge.doctor.network import Unreachable
-from apad_bridge.ros.links import generations
-from apad_bridge.ros.links.generations import live_generation
+from apad_bridge.ros.links import vehicles
+from apad_bridge.ros.links.vehicles import live_generation
 from apad_bridge.vehicle.errors import VehicleNotReady
 
 SILENT = Unreachable("getSystemState at http://here:1: no answer within 2 s")
@@ -33,7 +33,7 @@ def answers(monkeypatch: pytest.MonkeyPatch) -> list[Graph | Unreachable]:
             raise answer
         return answer
 
-    monkeypatch.setattr(generations.Graph, "read", read)
+    monkeypatch.setattr(vehicles.Graph, "read", read)
     return told
 
 

@@ -19,6 +19,7 @@ from apad_bridge.vehicle.commands import (
     Hold,
     HoldWanted,
     OpenDock,
+    PoseReported,
     Primitive,
     ReleaseByName,
     ReleaseWanted,
@@ -45,7 +46,6 @@ from apad_bridge.vehicle.generation_b.messages import (
 )
 from apad_bridge.vehicle.link import Carried, LinkFact
 from apad_bridge.vehicle.outcomes import DockChanged, Outcome, PrimitiveFailed, PrimitiveSucceeded
-from apad_bridge.vehicle.stack_messages import PoseReceived
 from apad_bridge.world.apad.apad import SimulatedAPad
 from apad_bridge.world.apad.docks import Misses
 from apad_bridge.world.apad.motion import Coast
@@ -88,7 +88,7 @@ class WithA:
         """Sends a goal, of the core or of another party."""
         if self.vehicle.has_crashed:
             return
-        goal = shown_a.ActionGoal(order.key, order.kind, order.north_m, order.east_m, order.name)
+        goal = GoalOrder(order.key, order.kind, order.north_m, order.east_m, order.name)
         self._active.append(order.key)
         self._report(GoalStatusEntry(order.key, GoalCode.ACTIVE), now_ms)
         self._receive(self.vehicle.receive(goal, now_ms), now_ms)
@@ -112,7 +112,7 @@ class WithA:
             match it:
                 case PosePublished(at_ms, pose):
                     self.core.receive(
-                        PoseReceived(at_ms, pose.north_m, pose.east_m, pose.heading_rad), now_ms
+                        PoseReported(at_ms, pose.north_m, pose.east_m, pose.heading_rad), now_ms
                     )
                 case shown_a.HeldPositionPublished(at_ms, name, north_m, east_m, released):
                     agent_id = int(name.removeprefix("amussel"))
@@ -155,7 +155,7 @@ class WithB:
             match it:
                 case PosePublished(at_ms, pose):
                     self.core.receive(
-                        PoseReceived(at_ms, pose.north_m, pose.east_m, pose.heading_rad), now_ms
+                        PoseReported(at_ms, pose.north_m, pose.east_m, pose.heading_rad), now_ms
                     )
                 case shown_b.StatusPublished(at_ms, docking, status):
                     self.core.receive(StatusReceived(at_ms, docking, status), now_ms)

@@ -22,7 +22,8 @@ from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.ros.types.any_message import why_unfit
 from apad_bridge.scenario.lab_interface.messages import MessageKind
 from apad_bridge.scenario.lab_interface.names import Names, Number, Subscription
-from apad_bridge.vehicle.stack_messages import UNSTAMPED, BatteryReceived, PoseReceived
+from apad_bridge.vehicle.commands import PoseReported
+from apad_bridge.vehicle.stack_messages import UNSTAMPED, BatteryReceived
 
 Inboxed = tuple[LegacySubscribers, Inbox[Any]]
 
@@ -78,7 +79,7 @@ def test_a_publisher_of_another_type_gives_a_flight_nothing_of_its_kind(
     for taken in inbox.take():
         # What is taken is of the declared kind, and so has not come from the text or the list.
         assert not isinstance(taken, BatteryReceived) or isinstance(taken.percent, int | float)
-        assert not isinstance(taken, PoseReceived) or isinstance(taken.north_m, float)
+        assert not isinstance(taken, PoseReported) or isinstance(taken.north_m, float)
         assert kind is not String
     assert sum(inbox.dropped.values()) >= 1
 
@@ -125,7 +126,7 @@ def test_a_pose_whose_numbers_are_narrower_is_read() -> None:
     subscribers._subscribers[0].callback(on_the_wire(narrow))
     subscribers.close()
     (pose,) = inbox.take()
-    assert replace(pose, heard_ms=None) == PoseReceived(UNSTAMPED, 1.5, 2.0, 0.5, publisher="/stranger")
+    assert replace(pose, heard_ms=None) == PoseReported(UNSTAMPED, 1.5, 2.0, 0.5, publisher="/stranger")
 
 
 def test_the_guards_of_several_aPads_keep_the_last_place_of_one_with_a_strangers_messages() -> None:

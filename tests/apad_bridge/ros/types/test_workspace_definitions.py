@@ -10,8 +10,7 @@ import rospy
 
 from apad_bridge.ros.types.any_message import AnyMessages, UnknownType, class_of
 from apad_bridge.ros.types.messages import use_generated_messages
-from apad_bridge.ros.types.user_texts import text_folders
-from apad_bridge.ros.types.workspace_services import service_by_text, service_to_offer
+from apad_bridge.ros.types.workspace_services import service_by_text, service_to_offer, text_folders
 from apad_bridge.world.generation_b.messages import docking, go_to
 
 use_generated_messages()

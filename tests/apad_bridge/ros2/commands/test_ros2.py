@@ -55,7 +55,7 @@ def test_it_tells_its_node(
         began(SimpleNamespace(node="musselbed_apad1", summary="apad1 and 12 aMussels"))
         tell("the run has ended")
 
-    monkeypatch.setattr("apad_bridge.ros2.serving.serve", serve)
+    monkeypatch.setattr("apad_bridge.ros2.ros2_process.serve", serve)
     assert main(["ros2", str(installed), *options]) == 0
     told = capsys.readouterr()
     assert (told.out, told.err) == (printed, "musselbed ros2: the run has ended\n")
@@ -67,6 +67,6 @@ def test_a_process_that_is_gone_is_a_peer_that_failed(
     def serve(*_: object) -> None:
         raise Ros2Gone("it is gone")
 
-    monkeypatch.setattr("apad_bridge.ros2.serving.serve", serve)
+    monkeypatch.setattr("apad_bridge.ros2.ros2_process.serve", serve)
     assert main(["ros2", str(installed)]) == 3
     assert capsys.readouterr().err == "musselbed ros2: it is gone\n"

@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 
 from apad_bridge.events.mission import PRE_EMPTED
 from apad_bridge.mission.breakdown import Breakdown
-from apad_bridge.runs.several.assignment import APadView, Assignment
+from apad_bridge.runs.parent_protocol import APadView
+from apad_bridge.runs.several.assignment import Assignment
 from apad_bridge.vehicle.outcomes import PrimitiveFailed, PrimitiveSucceeded
 
 NAMES = ("a", "b", "c", "d")

@@ -10,11 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from apad_bridge.runs.parent_protocol import (
+    APadView,
     Gave,
-    HandedOver,
     Kept,
     Orders,
-    Seen,
     TransferredBelief,
 )
 from apad_bridge.runs.several.reassignment import Reassigner
@@ -30,7 +29,7 @@ class Member:
         self.name, self.folder = name, folder
         self.served = set(HOMES[name])
         self.is_down = False
-        self.reports: list[Seen | Gave | Kept] = []
+        self.reports: list[APadView | Gave | Kept] = []
 
     def obey(self, busy: frozenset[int]) -> None:
         orders = Orders.load(self.folder)
@@ -40,12 +39,12 @@ class Member:
         gave = sorted(self.served - orders.serves.keys() - busy)
         estimate = sorted((self.served - orders.serves.keys()) & busy)
         self.served = (self.served & orders.serves.keys()) | set(estimate) | orders.serves.keys()
-        self.reports += [Gave(tuple(HandedOver(it, 0, {"of": it}) for it in gave)), Kept(tuple(estimate))]
+        self.reports += [Gave({it: TransferredBelief(0, {"of": it}) for it in gave}), Kept(tuple(estimate))]
 
     def report(self, busy: frozenset[int]) -> None:
         places_m = {it: (10.0 * it, 0.0) for it in self.served}
         self.reports.append(
-            Seen(self.name, self.is_down, (0.0, 0.0), places_m, frozenset(self.served - busy))
+            APadView(self.name, self.is_down, (0.0, 0.0), places_m, frozenset(self.served - busy))
         )
 
 

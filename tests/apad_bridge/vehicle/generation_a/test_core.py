@@ -44,7 +44,6 @@ from apad_bridge.vehicle.generation_a.messages import (
 )
 from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.link import Carried, Cleared, LetGo, LinkFact
-from apad_bridge.vehicle.stack_messages import PoseReceived
 from apad_bridge.world.contacts import why_out_of_reach
 
 THERE = GoTo(1, 5.0, 6.0, 0.5, 0.5)
@@ -99,9 +98,9 @@ def shown(at_ms: int, agent_id: int, released: bool = False) -> HeldPositionRece
     return HeldPositionReceived(at_ms, agent_id, 2.0, 3.0, released)
 
 
-def there(at_ms: int) -> PoseReceived:
+def there(at_ms: int) -> PoseReported:
     """The vehicle is heard, near the aMussels that `shown` tells of."""
-    return PoseReceived(at_ms, 2.1, 3.1, 0.0)
+    return PoseReported(at_ms, 2.1, 3.1, 0.0)
 
 
 def docked(at_ms: int, agent_id: int, dock_index: int = 0) -> list[LinkFact]:
@@ -363,7 +362,7 @@ def test_without_an_answer_for_five_seconds_the_silence_is_a_release(holds_7: Ge
     assert played(holds_7, there(10_000), there(14_900), there(15_000)) == opened
     release = sent(holds_7.command(cleared(ReleaseByName(-1, 0, 7)), 15_000))
     assert release == GoalOrder("run-own-1", RELEASE, name="amussel7")
-    assert played(holds_7, PoseReceived(16_000, 26.0, 3.0, 0.0), (16_000, OpenDock(5, 0, 7))) == [
+    assert played(holds_7, PoseReported(16_000, 26.0, 3.0, 0.0), (16_000, OpenDock(5, 0, 7))) == [
         CommandFailed(
             16_000, 5, "aMussel 7 is in no dock: its dock opened, by the last report, 24.0 m from here"
         )

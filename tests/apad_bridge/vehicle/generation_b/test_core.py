@@ -40,7 +40,6 @@ from apad_bridge.vehicle.generation_b.messages import (
 )
 from apad_bridge.vehicle.generation_b.tasks import PILOT, REPLACED
 from apad_bridge.vehicle.link import Carried, LetGo, LinkFact
-from apad_bridge.vehicle.stack_messages import PoseReceived
 from apad_bridge.world.apad.docks import MISSED, Misses
 from apad_bridge.world.generation_b.docks import BenchDocks
 
@@ -63,8 +62,8 @@ BY_EYE = DockingOrder(True, 2, 0.3, 0.4, 0.2, 0.25)
 RUNNING, DONE, PREEMPTED = PrimitiveStatus.RUNNING, PrimitiveStatus.DONE, PrimitiveStatus.PREEMPTED
 
 
-def at(at_ms: int, north_m: float, east_m: float, heading_rad: float = 0.0) -> PoseReceived:
-    return PoseReceived(at_ms, north_m, east_m, heading_rad)
+def at(at_ms: int, north_m: float, east_m: float, heading_rad: float = 0.0) -> PoseReported:
+    return PoseReported(at_ms, north_m, east_m, heading_rad)
 
 
 def goes(at_ms: int, status: PrimitiveStatus) -> StatusReceived:

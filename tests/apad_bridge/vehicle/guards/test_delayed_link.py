@@ -13,9 +13,10 @@ from stack_benches import Bench, real_limits
 
 from apad_bridge.scenario.choices import Generation
 from apad_bridge.scenario.guard_options import GuardOptions
+from apad_bridge.vehicle.commands import PoseReported
 from apad_bridge.vehicle.link import LinkFact
 from apad_bridge.vehicle.outcomes import DockChanged, PrimitiveFailed, PrimitiveSucceeded
-from apad_bridge.vehicle.stack_messages import BatteryReceived, PoseReceived
+from apad_bridge.vehicle.stack_messages import BatteryReceived
 from apad_bridge.world.apad.kinematics import Pose
 from apad_bridge.world.apad.motion import Steer
 
@@ -43,7 +44,7 @@ class DelayedCore:
         self._free_ms: dict[Any, int] = defaultdict(int)
 
     def receive(self, message: Any, now_ms: int) -> None:
-        is_reading = isinstance(message, PoseReceived | BatteryReceived)
+        is_reading = isinstance(message, PoseReported | BatteryReceived)
         if not (is_reading and self._rng.random() < LOSS):
             self._on_the_way.append((self._arrival_ms(type(message), message.at_ms), message))
 
@@ -89,8 +90,8 @@ class DelayedCore:
         return (item for _, item in sorted(come, key=lambda it: it[0]))
 
 
-def stamped(pose: Pose, at_ms: int) -> PoseReceived:
-    return PoseReceived(at_ms, pose.north_m, pose.east_m, pose.heading_rad, at_ms + AHEAD_MS)
+def stamped(pose: Pose, at_ms: int) -> PoseReported:
+    return PoseReported(at_ms, pose.north_m, pose.east_m, pose.heading_rad, at_ms + AHEAD_MS)
 
 
 def bench_of(generation: Generation, seed: int, guards: GuardOptions | None = None) -> Bench:

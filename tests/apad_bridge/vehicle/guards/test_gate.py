@@ -64,7 +64,6 @@ from apad_bridge.vehicle.guards.monitor import (
 from apad_bridge.vehicle.guards.position_watch import PositionLimits, PositionWatch
 from apad_bridge.vehicle.guards.stops import StopsEnded
 from apad_bridge.vehicle.link import Cleared, LinkFact
-from apad_bridge.vehicle.stack_messages import PoseReceived
 from apad_bridge.world.apad.motion import Coast, Steer
 from tests.apad_bridge.vehicle.guards.test_guards import WATERS
 
@@ -525,9 +524,9 @@ def test_a_leg_that_lasts_too_long_is_ended(simulated: Guarded) -> None:
     assert simulated.events() == [("guard", "late")]
 
 
-def frozen_at(bench: Bench) -> Callable[..., PoseReceived]:
+def frozen_at(bench: Bench) -> Callable[..., PoseReported]:
     last = bench.link.pose
-    return lambda pose, at_ms: PoseReceived(at_ms, last.north_m, last.east_m, last.heading_rad)
+    return lambda pose, at_ms: PoseReported(at_ms, last.north_m, last.east_m, last.heading_rad)
 
 
 # Every road, both generations: the port's, the cores' own repeats, the monitor's.
@@ -572,12 +571,12 @@ def test_no_sequence_of_orders_puts_on_the_wire_what_a_guard_refuses(
 TOLD_MS = 3_000
 
 
-def nan_at(it: Bench) -> Callable[..., PoseReceived]:
-    return lambda pose, at_ms: PoseReceived(at_ms, math.nan, pose.east_m, pose.heading_rad)
+def nan_at(it: Bench) -> Callable[..., PoseReported]:
+    return lambda pose, at_ms: PoseReported(at_ms, math.nan, pose.east_m, pose.heading_rad)
 
 
-def jumped(it: Bench, north_m: float, east_m: float) -> Callable[..., PoseReceived]:
-    return lambda pose, at_ms: PoseReceived(
+def jumped(it: Bench, north_m: float, east_m: float) -> Callable[..., PoseReported]:
+    return lambda pose, at_ms: PoseReported(
         at_ms, pose.north_m + north_m, pose.east_m + east_m, pose.heading_rad
     )
 

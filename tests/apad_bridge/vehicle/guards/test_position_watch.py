@@ -21,7 +21,6 @@ from apad_bridge.vehicle.guards.position_watch import (
     PositionLimits,
     PositionWatch,
 )
-from apad_bridge.vehicle.stack_messages import PoseReceived
 from apad_bridge.vehicle.telemetry import Readings
 
 LIMITS = PositionLimits(age_ms=5_000, jump_m=10.0, speed_m_s=1.0, frozen_ms=10_000)
@@ -59,7 +58,7 @@ def test_a_second_publisher_is_noticed_though_its_messages_never_come_last() -> 
     readings, gate = Readings((10.5, 16.0)), Gate.without_guards()
     for publishers in (("/position",), ("/second", "/position")):
         for at_ms, publisher in enumerate(publishers, 1_000 * len(publishers)):
-            readings.receive(PoseReceived(at_ms, 1.0, 1.0, 0.0, at_ms, publisher=publisher))
+            readings.receive(PoseReported(at_ms, 1.0, 1.0, 0.0, at_ms, publisher=publisher))
         readings.take(gate)
     assert "two nodes publish it: /second and /position" in gate.watch.fault(2_001)
 
@@ -314,7 +313,7 @@ def test_positions_that_waited_for_a_bench_that_slept_are_a_fault_though_the_new
     stamps_ms, asleep_ms = range(0, 90_000, 100), range(20_000, 80_000)
     for stamp_ms in stamps_ms:
         heard_ms = asleep_ms.stop if stamp_ms in asleep_ms else stamp_ms
-        readings.receive(PoseReceived(heard_ms, 0.0, 0.0, 0.0, stamp_ms, heard_ms=heard_ms))
+        readings.receive(PoseReported(heard_ms, 0.0, 0.0, 0.0, stamp_ms, heard_ms=heard_ms))
         if stamp_ms not in asleep_ms:
             readings.take(gate)
             is_late = asleep_ms.stop <= stamp_ms < asleep_ms.stop + LATE_FAULT_MS

@@ -39,7 +39,7 @@ def trace(config: APad, history: list[tuple[int, VehicleCommand]], cuts_ms: list
     for at_ms, _, command in sorted([*moments, *cuts], key=lambda moment: moment[:2]):
         facts += apad.advance(at_ms) if command is None else apad.receive(command, at_ms)
     facts += apad.advance(END_MS)
-    end = (apad.pose, apad.battery_fraction, apad.thruster_forces_n, apad.power_w, dict(apad.docked))
+    end = (apad.pose, apad.battery.fraction, apad.motion.forces_n, apad.battery.power_w, dict(apad.docked))
     return repr((facts, end))
 
 
@@ -80,7 +80,7 @@ def test_the_limits_hold_and_the_vehicle_always_ends_at_the_last_goal(config, hi
         change_m_s = abs(complex(after.north_m_s - before.north_m_s, after.east_m_s - before.east_m_s))
         assert change_m_s <= config.max_acceleration_m_s2 * 0.1 + 1e-9
         assert after.speed_m_s <= config.max_speed_m_s + 1e-9
-        assert max(abs(force) for force in apad.thruster_forces_n) <= thruster_max_n + 1e-9
+        assert max(abs(force) for force in apad.motion.forces_n) <= thruster_max_n + 1e-9
     assert (apad.pose.north_m, apad.pose.east_m, apad.pose.speed_m_s) == (*goal, 0.0)
 
 

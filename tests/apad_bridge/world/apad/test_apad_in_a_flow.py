@@ -45,16 +45,16 @@ def test_holding_in_a_current_takes_the_drag_of_the_water_that_passes(config: AP
     apad.receive(Hold(1, 0.0, 0.0), 0)
     apad.advance(1_000_000)
     # 40 * 0.2^2 = 1.6 N towards the south
-    assert apad.thruster_forces_n == pytest.approx((-1.6 / X,) * 4)
+    assert apad.motion.forces_n == pytest.approx((-1.6 / X,) * 4)
     assert (apad.pose.north_m, apad.pose.east_m, apad.pose.speed_m_s) == (0.0, 0.0, 0.0)
-    assert apad.energy_used_fraction == pytest.approx((25 + 6 * 4 * 1.6 / X) * 1000 / FULL_J)
+    assert apad.battery.used_fraction == pytest.approx((25 + 6 * 4 * 1.6 / X) * 1000 / FULL_J)
 
 
 def test_holding_in_a_wind_takes_the_drag_of_the_air(config: APad) -> None:
     apad = SimulatedAPad(config, surface=Surface(STILL, (0.0, 10.0)))
     apad.advance(10_000)
     # 0.08 * 10^2 = 8 N towards the west: across the bow two thrusters push forwards and two backwards
-    assert [abs(it) for it in apad.thruster_forces_n] == pytest.approx([8 / X] * 4)
+    assert [abs(it) for it in apad.motion.forces_n] == pytest.approx([8 / X] * 4)
     assert (apad.pose.north_m, apad.pose.east_m) == (0.0, 0.0)
 
 
@@ -75,7 +75,7 @@ def test_going_takes_the_drag_through_the_water_at_the_ordered_speed_over_ground
     apad.advance(60_000)
     assert (apad.pose.north_m_s, apad.pose.east_m_s) == pytest.approx((0.5, 0.0), abs=1e-9)
     assert apad.pose.east_m == pytest.approx(0.0, abs=1e-6)
-    one, other, _, _ = apad.thruster_forces_n
+    one, other, _, _ = apad.motion.forces_n
     assert math.hypot(one + other, one - other) * math.sqrt(2) == pytest.approx(force_n, abs=1e-6)
 
 
@@ -102,7 +102,7 @@ def test_a_planner_foretells_the_energy_and_the_time_that_a_leg_then_takes(
     ticks = (apad.advance(second * 1000) for second in range(1, 5000))
     (there,) = next(found for facts in ticks if (found := [it for it in facts if isinstance(it, Arrived)]))
     seconds = there.at_ms / 1000
-    thrust_j = apad.energy_used_fraction * FULL_J - 25 * seconds
+    thrust_j = apad.battery.used_fraction * FULL_J - 25 * seconds
     ahead = FlowNow(config, surface, 0, 0.5)
     calm_j_per_m = 6 * 4 * (40 * 0.5**2) / X / 0.5
     assert ahead.seconds((0.0, 0.0), (500.0, 0.0)) == pytest.approx(seconds, rel=0.01)
@@ -116,7 +116,7 @@ def test_a_current_beyond_its_thrust_takes_it_away_under_full_power(config: APad
     apad.receive(Hold(1, 0.0, 0.0), 0)
     apad.advance(120_000)
     # along the bow four thrusters give 84.85 N, enough for 1.456 m/s through the water
-    assert max(map(abs, apad.thruster_forces_n)) == pytest.approx(30.0)
+    assert max(map(abs, apad.motion.forces_n)) == pytest.approx(30.0)
     assert apad.pose.north_m_s == pytest.approx(1.5 - math.sqrt(4 * 30 / math.sqrt(2) / 40), abs=0.001)
     assert apad.pose.north_m > 4.0
 
@@ -133,7 +133,7 @@ def test_a_free_hull_slides_through_the_water_and_then_goes_with_it(config: APad
     assert apad.pose.north_m - begin.north_m == pytest.approx(slid_m * 0.4 / 0.5, rel=0.05)
     assert apad.pose.east_m - begin.east_m == pytest.approx(300 * 0.3 - slid_m * 0.3 / 0.5, rel=0.002)
     assert (apad.pose.north_m_s, apad.pose.east_m_s) == pytest.approx((0.0, 0.3), abs=1e-12)
-    assert apad.thruster_forces_n == (0.0,) * 4
+    assert apad.motion.forces_n == (0.0,) * 4
 
 
 @pytest.mark.parametrize("flow", [SurfaceFlow((0.2, -0.1), (3.0, 8.0)), SurfaceFlow((0.0, 0.0), (10.0, 0.0))])
@@ -179,9 +179,9 @@ def test_the_flow_of_a_tide_is_felt_at_rest_within_a_second(config: APad) -> Non
         config, surface=Surface(CurrentConfig(tides=(TideConstituent(400, 400_000, 0),)).stream())
     )
     apad.advance(100_500)
-    assert apad.power_w == pytest.approx(25 + 6 * 4 * 40 * 0.4**2 / X)
+    assert apad.battery.power_w == pytest.approx(25 + 6 * 4 * 40 * 0.4**2 / X)
     apad.advance(200_500)
-    assert apad.power_w == pytest.approx(25, abs=1e-6)
+    assert apad.battery.power_w == pytest.approx(25, abs=1e-6)
     assert (apad.pose.north_m, apad.pose.east_m) == (0.0, 0.0)
 
 
@@ -215,7 +215,7 @@ def test_cutting_time_changes_nothing_in_a_flow(config: APad, cuts_ms: list[int]
         for at_ms in sorted(it for it in cuts_ms if it >= 1234):
             facts += apad.advance(at_ms)
         facts += apad.receive(Coast(), 30_050) + apad.advance(40_000)
-        return repr((facts, apad.pose, apad.battery_fraction, apad.thruster_forces_n))
+        return repr((facts, apad.pose, apad.battery.fraction, apad.motion.forces_n))
 
     assert trace(cuts_ms) == trace([])
 

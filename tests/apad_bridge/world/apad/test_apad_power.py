@@ -30,25 +30,25 @@ def apad(config) -> SimulatedAPad:
 
 def test_the_hotel_load_alone(apad):
     apad.advance(2_400_000)
-    assert apad.energy_used_fraction == pytest.approx(25 * 2400 / FULL_J, rel=1e-12)
-    assert apad.battery_voltage_v == pytest.approx(16.0 - 5.5 * 25 * 2400 / FULL_J)
+    assert apad.battery.used_fraction == pytest.approx(25 * 2400 / FULL_J, rel=1e-12)
+    assert apad.battery.voltage_v == pytest.approx(16.0 - 5.5 * 25 * 2400 / FULL_J)
 
 
 def test_a_closed_dock_draws_its_charging_power_to_the_millisecond(apad):
     apad.receive(CloseDock(1, 2, 9), 1234)
     apad.receive(OpenDock(2, 2, 9), 101_235)
     apad.advance(200_000)
-    assert apad.energy_used_fraction == pytest.approx((25 * 200 + 10 * 100.001) / FULL_J, rel=1e-12)
+    assert apad.battery.used_fraction == pytest.approx((25 * 200 + 10 * 100.001) / FULL_J, rel=1e-12)
 
 
 def test_the_ledger_has_a_row_for_docks_for_the_hotel_load_and_for_travel(apad):
     apad.receive(CloseDock(1, 2, 9), 0)
     apad.receive(GoTo(2, 50.0, 0.0, 0.5, 0.5), 0)
     apad.advance(300_000)
-    ledger = apad.ledger
+    ledger = apad.battery.ledger
     assert ledger.handed_wh == pytest.approx(10 * 300 / 3600, rel=1e-12)
     assert ledger.hotel_wh == pytest.approx(25 * 300 / 3600, rel=1e-12) and ledger.travel_wh > 0
-    assert ledger.used_wh == pytest.approx(apad.energy_used_fraction * 230, rel=1e-12)
+    assert ledger.used_wh == pytest.approx(apad.battery.used_fraction * 230, rel=1e-12)
 
 
 def test_the_ledger_of_an_empty_battery_is_what_was_in_it(config):
@@ -56,7 +56,7 @@ def test_the_ledger_of_an_empty_battery_is_what_was_in_it(config):
     apad = SimulatedAPad(replace(config, battery=battery))
     apad.receive(CloseDock(1, 2, 9), 0)
     apad.advance(3_600_000)
-    ledger = apad.ledger
+    ledger = apad.battery.ledger
     assert ledger.used_wh == pytest.approx(2.3, rel=1e-9) and ledger.travel_wh == pytest.approx(0, abs=1e-9)
     assert ledger.handed_wh / ledger.hotel_wh == pytest.approx(10 / 25, rel=1e-3)
 
@@ -67,35 +67,35 @@ def test_the_charger_at_home_feeds_an_apad_that_rests_there_and_no_other(config)
     at_home, elsewhere = SimulatedAPad(half), SimulatedAPad(half, home_m=(30.0, 0.0))
     for apad in (at_home, elsewhere):
         apad.advance(360_000)
-    assert at_home.battery_fraction == pytest.approx(0.5 + (125 - 25) * 360 / FULL_J, rel=1e-12)
-    assert elsewhere.battery_fraction == pytest.approx(0.5 - 25 * 360 / FULL_J, rel=1e-12)
-    assert at_home.ledger.used_wh == pytest.approx(25 * 0.1)
+    assert at_home.battery.fraction == pytest.approx(0.5 + (125 - 25) * 360 / FULL_J, rel=1e-12)
+    assert elsewhere.battery.fraction == pytest.approx(0.5 - 25 * 360 / FULL_J, rel=1e-12)
+    assert at_home.battery.ledger.used_wh == pytest.approx(25 * 0.1)
     elsewhere.receive(GoTo(1, 30.0, 0.0, 0.5, 0.5), 360_000)
     elsewhere.advance(500_000)
-    before = elsewhere.battery_fraction
+    before = elsewhere.battery.fraction
     elsewhere.advance(860_000)
-    assert elsewhere.battery_fraction == pytest.approx(before + (125 - 25) * 360 / FULL_J, rel=1e-9)
+    assert elsewhere.battery.fraction == pytest.approx(before + (125 - 25) * 360 / FULL_J, rel=1e-9)
     at_home.advance(36_000_000)
-    assert at_home.battery_fraction == 1.0
+    assert at_home.battery.fraction == 1.0
 
 
 @pytest.mark.parametrize("goal_m", [(50.0, 0.0), (0.0, 50.0), (-30.0, 40.0)])
 def test_cruising_draws_the_thrust_that_drag_asks_for(apad, goal_m):
     apad.receive(GoTo(1, *goal_m, 0.5, 0.5), 0)
     apad.advance(30_000)
-    assert apad.thruster_forces_n == pytest.approx((3.535534,) * 4)
-    assert apad.power_w == pytest.approx(25 + 6 * 4 * 3.535534)
-    before = apad.energy_used_fraction
+    assert apad.motion.forces_n == pytest.approx((3.535534,) * 4)
+    assert apad.battery.power_w == pytest.approx(25 + 6 * 4 * 3.535534)
+    before = apad.battery.used_fraction
     apad.advance(40_000)
-    assert apad.energy_used_fraction - before == pytest.approx(10 * (25 + 84.852814) / FULL_J)
+    assert apad.battery.used_fraction - before == pytest.approx(10 * (25 + 84.852814) / FULL_J)
 
 
 def test_a_battery_that_is_not_full_at_the_start(config):
     apad = SimulatedAPad(replace(config, battery=replace(config.battery, start_fraction=0.5)))
-    assert apad.battery_voltage_v == pytest.approx(13.25)
+    assert apad.battery.voltage_v == pytest.approx(13.25)
     apad.advance(1_000_000)
-    assert apad.battery_fraction == pytest.approx(0.5 - 25_000 / FULL_J)
-    assert apad.energy_used_fraction == pytest.approx(25_000 / FULL_J)
+    assert apad.battery.fraction == pytest.approx(0.5 - 25_000 / FULL_J)
+    assert apad.battery.used_fraction == pytest.approx(25_000 / FULL_J)
 
 
 def test_battery_reports_come_every_second(config):
@@ -111,8 +111,8 @@ def test_an_empty_battery_stops_thrusters_and_mechanisms_and_says_so(small_batte
     failures = [fact for fact in facts if isinstance(fact, CommandFailed)]
     assert [failure.command_id for failure in failures] == [2]
     assert "battery" in failures[0].reason
-    assert (apad.battery_fraction, apad.battery_voltage_v) == (0.0, 10.5)
-    assert apad.thruster_forces_n == (0.0, 0.0, 0.0, 0.0)
+    assert (apad.battery.fraction, apad.battery.voltage_v) == (0.0, 10.5)
+    assert apad.motion.forces_n == (0.0, 0.0, 0.0, 0.0)
     # it coasted to a stop; the dock stays closed, and every command fails
     stopped = [fact for fact in facts if isinstance(fact, PoseReported)]
     assert stopped[-1].north_m > next(p.north_m for p in stopped if p.at_ms == failures[0].at_ms)

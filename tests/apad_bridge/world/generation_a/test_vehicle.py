@@ -12,10 +12,9 @@ from scenario_files import POOL_FILE
 
 from apad_bridge.scenario.faults import Fault
 from apad_bridge.scenario.loader import load
-from apad_bridge.vehicle.generation_a.messages import GO_TO, PERCH, RELEASE
+from apad_bridge.vehicle.generation_a.messages import GO_TO, PERCH, RELEASE, GoalOrder
 from apad_bridge.world.apad.apad import SimulatedAPad
 from apad_bridge.world.generation_a.messages import (
-    ActionGoal,
     BatteryAndProgressPublished,
     GoalEnded,
     GoalOutcome,
@@ -35,16 +34,16 @@ def vehicle(start_ms: int = 0, fault: Fault = Fault.NONE) -> GenerationAVehicle:
     return made
 
 
-def go_to(key: str, north_m: float, east_m: float = EAST_M) -> ActionGoal:
-    return ActionGoal(key, GO_TO, north_m, east_m, "")
+def go_to(key: str, north_m: float, east_m: float = EAST_M) -> GoalOrder:
+    return GoalOrder(key, GO_TO, north_m, east_m, "")
 
 
-def perch(name: str) -> ActionGoal:
-    return ActionGoal(f"perch {name}", PERCH, 0.0, 0.0, name)
+def perch(name: str) -> GoalOrder:
+    return GoalOrder(f"perch {name}", PERCH, 0.0, 0.0, name)
 
 
-def release(name: str) -> ActionGoal:
-    return ActionGoal(f"release {name}", RELEASE, 0.0, 0.0, name)
+def release(name: str) -> GoalOrder:
+    return GoalOrder(f"release {name}", RELEASE, 0.0, 0.0, name)
 
 
 def ends(published: list[Published]) -> list[tuple[str, GoalOutcome]]:
@@ -211,7 +210,7 @@ def test_a_crash_in_release_silences_all_that_is_held_but_not_the_position() -> 
 
 
 def test_a_goal_of_an_unknown_kind_is_active_until_pre_empted(apad: GenerationAVehicle) -> None:
-    apad.receive(ActionGoal("what", 7, 0.0, 0.0, ""), 0)
+    apad.receive(GoalOrder("what", 7, 0.0, 0.0, ""), 0)
     assert ends(apad.advance(60_000)) == []
     assert ends(apad.receive(go_to("there", NORTH_M), 60_000)) == [("what", GoalOutcome.PREEMPTED)]
 
@@ -255,7 +254,7 @@ def test_its_battery_can_be_charged_and_drained_by_percent_points(apad: Generati
 def test_it_holds_as_many_as_it_has_docks(docks: int) -> None:
     apad = GenerationAVehicle(SimulatedAPad(replace(POOL.apad, docks=docks)), 0.5, 0.5)
     for number in range(docks + 1):
-        ended = apad.receive(ActionGoal(f"{number}", PERCH, 0.0, 0.0, f"amussel{number}"), 0)
+        ended = apad.receive(GoalOrder(f"{number}", PERCH, 0.0, 0.0, f"amussel{number}"), 0)
         assert GoalEnded(0, f"{number}", GoalOutcome.SUCCEEDED) in ended
     assert apad.held == [f"amussel{number}" for number in range(docks)] and apad.free_docks == []
     with pytest.raises(ValueError, match=f"there is no dock {docks}"):
