@@ -360,11 +360,11 @@ class GuardedVehicle:
         if self._under_way is not None and self.gate.watch.place_m is not None:
             self._under_way = self._under_way.moved_to(self.gate.watch.place_m, now_ms)
         for change in self._safety.monitor.look(self.gate.situation(now_ms), self._under_way, now_ms):
-            if change.finding is not None:
-                self._react(change.finding, now_ms)
+            if isinstance(change, MonitorFinding):
+                self._react(change, now_ms)
                 continue
-            self.gate.events.append(DangerOver(change.cause))
-            if change.cause is Cause.POSITION and not self._safety.needs_person:
+            self.gate.events.append(DangerOver(change))
+            if change is Cause.POSITION and not self._safety.needs_person:
                 self._stop_here(Hold(self._take_id(), 0.0, 0.0), now_ms)
         self._keeper.watch(now_ms)
         self._repeat_hold(now_ms)

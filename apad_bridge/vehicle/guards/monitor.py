@@ -53,37 +53,34 @@ class MonitorCheck(Protocol):
     @property
     def cause(self) -> Cause: ...
 
-    def look(
-        self, situation: VehicleSituation, under_way: UnderWay | None, now_ms: int
-    ) -> MonitorFinding | None: ...
+    @property
+    def reaction(self) -> Reaction:
+        return Reaction.HOLD
+
+    def look(self, situation: VehicleSituation, under_way: UnderWay | None, now_ms: int) -> str:
+        """The reason to react; empty for none."""
 
 
 @dataclass(frozen=True, slots=True)
-class PositionIsGood:
+class PositionIsGood(MonitorCheck):
     cause: Cause = Cause.POSITION
+    reaction: Reaction = Reaction.STOP
 
-    def look(
-        self, situation: VehicleSituation, under_way: UnderWay | None, now_ms: int
-    ) -> MonitorFinding | None:
-        if not situation.position_fault or situation.place_m is None:
-            return None
-        return MonitorFinding(self.cause, Reaction.STOP, situation.position_fault)
+    def look(self, situation: VehicleSituation, under_way: UnderWay | None, now_ms: int) -> str:
+        return "" if situation.place_m is None else situation.position_fault
 
 
 @dataclass(frozen=True, slots=True)
-class IsInWaters:
+class IsInWaters(MonitorCheck):
     """Outside the waters the vehicle holds and a pilot is called or, if the scenario says so, it goes back inside."""
 
     waters: Waters
     reaction: Reaction
     cause: Cause = Cause.OUTSIDE
 
-    def look(
-        self, situation: VehicleSituation, under_way: UnderWay | None, now_ms: int
-    ) -> MonitorFinding | None:
-        if situation.place_m is None or not (fault := self.waters.fault_of_place(situation.place_m)):
-            return None
-        return MonitorFinding(self.cause, self.reaction, f"the aPad at {fault}")
+    def look(self, situation: VehicleSituation, under_way: UnderWay | None, now_ms: int) -> str:
+        fault = "" if situation.place_m is None else self.waters.fault_of_place(situation.place_m)
+        return fault and f"the aPad at {fault}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +105,7 @@ DEFAULT_STOPPING = Stopping(0.0, 4.2, 0.6)
 
 
 @dataclass(frozen=True, slots=True)
-class CanStopInWaters:
+class CanStopInWaters(MonitorCheck):
     """The vehicle comes to rest inside the waters if it is told to stop now."""
 
     waters: Waters
@@ -117,24 +114,17 @@ class CanStopInWaters:
     """The greatest allowed speed, which the noise of positions alone does not exceed (`_believed_m_s`)."""
     cause: Cause = Cause.AHEAD
 
-    def look(
-        self, situation: VehicleSituation, under_way: UnderWay | None, now_ms: int
-    ) -> MonitorFinding | None:
+    def look(self, situation: VehicleSituation, under_way: UnderWay | None, now_ms: int) -> str:
         place_m, speed_m_s = situation.place_m, _believed_m_s(situation, self.most_m_s)
         if place_m is None or speed_m_s == 0.0 or self.waters.fault_of_place(place_m):
-            return None
+            return ""
         there_m = _place_at_rest(place_m, situation, self.stopping, speed_m_s)
-        if not (fault := self.waters.fault_of_place(there_m)):
-            return None
-        return MonitorFinding(
-            self.cause,
-            Reaction.HOLD,
-            f"at {speed_m_s:.1f} m/s the aPad comes to rest where it may not be: {fault}",
-        )
+        fault = self.waters.fault_of_place(there_m)
+        return fault and f"at {speed_m_s:.1f} m/s the aPad comes to rest where it may not be: {fault}"
 
 
 @dataclass(frozen=True, slots=True)
-class KeepsClearOfAPads:
+class KeepsClearOfAPads(MonitorCheck):
     """The vehicle does not come nearer to another aPad than `least_m` if it is told to stop now. Both look."""
 
     least_m: float
@@ -143,23 +133,20 @@ class KeepsClearOfAPads:
     """The greatest allowed speed, as for the fence ahead."""
     cause: Cause = Cause.ANOTHER_APAD
 
-    def look(
-        self, situation: VehicleSituation, under_way: UnderWay | None, now_ms: int
-    ) -> MonitorFinding | None:
+    def look(self, situation: VehicleSituation, under_way: UnderWay | None, now_ms: int) -> str:
         speed_m_s = _believed_m_s(situation, self.most_m_s)
         if situation.place_m is None or speed_m_s == 0.0:
-            return None
+            return ""
         there_m = _place_at_rest(situation.place_m, situation, self.stopping, speed_m_s)
         for body in situation.bodies:
             near_m = math.dist(there_m, body.place_m)
             if body.agent_id is None and near_m < min(
                 self.least_m, math.dist(situation.place_m, body.place_m)
             ):
-                reason = (
+                return (
                     f"the aPad comes to rest {near_m:.1f} m from {body.name}, the least is {self.least_m:g} m"
                 )
-                return MonitorFinding(self.cause, Reaction.HOLD, reason)
-        return None
+        return ""
 
 
 def _believed_m_s(situation: VehicleSituation, most_m_s: float) -> float:
@@ -180,42 +167,35 @@ def _place_at_rest(
 
 
 @dataclass(frozen=True, slots=True)
-class SpeedIsAllowed:
+class SpeedIsAllowed(MonitorCheck):
     """The measured speed, less its error: a vehicle of generation A obeys no ordered one."""
 
     most_m_s: float
     cause: Cause = Cause.SPEED
 
-    def look(
-        self, situation: VehicleSituation, under_way: UnderWay | None, now_ms: int
-    ) -> MonitorFinding | None:
+    def look(self, situation: VehicleSituation, under_way: UnderWay | None, now_ms: int) -> str:
         if situation.least_speed_m_s <= self.most_m_s:
-            return None
+            return ""
         made = f"{situation.speed_m_s:.2f} m/s, {situation.least_speed_m_s:.2f} at least"
-        reason = f"the aPad makes {made}; the greatest is {self.most_m_s:g} m/s"
-        return MonitorFinding(self.cause, Reaction.HOLD, reason)
+        return f"the aPad makes {made}; the greatest is {self.most_m_s:g} m/s"
 
 
 @dataclass(frozen=True, slots=True)
-class EndsInTime:
+class EndsInTime(MonitorCheck):
     """A go-to that lasts longer than a leg may, from the vehicle's acceptance on."""
 
     duration_s: float = math.inf
     cause: Cause = Cause.LATE
 
-    def look(
-        self, situation: VehicleSituation, under_way: UnderWay | None, now_ms: int
-    ) -> MonitorFinding | None:
+    def look(self, situation: VehicleSituation, under_way: UnderWay | None, now_ms: int) -> str:
         since_ms = None if under_way is None else under_way.since_ms
         if since_ms is None or now_ms - since_ms <= self.duration_s * 1000:
-            return None
-        return MonitorFinding(
-            self.cause, Reaction.HOLD, f"the go-to did not end within {self.duration_s:g} s"
-        )
+            return ""
+        return f"the go-to did not end within {self.duration_s:g} s"
 
 
 @dataclass(frozen=True, slots=True)
-class MakesProgress:
+class MakesProgress(MonitorCheck):
     """A go-to that gets no nearer, under a good position: a tether, weed, a current. The vehicle holds, and a person looks.
 
     Within two victory radii of its goal a vehicle may turn and settle.
@@ -223,66 +203,47 @@ class MakesProgress:
 
     cause: Cause = Cause.NO_PROGRESS
 
-    def look(
-        self, situation: VehicleSituation, under_way: UnderWay | None, now_ms: int
-    ) -> MonitorFinding | None:
+    def look(self, situation: VehicleSituation, under_way: UnderWay | None, now_ms: int) -> str:
         if under_way is None or under_way.progress_ms is None or situation.place_m is None:
-            return None
+            return ""
         order = under_way.command
         away_m = math.dist(situation.place_m, (order.north_m, order.east_m))
         wait_s = max(LEAST_WAIT_S, EXPECTED_WAITS * PROGRESS_M / order.speed_m_s)
         if away_m <= 2 * order.victory_radius_m or now_ms - under_way.progress_ms < wait_s * 1000:
-            return None
-        reason = (
+            return ""
+        return (
             f"the aPad came no {PROGRESS_M:g} m nearer to its goal within {wait_s:g} s, {away_m:.1f} m to go"
         )
-        return MonitorFinding(self.cause, Reaction.HOLD, reason)
 
 
 @dataclass(frozen=True, slots=True)
-class IsWatched:
+class IsWatched(MonitorCheck):
     """The vehicle's own watchdog watches. Without it an aPad on its way goes on when the link or the bench dies."""
 
     cause: Cause = Cause.WATCHDOG
 
-    def look(
-        self, situation: VehicleSituation, under_way: UnderWay | None, now_ms: int
-    ) -> MonitorFinding | None:
-        if not situation.watchdog_fault:
-            return None
-        return MonitorFinding(self.cause, Reaction.HOLD, situation.watchdog_fault)
-
-
-@dataclass(frozen=True, slots=True)
-class Change:
-    """A cause begins, with its finding, or is over."""
-
-    cause: Cause
-    finding: MonitorFinding | None
+    def look(self, situation: VehicleSituation, under_way: UnderWay | None, now_ms: int) -> str:
+        return situation.watchdog_fault
 
 
 class Monitor:
-    """Looks at every tick; returns the causes that begin, and those that are over. A bad position hides all others."""
+    """Looks at every tick. A bad position hides all other causes."""
 
     def __init__(self, checks: Sequence[MonitorCheck]) -> None:
         self._checks = tuple(checks)
-        self._present: dict[Cause, MonitorFinding] = {}
+        self._present: set[Cause] = set()
 
-    @property
-    def present(self) -> Sequence[MonitorFinding]:
-        return tuple(self._present.values())
-
-    def look(self, situation: VehicleSituation, under_way: UnderWay | None, now_ms: int) -> list[Change]:
-        changes = []
+    def look(
+        self, situation: VehicleSituation, under_way: UnderWay | None, now_ms: int
+    ) -> list[MonitorFinding | Cause]:
+        """The findings that begin, and the causes that are over."""
+        changes: list[MonitorFinding | Cause] = []
         for check in self._checks:
             if situation.position_fault and check.cause is not Cause.POSITION:
                 continue  # what is wrong with the vehicle's place cannot be judged
-            finding, before = check.look(situation, under_way, now_ms), self._present.get(check.cause)
-            if finding is not None and before is None:
-                changes.append(Change(check.cause, finding))
-            if finding is not None:
-                self._present[check.cause] = finding
-            elif before is not None:
-                del self._present[check.cause]
-                changes.append(Change(check.cause, None))
+            reason = check.look(situation, under_way, now_ms)
+            if bool(reason) is (check.cause in self._present):
+                continue
+            self._present ^= {check.cause}
+            changes.append(MonitorFinding(check.cause, check.reaction, reason) if reason else check.cause)
         return changes

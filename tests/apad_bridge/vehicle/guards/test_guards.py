@@ -261,8 +261,8 @@ def test_a_vehicle_comes_to_rest_before_it_is_too_near_to_another_apad(
     check = KeepsClearOfAPads(3.0, Stopping(0.5))
     other = BodyInWater("apad2", (5.0, 0.0), agent_id=None)
     situation = VehicleSituation(place, velocity, bodies=(other,))
-    assert (check.look(situation, None, 0) is not None) is is_held
-    assert check.look(replace(situation, bodies=(replace(other, agent_id=7),)), None, 0) is None
+    assert bool(check.look(situation, None, 0)) is is_held
+    assert not check.look(replace(situation, bodies=(replace(other, agent_id=7),)), None, 0)
 
 
 STOPPING = Stopping(0.1, coasting_m=4.2, coasting_speed_m_s=0.6)
@@ -287,8 +287,8 @@ def test_a_noisy_receiver_lets_no_healthy_vehicle_see_the_fence_ahead() -> None:
             watch.least_speed_m_s,
             bodies=(BodyInWater("another aPad", (north_m, 0.0), None),),
         )
-        assert ahead.look(situation, None, 1_000 * n) is None
-        assert others.look(situation, None, 1_000 * n) is None
+        assert not ahead.look(situation, None, 1_000 * n)
+        assert not others.look(situation, None, 1_000 * n)
 
 
 @pytest.mark.parametrize(
@@ -311,4 +311,4 @@ def test_a_stop_s_way_ahead_is_that_of_the_allowed_speed_and_of_more_where_it_is
 ) -> None:
     waters = FencedWaters(Fence(((0.0, 0.0), (100.0, 0.0), (100.0, 100.0), (0.0, 100.0)), ()), 1.0)
     situation = VehicleSituation((50.0, 100.0 - away_m), (0.0, speed_m_s), least_m_s)
-    assert (CanStopInWaters(waters, STOPPING, 0.8).look(situation, None, 0) is not None) is is_seen
+    assert bool(CanStopInWaters(waters, STOPPING, 0.8).look(situation, None, 0)) is is_seen
