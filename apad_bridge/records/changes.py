@@ -44,7 +44,7 @@ def has_moved(now: Truth, before: Truth) -> bool:
 
 
 class Changes:
-    """What of each tick gets a line: the aPad, beliefs, and what is left of capacities.
+    """Chooses from each tick the aPad, beliefs and capacities that get a line.
 
     The aPad, when it moved, turned, used energy, changed its primitive or docks, or had no line for a minute. A belief,
     when its state changed, its charge moved by a hundredth, or a reported quantity by its step. A capacity, when an end of

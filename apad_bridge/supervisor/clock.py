@@ -16,15 +16,6 @@ _CHANGED_S = 0.2
 """Wall seconds after which a waiting clock looks at its speed again."""
 
 
-class StopFlag(Protocol):
-    """A stop sign as a waiting thread sees it."""
-
-    def is_set(self) -> bool: ...
-
-    def wait(self, timeout_s: float, /) -> bool:
-        """True if it was set within `timeout_s` wall seconds."""
-
-
 class StopSign:
     """A stop sign that a signal handler may set.
 
@@ -101,7 +92,7 @@ OnTimeReached = Callable[[MissionMs], None]
 
 
 class Pace(Protocol):
-    def reach(self, now_ms: int, stopped: StopFlag, between: OnTimeReached | None = None) -> None:
+    def reach(self, now_ms: int, stopped: StopSign, between: OnTimeReached | None = None) -> None:
         """Returns when mission time `now_ms` has come for all participants, or at once when `stopped` is set.
 
         Calls `between` about every `POLL_PERIOD_S`, with times before `now_ms` that have come; a pace without a wall clock
@@ -133,7 +124,7 @@ class AsFastAsPossible:
     speed: FlightSpeed | None = None
     behind_s = 0.0
 
-    def reach(self, now_ms: int, stopped: StopFlag, between: OnTimeReached | None = None) -> None:
+    def reach(self, now_ms: int, stopped: StopSign, between: OnTimeReached | None = None) -> None:
         pass
 
 
@@ -164,7 +155,7 @@ class WallClock:
         """Mission time 0 is at this time of the wall clock."""
         self._origin = (0, clock_ms / 1000)
 
-    def reach(self, now_ms: int, stopped: StopFlag, between: OnTimeReached | None = None) -> None:
+    def reach(self, now_ms: int, stopped: StopSign, between: OnTimeReached | None = None) -> None:
         now_s = self._clock()
         if self._origin is None:
             self._origin = (now_ms, now_s)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
 
 from agents.time_scale import MissionMs
 from apad_bridge.acoustics.serial.lines import SerialLines
@@ -24,14 +23,7 @@ from apad_bridge.world.world import World
 
 Watcher = Callable[[MissionMs], None]
 """Called after each tick with the mission time: progress, publishing."""
-
-
-class Announce(Protocol):
-    def __call__(self, at_ms: MissionMs, event: Event) -> None: ...
-
-
-def _announce_to_nobody(at_ms: MissionMs, event: Event) -> None:
-    pass
+Announce = Callable[[MissionMs, Event], None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,7 +37,7 @@ class FlightContext:
     """Judges each order before it goes out to the vehicle, and watches the vehicle between orders."""
     watchers: Callable[[Supervisor], tuple[Watcher, ...]] = lambda supervisor: ()
     """Makes the watchers, once, for the flight's supervisor."""
-    announce: Announce = _announce_to_nobody
+    announce: Announce = lambda at_ms, event: None
     """Receives every event of the flight, as the journal does."""
     flush_records: Callable[[], None] = lambda: None
     """Writes what was recorded so far, so that it outlives this process."""

@@ -28,7 +28,7 @@ from apad_bridge.supervisor.clock import (
     FlightSpeed,
     OnTimeReached,
     Pace,
-    StopFlag,
+    StopSign,
     WallClock,
 )
 
@@ -114,7 +114,7 @@ class OwnMasterClock:
         times = 0.0 if self.speed is None else self.speed.times
         return next((it for it in _STEPS_MS if times and it / 1000 / times >= _STEP_WALL_S), 1000)
 
-    def reach(self, now_ms: int, stopped: StopFlag, between: OnTimeReached | None = None) -> None:
+    def reach(self, now_ms: int, stopped: StopSign, between: OnTimeReached | None = None) -> None:
         self._link.wait_until_taken(SETTLE_S)
         while self._published_ms < now_ms or not self._has_published:
             step_ms = now_ms if stopped.is_set() else min(now_ms, self._published_ms + self._step_ms)
@@ -128,7 +128,7 @@ class OwnMasterClock:
         if self._wait_until_done(now_ms, stopped):
             self._link.wait_until_heard(now_ms, SETTLE_S)
 
-    def _wait_until_done(self, now_ms: int, stopped: StopFlag) -> bool:
+    def _wait_until_done(self, now_ms: int, stopped: StopSign) -> bool:
         """False when the flight was stopped before the node confirmed this time."""
         until_s = time.monotonic() + self._patience_s
         while not self._link.wait_until_done(now_ms, min(_REPEAT_S, max(0.0, until_s - time.monotonic()))):
@@ -178,7 +178,7 @@ class FollowedClock:
         self._reached = rospy.Publisher(CLOCK_REACHED, Clock, queue_size=10, latch=True)
         self._subscriber = rospy.Subscriber(CLOCK, Clock, self._take, tcp_nodelay=True)
 
-    def reach(self, now_ms: int, stopped: StopFlag, between: OnTimeReached | None = None) -> None:
+    def reach(self, now_ms: int, stopped: StopSign, between: OnTimeReached | None = None) -> None:
         if self._link is not None and self._reached.get_num_connections() > 0:
             self._link.wait_until_taken(TAKEN_S)
         with self._advanced:
@@ -276,6 +276,6 @@ class StampedByMaster:
     def begin_at(self, clock_ms: int) -> None:
         self._pace.begin_at(clock_ms)
 
-    def reach(self, now_ms: int, stopped: StopFlag, between: OnTimeReached | None = None) -> None:
+    def reach(self, now_ms: int, stopped: StopSign, between: OnTimeReached | None = None) -> None:
         self._pace.reach(now_ms, stopped, between)
         follow_master(now_ms)

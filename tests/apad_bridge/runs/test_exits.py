@@ -24,7 +24,7 @@ from apad_bridge.runs.progress import FlightProgress
 from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.starts import starts_of
-from apad_bridge.supervisor.clock import ClockLost, OnTimeReached, StopFlag
+from apad_bridge.supervisor.clock import ClockLost, OnTimeReached, StopSign
 from apad_bridge.vehicle.errors import PeerFailed
 
 FAILED = MissionEnd(EndReason.STRATEGY_FAILED, "failure of strategy 'x': ValueError: no")
@@ -61,7 +61,7 @@ class ClockThatStops:
 
     behind_s = 0.0
 
-    def reach(self, now_ms: int, stopped: StopFlag, between: OnTimeReached | None = None) -> None:
+    def reach(self, now_ms: int, stopped: StopSign, between: OnTimeReached | None = None) -> None:
         self.behind_s = {3000: 1.75, 4000: 0.5}.get(now_ms, 0.0)
         if now_ms > 5000:
             raise ClockLost("the node of /apad1 did not say within 60 s that it has come to 6 s")
