@@ -238,11 +238,3 @@ class Sound:
         """The range that a modem measures from a round trip with the error `off_m`, in whole steps of its timer."""
         step_m = _STEP_US * self.sound_speed_m_s / 2e6
         return max(0, round((round_trip_us * self.sound_speed_m_s / 2e6 + off_m) / step_m)) * step_m
-
-    @property
-    def ignored_db(self) -> float:
-        """The error bound of `range_limit_m`: a sound from beyond it lies below the noise by at least so much.
-
-        k such sounds at once would raise the noise by 10 log10(1 + k 10^(-ignored_db / 10)) dB at most.
-        """
-        return -self.snr_db(self.range_limit_m)

@@ -233,16 +233,6 @@ def battery_worth_min(scenario: Scenario) -> float:
     return fmean(1 / (it.drain + (it.charge if is_held else 0.0)) for it in fleet)
 
 
-def sustained_by_balance(amussels: int, gained: float, drain: float, minutes: float) -> float:
-    """The capacity that a flight measures: the fleet whose charge would have stayed the same; `drain` is the fleet's mean.
-
-    With docks that are never empty, an aMussel more costs its drain alone. So a fleet whose charges rose by `gained`
-    batteries together in `minutes` could be larger by gained / (drain x minutes), or had to be smaller. That holds near the
-    capacity: charges below the curve's knee lower it, docks without work too.
-    """
-    return amussels + gained / (drain * minutes)
-
-
 def rates_of(scenario: Scenario, *, skips_wakes: bool = False) -> list[Rates]:
     """Each aMussel's rates, in its own duty cycle; with `skips_wakes` as if it never woke."""
     nominal, spread = board_config(scenario.board, scenario.seed), spread_of(scenario)
@@ -392,38 +382,6 @@ def _samples(scenario: Scenario, active: float, mission_s: float) -> float | Non
         return None
     alarms = int(scenario.time_scale.agent_time(mission_s) // whole.cycle.alarm_s) + 1
     return float(len(scenario.fleet.ids) * alarms)
-
-
-def uptime_with_services(scenario: Scenario, services: float) -> float:
-    """The largest mean uptime, in percent, that so many services can give: a bound for a way that pays for no more.
-
-    A docked minute gains most on the fastest part of the curve, so one service of t minutes gains at most g(t), the fastest
-    parts first. g is concave, so S services in Y docked minutes gain at most S g(Y / S). The sum of active time is at most
-    the smaller of N T - Y and sum of min(T, u_i / d_i) + S g(Y / S) / d, with the best Y up to D T, and d the least drain.
-    Surfacing and travel are free. The boards are those without a spread.
-    """
-    fleet, minutes = rates_of(scenario), scenario.time_scale.agent_time(scenario.duration_s) / 60
-    board = board_config(scenario.board, scenario.seed)
-    curve = _curve_of(board, _draw_in_a_dock(board))
-    ends = [0.0, *(end for end, _ in curve)]
-    parts = ((rate, end - low) for (end, rate), low in zip(curve, ends, strict=False) if rate > 0)
-    fastest = sorted(parts, reverse=True)
-    drain = min(it.drain for it in fleet)
-    unserved = fsum(min(minutes, it.start / it.drain) for it in fleet)
-
-    def at_work(docked: float) -> float:
-        left, gain = docked / services, 0.0
-        for rate, part in fastest:
-            took = min(left, part / rate)
-            left, gain = left - took, gain + took * rate
-        return unserved + services * gain / drain
-
-    low, high = 0.0, _docks_of(scenario) * minutes
-    # The time at work rises with the docked minutes, and the time outside docks falls.
-    for _ in range(60):
-        middle = (low + high) / 2
-        low, high = (middle, high) if at_work(middle) < len(fleet) * minutes - middle else (low, middle)
-    return 100 * min(at_work(high), len(fleet) * minutes - low) / (len(fleet) * minutes)
 
 
 def uptime_with_closing(scenario: Scenario) -> float:

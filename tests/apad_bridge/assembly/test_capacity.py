@@ -8,6 +8,7 @@ from math import inf
 from typing import Any
 
 import pytest
+from bounds.service_bounds import sustained_by_balance, uptime_with_services
 from hypothesis import given
 from hypothesis import strategies as st
 from scenario_files import POOL_FILE, WHOLE_FILE
@@ -20,9 +21,7 @@ from apad_bridge.assembly.capacity import (
     active_minutes,
     bounds_of,
     rates_of,
-    sustained_by_balance,
     uptime_with_closing,
-    uptime_with_services,
 )
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario

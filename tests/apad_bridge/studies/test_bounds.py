@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+from bounds.service_bounds import uptime_with_services
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scenario_files import POOL_FILE, WHOLE_FILE
 
-from apad_bridge.assembly.capacity import active_minutes, bounds_of, rates_of, uptime_with_services
+from apad_bridge.assembly.capacity import active_minutes, bounds_of, rates_of
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.studies.models import Model, fly
 

@@ -26,9 +26,7 @@ from apad_bridge.assembly.capacity import (
     Bounds,
     bounds_of,
     rates_of,
-    sustained_by_balance,
     uptime_with_closing,
-    uptime_with_services,
 )
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import from_data, load, resolve
@@ -37,6 +35,7 @@ from apad_bridge.studies.figures import Figures
 from apad_bridge.studies.models import Model, fly
 from benchmarks.rows import told
 from bounds import timed_services
+from bounds.service_bounds import sustained_by_balance, uptime_with_services
 
 SCENARIOS = Path(__file__).parents[3] / "launch_scripts/scenarios"
 TIMED = 1 / 8
