@@ -45,6 +45,10 @@ class State(IntEnum):
     """Its clock may be off by more than the guard: it does not transmit, and listens for an aPad's time."""
 
 
+STATE_OF = {int(state): state for state in State}
+"""The state of each number, in packets and frames."""
+
+
 class Trigger(IntEnum):
     POWER_CAME_ON = 0
     BOOTED_ON_BOTTOM = 1

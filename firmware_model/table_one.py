@@ -19,7 +19,15 @@ from firmware_model.config import (
     Power,
     Timeslots,
 )
-from firmware_model.power.charge import EMPTY_MV, FULL, FULL_MV, ChargeModel, grains, grains_per_ms
+from firmware_model.power.charge import (
+    EMPTY_MV,
+    FULL,
+    FULL_MV,
+    MS_PER_HOUR,
+    ChargeModel,
+    grains,
+    grains_per_ms,
+)
 from firmware_model.power.rails import SENSOR_RAILS, Loads, Rail
 from firmware_model.sampling.sensors import SENSORS
 
@@ -110,7 +118,6 @@ _FITTED = {parameter.name: parameter.value for parameter in FITTED}
 _ASSUMED = {parameter.name: parameter.value for parameter in ASSUMED}
 _METERED = {parameter.name: parameter.value for parameter in METERED}
 _LISTENING = _milliwatts(_ASSUMED["modem_listening"])
-_HOUR_MS = 3_600_000
 _MOTOR_RUN_MS = round(_ASSUMED["motor_run_time"] * 1000)
 
 LOADS = Loads.from_minutes(
@@ -130,19 +137,19 @@ LOADS = Loads.from_minutes(
 )
 WORST_CASE = ChargeModel.from_minutes(EQUATION_1, EQUATION_2)
 """The paper's experiments (section IV-A): one battery, one load, the secondary's charging curve."""
-_CELL_MV = 3700
-_RANGE_MV = FULL_MV - EMPTY_MV
+CELL_MV = 3700
+RANGE_MV = FULL_MV - EMPTY_MV
 # A milliwatt is 1 / 3700 A: the ratio of millivolts across the resistance to grains a millisecond.
 _SAG_MS = round(
-    _METERED["internal_resistance"] * 1000 / _CELL_MV * FULL / _RANGE_MV / (FULL / REFERENCE_MWH / _HOUR_MS)
+    _METERED["internal_resistance"] * 1000 / CELL_MV * FULL / RANGE_MV / (FULL / REFERENCE_MWH / MS_PER_HOUR)
 )
 METERING = Metering(
     period_ms=round(_METERED["monitor_period"] * 1000),
     settle_ms=round(_METERED["monitor_settle"] * 1000),
     sag_ms=_SAG_MS,
     sag_from=grains_per_ms(EQUATION_1),
-    lift=round(_METERED["lift"] * FULL / _RANGE_MV),
-    noise=round(_METERED["noise"] * FULL / _RANGE_MV),
+    lift=round(_METERED["lift"] * FULL / RANGE_MV),
+    noise=round(_METERED["noise"] * FULL / RANGE_MV),
 )
 """A monitor that infers charge from voltage. Table I holds with it too."""
 _ONE_COIL = tuple((grains(end), grains_per_ms(rate)) for end, rate in EQUATION_2)
@@ -154,11 +161,11 @@ MODEL = ChargeModel(
     ),
 )
 HOURLY = Cycle(
-    alarm_ms=_HOUR_MS, sample_ms=10_000, processing_ms=0, slots=None, listen_ms=60_000, report_ms=10_000
+    alarm_ms=MS_PER_HOUR, sample_ms=10_000, processing_ms=0, slots=None, listen_ms=60_000, report_ms=10_000
 )
 """Table I's short wakes: the sensors for 10 s every hour."""
 FIELD = Cycle(
-    alarm_ms=_HOUR_MS,
+    alarm_ms=MS_PER_HOUR,
     sample_ms=10_000,
     processing_ms=60_000,
     slots=Timeslots(frame_ms=300_000, slot_ms=5000),
@@ -196,9 +203,9 @@ def power(
 def board(cycle: Cycle | None, a_power: Power, agent_id: int = 1) -> BoardConfig:
     """A board with these loads; `cycle` None never sleeps."""
     whole = FullFirmware(a_power, cycle, transmit_ms=1000, call_ms=600_000, hover_ms=600_000)
-    return BoardConfig(agent_id, MODEL, 50, 2000, 12 * _HOUR_MS, 120_000, whole)
+    return BoardConfig(agent_id, MODEL, 50, 2000, 12 * MS_PER_HOUR, 120_000, whole)
 
 
 def worst_case_board(agent_id: int = 1) -> BoardConfig:
     """The board of the paper's experiments: one battery, one load, never asleep."""
-    return BoardConfig(agent_id, WORST_CASE, 50, 2000, 12 * _HOUR_MS, 120_000)
+    return BoardConfig(agent_id, WORST_CASE, 50, 2000, 12 * MS_PER_HOUR, 120_000)

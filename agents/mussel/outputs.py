@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, get_args
 
 from agents.mussel.physical import Physical
-from firmware_model.states import State
+from firmware_model.states import STATE_OF, State
 from firmware_model.value import value
 
 
@@ -79,9 +79,6 @@ def from_wire(wire: Any, agent_id: int) -> Output:
     return output
 
 
-_STATES = {int(state): state for state in State}
-
-
 @value
 class Truth:
     """An aMussel's true state, from `at_ms` until its next Truth. The recorder alone reads it."""
@@ -100,7 +97,7 @@ class Truth:
     def unpack(cls, data: bytes | memoryview, offset: int = 0) -> Truth:
         """The inverse of `pack`, from `offset` on; struct.error or ValueError for other bytes."""
         at_ms, agent_id, code = cls.HEAD.unpack_from(data, offset)
-        state = _STATES.get(code)
+        state = STATE_OF.get(code)
         if state is None:
             raise ValueError(f"no state {code}")
         return cls(at_ms, agent_id, state, Physical.unpack(data, offset + cls.HEAD.size))

@@ -30,7 +30,7 @@ from firmware_model.port_frames import (
 )
 from firmware_model.power.charge import fraction
 from firmware_model.power.rails import Rail
-from firmware_model.states import State
+from firmware_model.states import STATE_OF, State
 from firmware_model.stimuli import ResetCause
 
 if TYPE_CHECKING:
@@ -39,7 +39,6 @@ if TYPE_CHECKING:
 _HELLO = struct.Struct("<HHIIIIII")
 _ANSWER = struct.Struct("<H")
 _COUNTER = struct.Struct("<I")
-_STATES = {int(state): state for state in State}
 _RAIL_OF = {Uart.MODEM: Rail.MODEM_TRANSMITTING, Uart.WIFI: Rail.WIFI}
 
 
@@ -216,8 +215,8 @@ class PortFirmware:
                 counts = round(fraction(self._hardware.readings(now_ms)[frame.port]) * 0xFFFF)
                 link.send([(ToBoard.ADC, frame.port, _ANSWER.pack(counts))], now_ms)
                 return []
-            case FromBoard.STATE if len(payload) == 1 and payload[0] in _STATES:
-                old, self.state = self.state, _STATES[payload[0]]
+            case FromBoard.STATE if len(payload) == 1 and payload[0] in STATE_OF:
+                old, self.state = self.state, STATE_OF[payload[0]]
                 return [] if old is self.state else [StateReported(now_ms, old, self.state)]
             case FromBoard.LOG:
                 return [Dropped(now_ms, payload.decode("utf-8", "replace"))] if frame.port == 1 else []

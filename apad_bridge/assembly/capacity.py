@@ -60,13 +60,12 @@ from apad_bridge.scenario.firmware_config import board_config, sinking_of, sprea
 from apad_bridge.scenario.schema import DockingProfile, Scenario
 from apad_bridge.scenario.starts import Start, starts_of
 from firmware_model.config import PATH_UNIT, BoardConfig, FullFirmware
-from firmware_model.power.charge import FULL
+from firmware_model.power.charge import FULL, MS_PER_MIN
 from firmware_model.power.rails import Rail, rails_of
 from firmware_model.sinking import Sinking
 from firmware_model.states import State
 
-_MS_PER_MIN = 60_000
-_LEAST_MIN = 1 / _MS_PER_MIN
+_LEAST_MIN = 1 / MS_PER_MIN
 """No charge takes less than a millisecond, whatever its curve."""
 
 
@@ -247,8 +246,8 @@ def rates_of(scenario: Scenario, *, skips_wakes: bool = False) -> list[Rates]:
         sinking_cost = max(0.0, down)
         gain = max(_best_gain(per_min, max(0.0, up + down)), _gain_from_empty(board, docked, sinking_cost))
         unspent = max(0.0, down) + _wake_of(board, ids)
-        away_min = (sinking.surfacing_ms + sinking.sinking_ms) / _MS_PER_MIN + _closing_min(scenario, start)
-        down_min, closing_min = sinking.sinking_ms / _MS_PER_MIN, _closing_min(scenario, start)
+        away_min = (sinking.surfacing_ms + sinking.sinking_ms) / MS_PER_MIN + _closing_min(scenario, start)
+        down_min, closing_min = sinking.sinking_ms / MS_PER_MIN, _closing_min(scenario, start)
         gain_held = max(
             _best_gain(per_min, max(0.0, up + down), closing_min),
             _gain_from_empty(board, docked, sinking_cost, closing_min),
@@ -289,7 +288,7 @@ def _ways_of(board: BoardConfig, sinking: Sinking, drain: float) -> tuple[float,
     listen_ms = 0 if whole.cycle is None else whole.cycle.listen_ms
 
     def beyond(state: State, lasting_ms: int) -> float:
-        return (_load_of(whole, state) / FULL - drain / _MS_PER_MIN) * lasting_ms
+        return (_load_of(whole, state) / FULL - drain / MS_PER_MIN) * lasting_ms
 
     return (
         run + beyond(State.SURFACING, sinking.surfacing_ms),
@@ -362,7 +361,7 @@ def _gain_from_empty(board: BoardConfig, docked: float, sinking: float, besides_
             net = rate if part_end <= carried else rate - docked
             if net <= 0:
                 return found
-            minutes += (part_end - low) / net / _MS_PER_MIN
+            minutes += (part_end - low) / net / MS_PER_MIN
             low = part_end
             found = max(found, (low / FULL - sinking) / max(_LEAST_MIN, minutes + besides_min))
     return found
@@ -403,4 +402,4 @@ def uptime_with_closing(scenario: Scenario) -> float:
 def _curve_of(board: BoardConfig, docked: float) -> list[tuple[float, float]]:
     """The charging curve less the draw `docked`, as of `_draw_in_a_dock`: (upper end, charge a minute) of each part."""
     segments = board.charge.segments_by_two or board.charge.segments
-    return [(end / FULL, (rate - docked) * _MS_PER_MIN / FULL) for end, rate in segments]
+    return [(end / FULL, (rate - docked) * MS_PER_MIN / FULL) for end, rate in segments]

@@ -9,11 +9,9 @@ from apad_bridge.planning.energy_model import EnergyModel
 from apad_bridge.scenario.firmware_config import board_config
 from apad_bridge.scenario.schema import Dispatch, Places, Scenario
 from firmware_model.config import BoardConfig
-from firmware_model.power.charge import FULL
+from firmware_model.power.charge import FULL, MS_PER_MIN
 from firmware_model.power.rails import rails_of
 from firmware_model.states import State
-
-_MS_PER_MIN = 60_000
 
 
 def energy_model(scenario: Scenario) -> EnergyModel:
@@ -50,9 +48,9 @@ def drain_per_min_of(board: BoardConfig, all_ids: Sequence[int]) -> float:
     """
     whole = board.whole
     if whole is None:
-        return board.charge.discharge * _MS_PER_MIN / FULL
+        return board.charge.discharge * MS_PER_MIN / FULL
     agent_id = board.agent_id or all_ids[0]
     if (cycle := schedules(whole, all_ids, [agent_id])[agent_id].cycle) is not None:
-        return cycle.in_all * _MS_PER_MIN / cycle.period_ms
+        return cycle.in_all * MS_PER_MIN / cycle.period_ms
     loads = whole.power.loads.total(rails_of(State.ACTIVE, whole.power.kept_on, True, 0))
-    return loads * _MS_PER_MIN / FULL
+    return loads * MS_PER_MIN / FULL

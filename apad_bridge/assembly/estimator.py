@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from agents.mussel.body import BodyConfig
 from agents.mussel.reporter import ReportConfig
 from agents.time_scale import TimeScale
+from apad_bridge.beliefs.charge_checker import NOT_ON_THE_PRIMARY
 from apad_bridge.beliefs.modes import DOCKED as DOCKED_MODES
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.beliefs.twin_parameters import (
@@ -27,13 +28,11 @@ from apad_bridge.beliefs.twin_parameters import (
 from apad_bridge.scenario.estimator_options import TwinModel
 from apad_bridge.scenario.schema import DriftMode, HearingMode, Positioning, Scenario
 from firmware_model.config import PATH_UNIT, BoardConfig, FullFirmware, timeslots_of
-from firmware_model.power.charge import FULL, ChargeModel, Segments
+from firmware_model.power.charge import FULL, MS_PER_HOUR, MS_PER_MIN, ChargeModel, Segments
 from firmware_model.power.rails import Rail, rails_of
 from firmware_model.state_groups import DOCKED
 from firmware_model.states import State
 
-_MS_PER_MIN = 60_000
-_HOUR_MS = 3_600_000
 _STATES = {
     Mode.IDLE: State.ACTIVE,
     Mode.HIGH_LOAD: State.PROCESSING,
@@ -44,7 +43,6 @@ _STATES = {
     Mode.FULL: State.CHARGING,
     Mode.LOST: State.LOST,
 }
-_NOT_ON_THE_PRIMARY = (State.OFF, State.EMPTY, State.CALLING, State.LOST)
 _READING_APART_MS = 300_000
 _MISSION_APART_MS = 20_000
 """The least time between used readings of one aMussel, in agent and in mission time. Because of it, fleets that report each
@@ -119,12 +117,12 @@ def twin_parameters(
             saturates=firmware is not None and firmware.power.metering is not None,
         ),
         habits=Habits(
-            every_ms=_HOUR_MS,
+            every_ms=MS_PER_HOUR,
             unscheduled=model.unscheduled,
             stays=1.0,
             shares=(1.0, 0.0, 0.0),
             daily=0.0,
-            plan_lasts_ms=24 * _HOUR_MS,
+            plan_lasts_ms=24 * MS_PER_HOUR,
             plan_deviation=0.0,
             seen_before=1.0,
         ),
@@ -163,7 +161,7 @@ def _drain(board: BoardConfig, motor_deviation: float) -> Drain:
     firmware = board.whole
     if firmware is None:
         # Equation (1) for every state in the water; in a dock equation (2) covers everything.
-        per_min = board.charge.discharge * _MS_PER_MIN / FULL
+        per_min = board.charge.discharge * MS_PER_MIN / FULL
         return Drain(
             tuple(0.0 if mode >= Mode.CHARGING_PRIMARY else per_min for mode in Mode),
             0.0,
@@ -178,7 +176,7 @@ def _drain(board: BoardConfig, motor_deviation: float) -> Drain:
         for mode in DOCKED_MODES:
             rates[mode] += (draw_per_min(State.REPORTING) - rates[mode]) * reports
         cycle = _cycle_of(firmware, 0)
-        rates[Mode.ASLEEP] = cycle.in_all * _MS_PER_MIN / cycle.period_ms
+        rates[Mode.ASLEEP] = cycle.in_all * MS_PER_MIN / cycle.period_ms
     motor_run = firmware.power.loads.of[Rail.MOTORS] * firmware.power.motor_run_ms / FULL
     scheduled_per_min = rates[Mode.IDLE if firmware.cycle is None else Mode.ASLEEP]
     listening_ms = 0 if firmware.cycle is None else firmware.cycle.listen_ms
@@ -188,8 +186,8 @@ def _drain(board: BoardConfig, motor_deviation: float) -> Drain:
         motor_run,
         motor_deviation * motor_run,
         firmware.power.path / PATH_UNIT,
-        listening=(rates[Mode.IDLE] - scheduled_per_min) * listening_ms / _MS_PER_MIN,
-        release_wait=(draw_per_min(State.RELEASED) - scheduled_per_min) * release_wait_ms / _MS_PER_MIN,
+        listening=(rates[Mode.IDLE] - scheduled_per_min) * listening_ms / MS_PER_MIN,
+        release_wait=(draw_per_min(State.RELEASED) - scheduled_per_min) * release_wait_ms / MS_PER_MIN,
     )
 
 
@@ -197,7 +195,7 @@ def _draws(firmware: FullFirmware) -> Callable[[State], float]:
     """Returns the draw per minute, as a function of the state."""
     loads, never_asleep = firmware.power.loads, firmware.cycle is None
     return lambda state: (
-        loads.total(rails_of(state, firmware.power.kept_on, never_asleep, 0)) * _MS_PER_MIN / FULL
+        loads.total(rails_of(state, firmware.power.kept_on, never_asleep, 0)) * MS_PER_MIN / FULL
     )
 
 
@@ -244,7 +242,7 @@ def _offsets(firmware: FullFirmware | None) -> dict[State, tuple[float, float]]:
         load = power.loads.total(rails_of(state, power.kept_on, never_asleep, 0))
         if state in DOCKED:
             offsets[state] = lift - sag(load * power.path / PATH_UNIT), lift
-        elif state not in _NOT_ON_THE_PRIMARY:
+        elif state not in NOT_ON_THE_PRIMARY:
             # A transmission is over before the monitor samples again, so it reports the reading from before.
             before = State.AWAITING_SLOT if state is State.TRANSMITTING else state
             load = power.loads.total(rails_of(before, power.kept_on, never_asleep, 0))
@@ -254,7 +252,7 @@ def _offsets(firmware: FullFirmware | None) -> dict[State, tuple[float, float]]:
 
 def _charger(model: ChargeModel, coil_deviation: float, rate_deviation: float) -> ChargerParameters:
     def per_min(segments: Segments) -> tuple[tuple[float, float], ...]:
-        return tuple((end / FULL, rate * _MS_PER_MIN / FULL) for end, rate in segments)
+        return tuple((end / FULL, rate * MS_PER_MIN / FULL) for end, rate in segments)
 
     one_coil = per_min(model.segments)
     coils = per_min(model.segments_by_two)[-1][1] / one_coil[-1][1] if model.segments_by_two else 1.0

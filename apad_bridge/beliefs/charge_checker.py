@@ -12,9 +12,9 @@ from typing import NamedTuple
 from apad_bridge.beliefs import charging
 from apad_bridge.beliefs.modes import DOCKED, Mode
 from apad_bridge.beliefs.twin_parameters import TwinParameters, UntoldParameters
+from firmware_model.power.charge import MS_PER_MIN
 from firmware_model.states import State
 
-_MS_PER_MIN = 60_000
 _NOISE_DEVIATIONS = 6.0
 """Two readings differ by their noise alone by less than this times its deviation, once in five hundred million."""
 _BIAS_DEVIATIONS = 3.0
@@ -24,7 +24,7 @@ _STEPS = 3.0
 """A reading that stands was due to move by so many steps; a step is the noise's deviation."""
 _CHANCE = 1e-6
 """The greatest probability that the noise of a sensor that works makes such readings agree."""
-_NOT_ON_THE_PRIMARY = (State.OFF, State.EMPTY, State.CALLING, State.LOST)
+NOT_ON_THE_PRIMARY = (State.OFF, State.EMPTY, State.CALLING, State.LOST)
 
 
 class Stated(NamedTuple):
@@ -116,12 +116,12 @@ class ChargeChecker:
         since = before.since
         if since is None or since.docked is not stated.docked:
             return StandingReading(before.reading, before.from_ms, stated, before.drain)
-        charge, minutes = since.charge, (stated.at_ms - since.at_ms) / _MS_PER_MIN
+        charge, minutes = since.charge, (stated.at_ms - since.at_ms) / MS_PER_MIN
         if stated.docked:
             due = self._in_a_dock(charge, minutes, state)[0] - charge
             due = min(due, 1 - self._bias - reading)  # a charger holds the voltage of a full battery
         else:
-            falls = 0.0 if state in _NOT_ON_THE_PRIMARY else self._asleep * before.drain * minutes
+            falls = 0.0 if state in NOT_ON_THE_PRIMARY else self._asleep * before.drain * minutes
             # A reading at the end of its scale may be beyond it, and an empty battery falls no further.
             due = min(falls - (self._beyond_the_ends(charge)[1] - charge), charge - self._bias)
         steps = max(0.0, due / self._parameters.sensor.noise)
@@ -146,12 +146,12 @@ class ChargeChecker:
             return None
         for before in (track.newest, track.first):
             if (reason := self._judge_pair(before, stated, state)) is not None:
-                minutes = (stated.at_ms - before.at_ms) / _MS_PER_MIN
+                minutes = (stated.at_ms - before.at_ms) / MS_PER_MIN
                 return f"{reason}: {before.charge:.2f}, and {stated.charge:.2f} after {minutes:.0f} min of its time"
         return None
 
     def _judge_pair(self, before: Stated, after: Stated, state: State) -> str | None:
-        minutes = max(0.0, (after.at_ms - before.at_ms) / _MS_PER_MIN)
+        minutes = max(0.0, (after.at_ms - before.at_ms) / MS_PER_MIN)
         bounds = self._in_a_dock if before.docked else self._in_the_water
         least, most = bounds(before.charge, minutes, state)
         low, high = self._beyond_the_ends(after.charge)
@@ -177,7 +177,7 @@ class ChargeChecker:
     def _in_the_water(self, charge: float, minutes: float, state: State) -> tuple[float, float]:
         """The least and the greatest reading after so many minutes."""
         low, high = self._beyond_the_ends(charge)
-        falls = 0.0 if state in _NOT_ON_THE_PRIMARY else self._falls_least * minutes
+        falls = 0.0 if state in NOT_ON_THE_PRIMARY else self._falls_least * minutes
         if self._may_work_on_secondary:
             falls = min(
                 falls, max(0.0, charge)

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from apad_bridge.beliefs import charge_state as charge
 from apad_bridge.beliefs.charge_state import PRIMARY, SECONDARY, Anchor, Array
 from apad_bridge.beliefs.modes import DOCKED, SUBMERGED, Mode, mode_of
-from apad_bridge.beliefs.spent_charge import MS_PER_MIN, Load, Spent
+from apad_bridge.beliefs.spent_charge import Load, Spent
 from apad_bridge.beliefs.twin_parameters import Schedule, TwinParameters
 from apad_bridge.beliefs.twin_state import (
     NOTHING,
@@ -31,6 +31,7 @@ from apad_bridge.beliefs.twin_state import (
     surfaced_hypotheses,
     way_variance,
 )
+from firmware_model.power.charge import MS_PER_MIN
 from firmware_model.states import State
 
 _NEGLIGIBLE = 0.001

@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 from apad_bridge.beliefs.modes import SUBMERGED, Mode
 from apad_bridge.beliefs.twin_parameters import CycleParameters, Habits
+from firmware_model.power.charge import MS_PER_MIN
 from firmware_model.value import value
 
-MS_PER_MIN = 60_000
 _NEVER = 1e-12
 
 

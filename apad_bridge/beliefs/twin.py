@@ -32,7 +32,7 @@ from apad_bridge.beliefs.measurement import (
 from apad_bridge.beliefs.modes import DOCKED, LIKELY, SUBMERGED, Mode
 from apad_bridge.beliefs.packet_weighing import HypothesisWeigher, Reading, anchored, bounded
 from apad_bridge.beliefs.place import Place
-from apad_bridge.beliefs.spent_charge import MS_PER_MIN, Load
+from apad_bridge.beliefs.spent_charge import Load
 from apad_bridge.beliefs.twin_belief import belief_from_state
 from apad_bridge.beliefs.twin_parameters import UNKNOWN, Schedule, TwinParameters
 from apad_bridge.beliefs.twin_state import (
@@ -52,6 +52,7 @@ from apad_bridge.beliefs.twin_state import (
 )
 from apad_bridge.beliefs.twin_state_data import state_from_data, state_to_data
 from firmware_model.packets import NOTHING_REPORTED, ShortStatus, StatusPacket
+from firmware_model.power.charge import MS_PER_MIN
 from firmware_model.states import State
 
 _CLOCK_APART_MS = 600_000

@@ -14,10 +14,10 @@ from math import fsum, log
 from agents.time_scale import TimeScale
 from apad_bridge.beliefs.modes import SUBMERGED, Mode
 from firmware_model.config import BoardConfig
+from firmware_model.power.charge import MS_PER_MIN
 from firmware_model.sinking import Sinking
 from firmware_model.states import State
 
-_MS_PER_MIN = 60_000
 _SHARE_TOLERANCE = 1e-9
 
 
@@ -60,21 +60,21 @@ class CycleParameters:
         for lasts_ms, per_min in lasting:
             steps.append((at_ms, spent, per_min))
             lasts_ms = min(lasts_ms, period_ms - at_ms)
-            at_ms, spent = at_ms + lasts_ms, spent + per_min * lasts_ms / _MS_PER_MIN
-        return cls(tuple(steps), period_ms, spent + steps[-1][2] * (period_ms - at_ms) / _MS_PER_MIN)
+            at_ms, spent = at_ms + lasts_ms, spent + per_min * lasts_ms / MS_PER_MIN
+        return cls(tuple(steps), period_ms, spent + steps[-1][2] * (period_ms - at_ms) / MS_PER_MIN)
 
     def spent(self, from_ms: int, to_ms: int) -> float:
         return self._spent_by(to_ms) - self._spent_by(from_ms)
 
     def awake(self, from_ms: int, to_ms: int) -> float:
         """The part of `spent` that is for wakes, beyond what sleep takes."""
-        return self.spent(from_ms, to_ms) - self.steps[-1][2] * (to_ms - from_ms) / _MS_PER_MIN
+        return self.spent(from_ms, to_ms) - self.steps[-1][2] * (to_ms - from_ms) / MS_PER_MIN
 
     def _spent_by(self, at_ms: int) -> float:
         """The charge spent since time 0."""
         periods, phase_ms = divmod(at_ms, self.period_ms)
         began_ms, before, per_min = self.steps[bisect_right(self.steps, phase_ms, key=_start_ms) - 1]
-        return periods * self.in_all + before + per_min * (phase_ms - began_ms) / _MS_PER_MIN
+        return periods * self.in_all + before + per_min * (phase_ms - began_ms) / MS_PER_MIN
 
 
 def _start_ms(step: tuple[int, float, float]) -> int:

@@ -19,9 +19,10 @@ from apad_bridge.beliefs.charge_state import DRAIN, PRIMARY, RATE, SECONDARY, An
 from apad_bridge.beliefs.mixture import Gaussian, below
 from apad_bridge.beliefs.modes import SUBMERGED, Mode
 from apad_bridge.beliefs.place import Place
-from apad_bridge.beliefs.spent_charge import MS_PER_MIN, Load, Spent, merged
+from apad_bridge.beliefs.spent_charge import Load, Spent, merged
 from apad_bridge.beliefs.twin_parameters import Habits, Schedule, TwinParameters
 from firmware_model.packets import Reported
+from firmware_model.power.charge import MS_PER_MIN
 
 _UNLIKELY = 1e-3
 """A hypothesis of lower probability is left out."""

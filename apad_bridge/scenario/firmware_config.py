@@ -26,9 +26,8 @@ from firmware_model.packets import ShortStatus
 from firmware_model.packets.codec import Codec, load_codec
 from firmware_model.power.ageing import AS_NEW, aged, capacity_left
 from firmware_model.power.charge import (
-    EMPTY_MV,
     FULL,
-    FULL_MV,
+    MS_PER_HOUR,
     Battery,
     ChargeModel,
     Flow,
@@ -37,11 +36,9 @@ from firmware_model.power.charge import (
 from firmware_model.power.rails import Loads, Rail, bits, rails_of
 from firmware_model.sinking import Sinking
 from firmware_model.states import State
+from firmware_model.table_one import CELL_MV, RANGE_MV
 
-_MS_PER_HOUR = 3_600_000
 _PPB_OF_PPM = 1000
-_CELL_MV = 3700
-_RANGE_MV = FULL_MV - EMPTY_MV
 
 
 def codec_of(scenario: Scenario) -> Codec:
@@ -155,13 +152,13 @@ def _power(power: BoardPower, last_resort: LastResortOptions, seed: int) -> conf
 
 def _metering(metering: MeteringOptions, capacity_wh: float, seed: int) -> config.Metering:
     """Converts the metering: 1 mW is 1 / 3700 A through the resistance, and a number of grains a ms of this battery."""
-    mv_per_mw = metering.internal_resistance_ohm * 1000 / _CELL_MV
-    grains_per_ms_of_mw = FULL / (capacity_wh * 1000) / _MS_PER_HOUR
+    mv_per_mw = metering.internal_resistance_ohm * 1000 / CELL_MV
+    grains_per_ms_of_mw = FULL / (capacity_wh * 1000) / MS_PER_HOUR
     return config.Metering(
-        sag_ms=round(mv_per_mw * FULL / _RANGE_MV / grains_per_ms_of_mw),
+        sag_ms=round(mv_per_mw * FULL / RANGE_MV / grains_per_ms_of_mw),
         sag_from=grains_of_milliwatts(metering.idle_mw, capacity_wh),
-        lift=round(metering.lift_mv * FULL / _RANGE_MV),
-        noise=round(metering.noise_mv * FULL / _RANGE_MV),
+        lift=round(metering.lift_mv * FULL / RANGE_MV),
+        noise=round(metering.noise_mv * FULL / RANGE_MV),
         seed=seed,
         **_times(metering, config.Metering),
     )
@@ -180,7 +177,7 @@ def _cycle(cycle: SleepCycle) -> config.Cycle:
 def grains_of_milliwatts(load_mw: float, capacity_wh: float) -> int:
     """Converts a load to grains a millisecond of a battery of this capacity; decimal, so that it is exact."""
     capacity_mwh = Decimal(repr(capacity_wh)) * 1000
-    exact = Decimal(repr(load_mw)) * FULL / (capacity_mwh * _MS_PER_HOUR)
+    exact = Decimal(repr(load_mw)) * FULL / (capacity_mwh * MS_PER_HOUR)
     return int(exact.to_integral_value(ROUND_HALF_EVEN))
 
 

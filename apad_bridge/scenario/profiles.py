@@ -11,18 +11,17 @@ from typing import Any
 from apad_bridge.scenario.firmware_config import grains_of_milliwatts
 from firmware_model import table_one
 from firmware_model.config import PATH_UNIT, Cycle
-from firmware_model.power.charge import FULL
+from firmware_model.power.charge import FULL, MS_PER_HOUR
 from firmware_model.power.rails import Rail
 
 _CAPACITY_WH = table_one.REFERENCE_MWH / 1000
-_MS_PER_HOUR = 3_600_000
 _REPORT_S = 60.0
 """Common to all profiles: the paper's time scale of 30 leaves the aPad 30 s for an answer."""
 
 
 def _milliwatts(load: int) -> float:
     """Finds the number with the fewest decimals that converts to exactly this load in grains a millisecond."""
-    exact = load * _MS_PER_HOUR * table_one.REFERENCE_MWH / FULL
+    exact = load * MS_PER_HOUR * table_one.REFERENCE_MWH / FULL
     candidates = (round(exact, digits) for digits in range(12))
     return next(it for it in candidates if grains_of_milliwatts(it, _CAPACITY_WH) == load)
 

@@ -33,7 +33,7 @@ MEAN_CHARGES = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8)
 SPREAD = 0.2
 """Starts are drawn evenly within this of the mean, as the paper's of 0.6 to 1. Equal charges would all be due at once."""
 DAYS_S = 10 * 86_400
-_UNLIMITED_WH = 1e6
+UNLIMITED_WH = 1e6
 """The aPad's battery, which is no part of the question. The random drift is none either: it moves an aMussel by less than a
 metre between two services, and takes most of a flight's time."""
 _ONE_BY_ONE = {
@@ -75,7 +75,7 @@ def capacity_study(seeds: int = 5) -> StudyPlan:
         "parameters": {
             "theta": [1],
             "duration_s": [float(DAYS_S)],
-            "apad.battery.capacity_wh": [_UNLIMITED_WH],
+            "apad.battery.capacity_wh": [UNLIMITED_WH],
             "fleet.drift.amplitude_m": [0.0],
             "fleet.count": list(AMUSSELS),
             "fleet.start": [_start(it) for it in MEAN_CHARGES],
@@ -136,7 +136,7 @@ def diagram_of(scenario: Scenario, seeds: Sequence[int], trust: Trust | None = N
     """
     values = {
         "duration_s": float(scenario.time_scale.mission_time(DAYS_S)),
-        "apad.battery.capacity_wh": _UNLIMITED_WH,
+        "apad.battery.capacity_wh": UNLIMITED_WH,
         "fleet.drift.amplitude_m": 0.0,
     }
     found = []

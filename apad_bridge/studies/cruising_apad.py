@@ -35,9 +35,9 @@ from apad_bridge.world.apad.docks import Docks, Misses
 from apad_bridge.world.apad.kinematics import STEP_MS, STEP_S, Pose
 from apad_bridge.world.apad.motion import Motion
 from apad_bridge.world.apad.power import Charger, HullBattery
+from firmware_model.power.charge import MS_PER_HOUR
 
 _SECOND_MS = 1000
-_MS_PER_HOUR = 3_600_000
 _STEADY_M_S = 1e-9
 """A cruise is aimed anew at each step, which changes its velocity by rounding alone."""
 
@@ -84,7 +84,7 @@ class CruisingAPad:
         if home is None:
             return 0
         missing_wh = (fraction - self.battery.fraction) * battery.capacity_wh
-        return max(0, math.floor(missing_wh / home.charging_w * _MS_PER_HOUR))
+        return max(0, math.floor(missing_wh / home.charging_w * MS_PER_HOUR))
 
     def advance(self, now_ms: int) -> list[LinkFact]:
         self._run(now_ms)
@@ -148,7 +148,7 @@ class CruisingAPad:
     def _run(self, until_ms: int) -> None:
         """Lets time pass to `until_ms`, or to the end of the second in which the vehicle arrives."""
         motion, now_ms = self._motion, self._now_ms
-        span_h = (until_ms - now_ms) / _MS_PER_HOUR
+        span_h = (until_ms - now_ms) / MS_PER_HOUR
         may_run_out = self._has_power and self._least_h_to(0.0) <= span_h
         while now_ms < until_ms and (motion.is_moving or self._arrival is not None or may_run_out):
             before = motion.pose

@@ -14,9 +14,9 @@ from apad_bridge.records.uptime import UptimeMeter
 from apad_bridge.scenario.firmware_config import charge_models, takes_samples, works_on_secondary
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.world.apad.power import Ledger
+from firmware_model.power.charge import MS_PER_HOUR
 from firmware_model.state_groups import AT_WORK
 
-_MS_PER_HOUR = 3_600_000
 _LATE = 1 / 5
 """The last part of a mission, in which a fleet shows whether it is held."""
 
@@ -159,7 +159,7 @@ class FigureMeter:
         return Figures(
             figures["amussels_lost"],
             figures["samples_taken"] if self._logs_samples else work_ticks,
-            self._gaps.longest_ms(scale.agent_ms(now_ms)) / _MS_PER_HOUR,
+            self._gaps.longest_ms(scale.agent_ms(now_ms)) / MS_PER_HOUR,
             submerged["mean"],
             submerged["min"],
             paper["mean"],

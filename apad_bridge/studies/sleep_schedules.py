@@ -15,6 +15,7 @@ from rich.table import Table
 
 from apad_bridge.assembly.capacity import bounds_of
 from apad_bridge.scenario.loader import SHIPPED
+from apad_bridge.studies.capacity_diagram import UNLIMITED_WH
 from apad_bridge.studies.findings import Findings, table_of
 from apad_bridge.studies.models import Model
 from apad_bridge.studies.runner import Row
@@ -22,8 +23,8 @@ from apad_bridge.studies.specification import StudyPlan, plan_of
 
 AMUSSELS = 24
 """More than the law allows for the longest wakes of the most frequent schedules, and fewer than for all others."""
-_UNLIMITED_WH = 1e6
-"""The aPad's battery. One of 230 Wh ends before five days of the aMussels' time, and sooner where docks have more to do."""
+# The aPad's battery has no limit: one of 230 Wh ends before five days of the aMussels' time, and sooner where docks have
+# more to do.
 _ALARM, _SAMPLE, _PROCESSING = (f"board.whole.cycle.{key}" for key in ("alarm_s", "sample_s", "processing_s"))
 _SCHEDULES: dict[str, list[float]] = {
     _ALARM: [900.0, 1800.0, 3600.0],
@@ -70,7 +71,7 @@ def sleep_study(seeds: int = 5) -> StudyPlan:
         "seeds": seeds,
         "parameters": {
             "fleet.count": [AMUSSELS],
-            "apad.battery.capacity_wh": [_UNLIMITED_WH],
+            "apad.battery.capacity_wh": [UNLIMITED_WH],
             **_SCHEDULES,
         },
         "model": Model.MISSION.value,

@@ -9,7 +9,7 @@ from firmware_model.board import Board, MakeFirmware
 from firmware_model.config import BoardConfig
 from firmware_model.packets import CommandPacket, Kind, Packet
 from firmware_model.packets.codec import MusselbedCodec
-from firmware_model.power.charge import Battery, Flow, fraction, grains
+from firmware_model.power.charge import MS_PER_HOUR, MS_PER_MIN, Battery, Flow, fraction, grains
 from firmware_model.power.energy_ledger import EnergyLedger
 from firmware_model.settings import StoredSettings
 from firmware_model.states import State
@@ -26,8 +26,6 @@ from firmware_model.stimuli import (
 )
 
 A = TypeVar("A", bound=Action)
-MS_PER_MIN = 60_000
-MS_PER_HOUR = 60 * MS_PER_MIN
 
 
 class Bench:

@@ -16,11 +16,11 @@ from typing import Any
 
 import pytest
 
-from firmware_model.bench.bench import MS_PER_MIN, Bench
+from firmware_model.bench.bench import Bench
 from firmware_model.bench.trace import clock, line
 from firmware_model.board import MakeFirmware
 from firmware_model.config import BoardConfig, LastResort, Timeslots
-from firmware_model.power.charge import grains
+from firmware_model.power.charge import MS_PER_MIN, grains
 from firmware_model.power.rails import Rail, bits
 from firmware_model.table_one import CYCLES, METERING, board, power
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from functools import partial
 
 from firmware_model.actions import FeedFrom
-from firmware_model.bench.bench import MS_PER_MIN, Bench
+from firmware_model.bench.bench import Bench
 from firmware_model.config import Metering
 from firmware_model.packets import Kind
-from firmware_model.power.charge import FULL, Battery
+from firmware_model.power.charge import FULL, MS_PER_MIN, Battery
 from firmware_model.power.rails import Rail, bits
 from firmware_model.table_one import HOURLY, board, power
 

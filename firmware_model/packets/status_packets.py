@@ -12,11 +12,10 @@ from typing import Annotated, ClassVar, NamedTuple, get_type_hints
 from firmware_model.packets.wire import CHARGE_STEPS, Kind, sealed
 from firmware_model.power.active_battery import ActiveBattery
 from firmware_model.sampling.sensors import COUNT_FIELDS, LAYOUT, Counts
-from firmware_model.states import State
+from firmware_model.states import STATE_OF, State
 from firmware_model.stimuli import ResetCause
 from firmware_model.value import value
 
-_STATES = {int(state): state for state in State}
 _FEEDS = {int(feed): feed for feed in ActiveBattery}
 _CAUSES = {int(cause): cause for cause in ResetCause}
 
@@ -79,10 +78,10 @@ def _fields_of(body: bytes, more: int) -> StatusFields | None:
     _, _, agent_id, sequence, state, primary, secondary, north, east, depth, agent_ms = (
         StatusPacket.FORMAT.unpack_from(body)
     )
-    if state not in _STATES:
+    if state not in STATE_OF:
         return None
     charges = primary / CHARGE_STEPS, secondary / CHARGE_STEPS
-    return agent_id, sequence, _STATES[state], *charges, north / 100, east / 100, depth / 100, agent_ms
+    return agent_id, sequence, STATE_OF[state], *charges, north / 100, east / 100, depth / 100, agent_ms
 
 
 @value
@@ -199,7 +198,7 @@ class ShortStatus:
         if len(body) != cls.FORMAT.size or body[0] & 0b111_00000 != cls.TAG:
             return None
         tagged, agent_id, primary, secondary = cls.FORMAT.unpack(body)
-        state = _STATES.get(tagged & 0b000_11111)
+        state = STATE_OF.get(tagged & 0b000_11111)
         return None if state is None else cls(agent_id, state, primary / 255, secondary / 255)
 
 

@@ -18,8 +18,9 @@ from enum import IntEnum
 from firmware_model.value import value
 
 _DECIMALS = 10
-_MS_PER_MIN = 60_000
-FULL: int = 10**_DECIMALS * _MS_PER_MIN
+MS_PER_MIN = 60_000
+MS_PER_HOUR = 60 * MS_PER_MIN
+FULL: int = 10**_DECIMALS * MS_PER_MIN
 """Grains in a battery at 1.0, that is 4200 mV."""
 EMPTY_MV = 3600
 FULL_MV = 4200

@@ -30,13 +30,12 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from firmware_model.actions import Action, RunBuoyancy, SetRail
 from firmware_model.packets.codec import Codec
-from firmware_model.power.charge import ChargeModel, Flow, fraction
+from firmware_model.power.charge import MS_PER_HOUR, ChargeModel, Flow, fraction
 from firmware_model.power.energy_ledger import EnergyLedger
 from firmware_model.power.rails import Rail, bits
 from firmware_model.sampling.flash import Flash, MemoryFlash
 from firmware_model.stimuli import ResetCause
 
-_MS_PER_HOUR = 3_600_000
 BOARD = "board"
 """The one module of the paper's worst case, which switches none."""
 MOTORS = Rail.MOTORS.name.lower()
@@ -223,7 +222,7 @@ class _Metered(Agent):
             agent_id,
             by_module,
             {name.lower(): fraction(n) for name, n in by_state.items()},
-            {name.lower(): n / _MS_PER_HOUR for name, n in hours.items()},
+            {name.lower(): n / MS_PER_HOUR for name, n in hours.items()},
             run.is_exact,
         )
 

@@ -31,7 +31,6 @@ SERVO_MS = 27_000
 """Docking and undocking first stand still for so long in their own callback, while the boat drifts."""
 DETECTION_MS = 1_000
 """The primitive ignores older detections and searches."""
-SIMPLE_VICTORY_RADIUS_M = 1.5
 
 
 def dock_direction_rad(dock_index: int) -> float:
