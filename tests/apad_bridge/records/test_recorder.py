@@ -270,19 +270,22 @@ def test_the_aPad_is_journaled_when_it_matters(recorder):
         pose = PoseReported(now_ms, north_m, 0.0, heading_rad)
         recorder.tick(now_ms, [], pose, BatteryReported(now_ms, 15.0, left), primitive, docks)
 
-    tick(0)
-    tick(1000, north_m=0.05)
-    tick(2000, north_m=0.06)
-    tick(3000, north_m=0.06, heading_rad=-3.11)  # 2 degrees, across the south
-    tick(4000, north_m=0.06, heading_rad=-3.0)
-    tick(5000, north_m=0.06, heading_rad=-3.0, left=0.8951)
-    tick(6000, north_m=0.06, heading_rad=-3.0, left=0.8949)
-    tick(7000, north_m=0.06, heading_rad=-3.0, left=0.8949, primitive="dock")
-    tick(8000, north_m=0.06, heading_rad=-3.0, left=0.8949, primitive="dock", docks=(3, None, None, None))
-    for now_ms in (9000, 67_000, 68_000, 69_000):
-        tick(
-            now_ms, north_m=0.06, heading_rad=-3.0, left=0.8949, primitive="dock", docks=(3, None, None, None)
-        )
+    changes = {
+        0: {},
+        1000: {"north_m": 0.05},
+        2000: {"north_m": 0.06},
+        3000: {"heading_rad": -3.11},  # 2 degrees, across the south
+        4000: {"heading_rad": -3.0},
+        5000: {"left": 0.8951},
+        6000: {"left": 0.8949},
+        7000: {"primitive": "dock"},
+        8000: {"docks": (3, None, None, None)},
+        **{quiet_ms: {} for quiet_ms in (9000, 67_000, 68_000, 69_000)},
+    }
+    is_so = {}
+    for now_ms, change in changes.items():
+        is_so |= change
+        tick(now_ms, **is_so)
     assert [line["t"] for line in lines_of(recorder, "apad")] == [0, 2000, 4000, 6000, 7000, 8000, 68_000]
     assert lines_of(recorder, "apad")[-1]["docks"] == [3, -1, -1, -1]
 
