@@ -10,17 +10,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scenario_files import POOL_FILE
-from sensor_msgs.msg import BatteryState, NavSatFix
-from visualization_msgs.msg import Marker
 
 from apad_bridge.beliefs.belief import Belief, ClockBelief, Source
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.events.mission import MissionState
-from apad_bridge.ros.gateway.standard_messages import agent_battery, fix, marker, shown
 from apad_bridge.ros.gateway.standard_topics import diagnose
-from apad_bridge.ros_names.frames import UPRIGHT, ellipse_95
-from apad_bridge.ros_names.shown import apad_shape, ball_size_m
-from apad_bridge.scenario.area.local_frame import LocalFrame
+from apad_bridge.ros_names.frames import ellipse_95
+from apad_bridge.ros_names.shown import ball_size_m
 from apad_bridge.scenario.loader import load
 from firmware_model.states import State
 
@@ -49,35 +45,6 @@ def carried(mode: Mode, charge: float) -> Belief:
     )
 
 
-def markers(belief: Belief, world: str, ball_m: float, row: int = 0) -> list[Marker]:
-    return [marker(300_000, world, it) for it in shown(belief).shapes(ball_m, row)]
-
-
-@pytest.mark.parametrize(
-    ("mode", "status"),
-    [
-        (Mode.ASLEEP, BatteryState.POWER_SUPPLY_STATUS_DISCHARGING),
-        (Mode.CHARGING_PRIMARY, BatteryState.POWER_SUPPLY_STATUS_CHARGING),
-        (Mode.FULL, BatteryState.POWER_SUPPLY_STATUS_FULL),
-    ],
-)
-def test_a_battery_is_what_is_believed_now(mode: Mode, status: int) -> None:
-    message = agent_battery(carried(mode, 0.6), "bay/amussel3/base_link")
-    assert message.power_supply_status == status
-    assert (message.header.stamp.to_sec(), message.percentage) == (300.0, 0.6)
-    assert message.header.frame_id == "bay/amussel3/base_link"
-
-
-def test_a_fix_has_its_covariance_as_the_message_asks_for_it() -> None:
-    """East first, then north, then up: variances of 9 m2 east and 4 m2 north, 0.5 m2 between them."""
-    message = fix(LocalFrame(43.9, 15.4), 300_000, "amussel7/base_link", 10.0, 20.0, (4.0, 0.5, 9.0))
-    assert message.position_covariance == [9.0, 0.5, 0.0, 0.5, 4.0, 0.0, 0.0, 0.0, 0.0]
-    assert message.position_covariance_type == NavSatFix.COVARIANCE_TYPE_KNOWN
-    assert math.isnan(message.altitude)  # the message's own comment: NaN if no altitude is available
-    nobody_knows = fix(LocalFrame(43.9, 15.4), 1000, "amussel7/base_link", 10.0, 20.0, (0.0, 0.0, 0.0))
-    assert nobody_knows.position_covariance_type == NavSatFix.COVARIANCE_TYPE_UNKNOWN
-
-
 @pytest.mark.parametrize(
     ("variance_m2", "degrees"),
     [((1.0, 0.0, 4.0), 0.0), ((4.0, 0.0, 1.0), 90.0), ((2.5, 1.5, 2.5), 45.0), ((2.5, -1.5, 2.5), -45.0)],
@@ -102,15 +69,6 @@ def test_95_of_100_places_lie_in_the_ellipse() -> None:
     )
     inside = (2 * along / found.length_m) ** 2 + (2 * aside / found.width_m) ** 2 <= 1
     assert inside.mean() == pytest.approx(0.95, abs=0.003)
-
-
-def test_a_place_is_marked_where_its_deviation_is_known() -> None:
-    disc = {it.ns: it for it in markers(carried(Mode.ASLEEP, 0.6), "bay/enu", 0.5)}["place_95"]
-    assert (disc.type, disc.action, disc.id, disc.header.frame_id) == (3, 0, 7, "bay/enu")
-    assert (disc.pose.position.x, disc.pose.position.y) == (20.0, 10.0)
-    assert disc.scale.x > disc.scale.y > 2 * 2 * 2.4 and 0 < disc.color.a < 1
-    newest = Belief(7, 1000, State.ACTIVE, 0.5, 1.0, 10.0, 20.0)
-    assert {it.ns for it in markers(newest, "bay/enu", 0.5)} == {"amussels", "labels"}
 
 
 def test_diagnostics_name_the_silent_and_how_sure_one_is() -> None:
@@ -148,16 +106,5 @@ SCENARIOS = Path(__file__).parents[4] / "launch_scripts" / "scenarios"
 
 # 28 m by 21 m, 60 m by 40 m, 60 m by 200 m: balls of half a metre, or a hundredth of the longer side.
 @pytest.mark.parametrize(("name", "ball_m"), [("pool-12", 0.5), ("bay-24", 0.6), ("bay-120", 2.0)])
-def test_markers_are_seen_in_their_area(name: str, ball_m: float) -> None:
+def test_balls_are_seen_in_their_area(name: str, ball_m: float) -> None:
     assert ball_size_m(load(SCENARIOS / f"{name}.yaml").area) == ball_m
-    ball, label, _ = markers(carried(Mode.ASLEEP, 0.6), "musselbed/enu", ball_m)
-    assert ball.scale.x == ball.scale.y == ball.scale.z == ball_m
-    # The label stands north of the ball and does not reach into it.
-    assert label.pose.position.y - label.scale.z / 2 >= ball.pose.position.y + ball_m / 2
-    assert label.pose.position.x == ball.pose.position.x
-    _, beside, _ = markers(carried(Mode.CHARGING_PRIMARY, 0.6), "musselbed/enu", ball_m, row=1)
-    assert beside.pose.position.y - label.pose.position.y == pytest.approx(label.scale.z), (
-        "not over each other"
-    )
-    arrow = marker(300_000, "musselbed/enu", apad_shape((0.0, 0.0, 0.0), UPRIGHT, ball_m))
-    assert arrow.scale.x == 3 * ball_m
