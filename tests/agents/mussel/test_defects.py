@@ -44,18 +44,25 @@ def agent(fleet: FleetConfig = PAPER, charge: float = 0.5, secondary: float = 1.
     return Agent(fleet.maker().config(7), CODEC, physical, 0, ResetCause.POWER_ON)
 
 
+def lived(mussel: Agent, *story: tuple[int, AgentStimulus] | int) -> None:
+    """Tells it stimuli at their times, and lets it come to times."""
+    for it in story:
+        if isinstance(it, int):
+            mussel.advance(it)
+        else:
+            mussel.receive(it[1], it[0])
+
+
 def floating() -> Agent:
     mussel = agent()
-    mussel.receive(PERMISSION, 3_000)
-    mussel.advance(70_000)
+    lived(mussel, (3_000, PERMISSION), 70_000)
     assert mussel.board.state is State.FLOATING
     return mussel
 
 
 def docked() -> Agent:
     mussel = floating()
-    mussel.receive(ContactClosed(0, 0), 70_000)
-    mussel.advance(71_000)
+    lived(mussel, (70_000, ContactClosed(0, 0)), 71_000)
     assert mussel.board.state is State.CHARGING
     return mussel
 
@@ -66,31 +73,25 @@ def charge(mussel: Agent, now_ms: int) -> int:
 
 def test_a_jam_holds_the_body_where_it_is_and_then_lets_the_last_run_be_done() -> None:
     mussel = agent()
-    mussel.receive(BuoyancyJammed(1), 1_000)
-    mussel.receive(PERMISSION, 3_000)
-    mussel.advance(20_000)
+    lived(mussel, (1_000, BuoyancyJammed(1)), (3_000, PERMISSION), 20_000)
     assert mussel.board.state is State.SURFACING and mussel.body.depth_at_um(20_000) == 3_000_000
-    mussel.receive(BuoyancyJammed(0), 20_000)
-    mussel.advance(80_000)
+    lived(mussel, (20_000, BuoyancyJammed(0)), 80_000)
     assert mussel.board.state is State.FLOATING and mussel.body.depth_at_um(80_000) == 0
 
 
 def test_a_false_edge_deceives_the_board_and_charges_nothing() -> None:
     mussel = floating()
     before = charge(mussel, 70_000)
-    mussel.receive(PinDisturbed(1, 0), 70_000)
-    mussel.advance(100_000)
+    lived(mussel, (70_000, PinDisturbed(1, 0)), 100_000)
     assert mussel.board.state is State.CHARGING
     assert charge(mussel, 100_000) < before and mussel.board.primary.flow is Flow.DISCHARGING
-    mussel.receive(PinDisturbed(0, 0), 100_000)
-    mussel.advance(101_000)
+    lived(mussel, (100_000, PinDisturbed(0, 0)), 101_000)
     assert mussel.board.state is State.RELEASED
 
 
 def test_a_missed_edge_is_found_by_the_level() -> None:
     mussel = floating()
-    mussel.receive(PinDisturbed(0, 1), 70_000)
-    mussel.receive(ContactClosed(0, 0), 70_000)
+    lived(mussel, (70_000, PinDisturbed(0, 1)), (70_000, ContactClosed(0, 0)))
     check_ms = mussel.config.board.pin_check_ms
     dropped = mussel.advance(70_000 + 2 * check_ms)
     assert PinFault.MISSED.value in [it.reason for it in dropped if isinstance(it, StimulusDropped)]
@@ -131,12 +132,10 @@ def test_a_loss_takes_its_charge_and_no_more_than_there_is(
 def test_a_battery_that_lost_all_its_charge_is_empty_at_once() -> None:
     worst, whole = agent(PAPER), agent(WHOLE)
     for mussel in (worst, whole):
-        mussel.receive(ChargeLost(grains(1.0), 0), 60_000)
-        mussel.advance(60_000)
+        lived(mussel, (60_000, ChargeLost(grains(1.0), 0)), 60_000)
     assert worst.board.state is whole.board.state is State.EMPTY
     assert whole.board.feed is ActiveBattery.SECONDARY
-    whole.receive(ChargeLost(0, grains(1.0)), 61_000)
-    whole.advance(61_000)
+    lived(whole, (61_000, ChargeLost(0, grains(1.0))), 61_000)
     assert whole.board.feed is ActiveBattery.NEITHER
 
 
@@ -179,8 +178,7 @@ def test_readings_scatter_within_their_noise_and_the_charge_does_not(fleet: Flee
 
 def test_noise_outlives_a_reset_of_the_board_and_differs_from_time_to_time() -> None:
     mussel = agent(PAPER)
-    mussel.receive(PartFailed(BoardPart.CONVERTER, grains(0.05)), 0)
-    mussel.receive(WasReset(ResetCause.BROWN_OUT), 1_000)
+    lived(mussel, (0, PartFailed(BoardPart.CONVERTER, grains(0.05))), (1_000, WasReset(ResetCause.BROWN_OUT)))
     errors = {
         mussel.board.readings(at_ms)[0] - charge(mussel, at_ms) for at_ms in range(10_000, 20_000, 1_000)
     }
@@ -200,8 +198,7 @@ def test_a_converter_that_stands_holds_its_readings_until_it_is_healed(fleet: Fl
 
 def test_a_converter_that_stands_reads_the_batteries_once_after_a_reset() -> None:
     mussel = agent(PAPER)
-    mussel.receive(PartFailed(BoardPart.HOLD, 1), 60_000)
-    mussel.receive(WasReset(ResetCause.BROWN_OUT), 4_000_000)
+    lived(mussel, (60_000, PartFailed(BoardPart.HOLD, 1)), (4_000_000, WasReset(ResetCause.BROWN_OUT)))
     at_reset = mussel.board.readings(4_000_000)
     mussel.advance(8_000_000)
     assert mussel.board.readings(8_000_000) == at_reset
@@ -210,9 +207,7 @@ def test_a_converter_that_stands_reads_the_batteries_once_after_a_reset() -> Non
 
 def test_a_pressure_sensor_that_stands_shows_the_surface_once_it_is_healed() -> None:
     mussel = agent()
-    mussel.receive(PartFailed(BoardPart.DEPTH, 1), 1_000)
-    mussel.receive(PERMISSION, 3_000)
-    mussel.advance(100_000)
+    lived(mussel, (1_000, PartFailed(BoardPart.DEPTH, 1)), (3_000, PERMISSION), 100_000)
     assert mussel.body.depth_at_um(100_000) == 0 and mussel.board.state is State.SURFACING
     mussel.receive(PartFailed(BoardPart.DEPTH, 0), 100_000)
     assert mussel.board.state is State.FLOATING
@@ -220,8 +215,7 @@ def test_a_pressure_sensor_that_stands_shows_the_surface_once_it_is_healed() -> 
 
 def test_a_board_that_never_notices_the_surface_sinks_again_in_time_and_then_stays_sinking() -> None:
     mussel = agent()
-    mussel.receive(PartFailed(BoardPart.DEPTH, 1), 1_000)
-    mussel.receive(PERMISSION, 3_000)
+    lived(mussel, (1_000, PartFailed(BoardPart.DEPTH, 1)), (3_000, PERMISSION))
     timeout_ms = mussel.config.board.surfacing_timeout_ms
     mussel.advance(3_000 + 2 * timeout_ms)
     assert mussel.board.state is State.SINKING and mussel.body.rests_on_bottom
@@ -235,8 +229,7 @@ def test_a_packet_that_overruns_the_uart_is_dropped() -> None:
         mussel.receive(PartFailed(BoardPart.UARTS, 4), 3_000)
         dropped = mussel.receive(PERMISSION, 4_000)
         assert [it.reason for it in dropped if isinstance(it, StimulusDropped)] == ["not a command"]
-        mussel.receive(PartFailed(BoardPart.UARTS, 0), 5_000)
-        mussel.receive(PERMISSION, 6_000)
+        lived(mussel, (5_000, PartFailed(BoardPart.UARTS, 0)), (6_000, PERMISSION))
         assert mussel.board.state is State.SURFACING
 
 
@@ -306,7 +299,10 @@ def test_a_brown_out_in_a_write_tears_one_record_and_boots_the_board(written: in
 
 def test_a_brown_out_that_found_no_write_is_forgotten() -> None:
     mussel = agent(WHOLE)
-    mussel.receive(PartFailed(BoardPart.SUPPLY, 10), 1_000)
-    mussel.receive(PartFailed(BoardPart.SUPPLY, 0), 2_000)
-    mussel.advance(2 * HOUR_MS)
+    lived(
+        mussel,
+        (1_000, PartFailed(BoardPart.SUPPLY, 10)),
+        (2_000, PartFailed(BoardPart.SUPPLY, 0)),
+        2 * HOUR_MS,
+    )
     assert mussel.board.reset_cause is ResetCause.POWER_ON
