@@ -25,6 +25,7 @@ from firmware_model.stimuli import (
     SurfaceReached,
     WifiReceived,
 )
+from tests.firmware_model.conftest import lives
 
 MODEL = ChargeModel.from_minutes(0.0010427134, ((0.16197, 0.001045), (0.5634, 0.00223), (1.0, 0.002911)))
 CONFIG = BoardConfig(
@@ -261,9 +262,7 @@ def test_the_backup_battery_gives_a_motor_run_what_the_primary_lacks(
 def test_a_dock_fills_both_batteries_of_a_board_whose_motors_cost_charge() -> None:
     """By hand: an hour of equation (2)'s slowest part, 0.001045 a minute, for each battery."""
     bench = Bench(replace(CONFIG, motor_run=grains(0.05)), primary=0.0, secondary=0.05)
-    bench.run(minutes=1)
-    bench.command(Kind.PERMISSION)
-    bench.run(minutes=2)
+    lives(bench, "1min permission 2min")
     assert (bench.state, bench.primary, bench.secondary) == (State.FLOATING, 0, 0)
     bench.charge_pin_rises()
     bench.run(ms=CONFIG.pin_debounce_ms)
@@ -275,16 +274,11 @@ def test_a_board_that_no_battery_can_lift_stays_where_it_is() -> None:
     """On the bottom it gives the surfacing up and is EMPTY again; afloat it cannot sink, and stays to be docked."""
     config = replace(CONFIG, motor_run=grains(0.05), surfacing_timeout_ms=60_000, float_timeout_ms=60_000)
     below = Bench(config, primary=0.0, secondary=0.04)
-    below.run(minutes=1)
-    below.command(Kind.PERMISSION)
-    below.run(minutes=5)
+    lives(below, "1min permission 5min")
     assert below.state is State.EMPTY and not below.did(RunBuoyancy)
     afloat = Bench(config, primary=0.0, secondary=0.05)
-    afloat.run(minutes=1)
-    afloat.command(Kind.PERMISSION)
-    afloat.run(minutes=10)
+    lives(afloat, "1min permission 10min")
     assert [it.to for it in afloat.did(RunBuoyancy)] == [Buoyancy.FLOAT]
     assert afloat.state is State.FLOATING
-    afloat.charge_pin_rises()
-    afloat.run(minutes=1)
+    lives(afloat, "rises 1min")
     assert afloat.state is State.CHARGING

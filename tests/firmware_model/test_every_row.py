@@ -20,6 +20,7 @@ from firmware_model.stimuli import (
     SurfaceReached,
 )
 from firmware_model.table_one import board, power
+from tests.firmware_model.conftest import lives
 
 QUICK = Cycle(
     alarm_ms=20_000,
@@ -70,9 +71,7 @@ def until(at_ms: int) -> Callable[[Bench], None]:
 def released(until_ms: int) -> Callable[[Bench], None]:
     def play(it: Bench) -> None:
         told(Kind.PERMISSION, 10_000, 17_000)(it)
-        it.charge_pin_rises()
-        it.run(ms=100)
-        it.charge_pin_falls()
+        lives(it, "rises 100ms falls")
         it.run_until(until_ms)
 
     return play

@@ -10,10 +10,10 @@ import pytest
 from firmware_model.actions import Action
 from firmware_model.bench import Bench
 from firmware_model.config import BoardConfig, LastResort
-from firmware_model.packets import Beacon, Kind, SetThreshold, SlotAssignment, Threshold
+from firmware_model.packets import Beacon, SetThreshold, SlotAssignment, Threshold
 from firmware_model.port import ClockChip, Hardware, WholeHardware
-from firmware_model.stimuli import ResetCause
 from firmware_model.table_one import FIELD, HOURLY, METERING, WORST_CASE, board, power
+from tests.firmware_model.conftest import lives
 
 BOARDS = {
     "worst case": BoardConfig(
@@ -62,18 +62,11 @@ def _live(config: BoardConfig, narrowed: bool) -> list[Action]:
     for packet in (Beacon(1, 9 * 3_600_000), SetThreshold(1, Threshold.SAFE_LEVEL, 0.2)):
         bench.hear(packet)
     bench.hear(SlotAssignment(1, 300_000, 3000, 500, 7, -12))
-    bench.command(Kind.PING)
-    bench.run(hours=4)
-    bench.command(Kind.PERMISSION)
-    bench.run(minutes=5)
+    lives(bench, "ping 4h permission 5min")
     bench.charge_pin_rises(noticed=False)
-    bench.run(hours=2)
-    bench.reset(ResetCause.WATCHDOG)
+    lives(bench, "2h watchdog")
     narrow()
-    bench.charge_pin_falls()
-    bench.run(hours=1)
-    bench.command(Kind.HOVER)
-    bench.run(hours=30)
+    lives(bench, "falls 1h hover 30h")
     return bench.trace
 
 

@@ -40,6 +40,7 @@ from firmware_model.stimuli import (
     WifiReceived,
 )
 from firmware_model.table_one import FIELD, HOURLY, LOADS, METERING, MODEL, board, power
+from tests.firmware_model.conftest import lives
 
 
 def told(actions: list[Action]) -> list[str]:
@@ -98,14 +99,7 @@ def test_a_long_wake_processes_awaits_its_slot_and_transmits() -> None:
 
 
 def test_one_service_with_reports_in_the_dock(bench: Bench) -> None:
-    bench.command(Kind.PERMISSION)
-    bench.run(minutes=4)
-    bench.charge_pin_rises()
-    bench.run(hours=1)
-    bench.charge_pin_falls()
-    bench.run(ms=100)
-    bench.command(Kind.RELEASE)
-    bench.run(minutes=3)
+    lives(bench, "permission 4min rises 1h falls 100ms release 3min")
     assert told(bench.trace) == [
         "120000 SLEEPING -PERMISSION_HEARD-> SURFACING",
         "120000 motors FLOAT",
@@ -123,8 +117,7 @@ def test_one_service_with_reports_in_the_dock(bench: Bench) -> None:
 
 
 def test_it_hovers_by_a_motor_run_every_ten_minutes_and_sinks_when_told(bench: Bench) -> None:
-    bench.command(Kind.HOVER)
-    bench.run(minutes=15)
+    lives(bench, "hover 15min")
     bench.tell(PacketHeard(CommandPacket(Kind.RELEASE, 1).encode()))
     assert told(bench.trace) == [
         "120000 SLEEPING -HOVER_TOLD-> HOVERING",
@@ -244,15 +237,11 @@ def test_a_reset_says_its_cause_and_leaves_the_batteries(cause: ResetCause) -> N
 
 def test_a_reset_does_not_turn_the_switch_between_the_batteries() -> None:
     bench = asleep(primary=0.0, secondary=0.5)
-    bench.charge_pin_rises()
-    bench.run(minutes=10)
-    bench.charge_pin_falls()
-    bench.run(minutes=10)
+    lives(bench, "rises 10min falls 10min")
     assert bench.primary > 0
     for _ in range(2):
         assert (bench.state, bench.board.secondary.flow) == (State.EMPTY, Flow.DISCHARGING)
-        bench.reset(ResetCause.BROWN_OUT)
-        bench.run(minutes=1)
+        lives(bench, "brown_out 1min")
 
 
 def test_never_asleep_it_stays_active_on_the_idle_load() -> None:

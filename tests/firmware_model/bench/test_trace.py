@@ -6,9 +6,9 @@ import pytest
 
 from firmware_model.bench import Bench
 from firmware_model.bench.trace import line, vcd
-from firmware_model.packets import Kind
 from firmware_model.power.rails import Rail
 from firmware_model.table_one import HOURLY, board, power
+from tests.firmware_model.conftest import lives
 
 
 def read_vcd(text: str) -> dict[str, list[tuple[int, str]]]:
@@ -33,9 +33,7 @@ def read_vcd(text: str) -> dict[str, list[tuple[int, str]]]:
 
 def test_a_vcd_tells_states_rails_and_batteries() -> None:
     bench = Bench(board(HOURLY, power()), primary=0.5)
-    bench.run(hours=1.5)
-    bench.command(Kind.PERMISSION)
-    bench.run(minutes=2)
+    lives(bench, "90min permission 2min")
     waves = read_vcd(vcd(bench.trace, bench.courses, bench.config.charge, bench.now_ms, told=bench.told))
     others = ("state", "feed", "primary", "secondary", "charger", "surface", "motors", "sent", "received")
     assert {rail.name for rail in Rail} | set(others) == set(waves)
@@ -56,14 +54,7 @@ def test_a_vcd_tells_states_rails_and_batteries() -> None:
 def test_a_vcd_tells_pins_motors_and_packets() -> None:
     """By hand: up at 3 s, there at 63 s, docked at 73 s, a report at the whole hour, released and sinking an hour later."""
     bench = Bench(board(HOURLY, power()))
-    bench.run(seconds=3)
-    bench.command(Kind.PERMISSION)
-    bench.run(seconds=70)
-    bench.charge_pin_rises()
-    bench.run(hours=1)
-    bench.charge_pin_falls()
-    bench.run(seconds=1)
-    bench.command(Kind.RELEASE)
+    lives(bench, "3s permission 70s rises 1h falls 1s release")
     waves = read_vcd(vcd(bench.trace, bench.courses, bench.config.charge, bench.now_ms, told=bench.told))
     assert waves["charger"] == [(-1, "0"), (0, "0"), (73_000, "1"), (3_673_000, "0")]
     assert waves["surface"] == [(-1, "0"), (0, "0"), (63_000, "1")]

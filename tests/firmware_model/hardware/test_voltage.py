@@ -12,13 +12,13 @@ from firmware_model.bench import Bench
 from firmware_model.config import LastResort, Metering, Power
 from firmware_model.hardware.power_path import PowerPath
 from firmware_model.hardware.voltage import Meter
-from firmware_model.packets import Kind
 from firmware_model.port import Level
 from firmware_model.power.active_battery import ActiveBattery
 from firmware_model.power.charge import FULL, Battery, ChargeModel, Flow, grains
 from firmware_model.power.rails import Loads, Rail
 from firmware_model.states import State
 from firmware_model.table_one import FIELD, METERING, board, power
+from tests.firmware_model.conftest import lives
 
 QUIET = replace(METERING, noise=0)
 BARE = replace(QUIET, period_ms=500, settle_ms=0)
@@ -60,9 +60,7 @@ def test_a_transmission_s_sag_is_no_empty_battery(metering: Metering, switches: 
 @pytest.mark.parametrize(("metering", "switches"), [(BARE, True), (METERING, False)])
 def test_a_motor_run_s_sag_is_no_empty_battery(metering: Metering, switches: bool) -> None:
     bench = field(metering, primary=0.4)
-    bench.run(minutes=5)
-    bench.command(Kind.PERMISSION)
-    bench.run(minutes=3)
+    lives(bench, "5min permission 3min")
     assert bool(feeds(bench.trace)) is switches
 
 

@@ -15,6 +15,7 @@ from firmware_model.power.rails import Rail
 from firmware_model.states import State
 from firmware_model.stimuli import ModemSpoke
 from firmware_model.table_one import FIELD, HOURLY, LOADS, WORST_CASE, board, power
+from tests.firmware_model.conftest import lives
 
 
 def asleep(primary: float = 1.0, secondary: float = 1.0) -> Bench:
@@ -31,8 +32,7 @@ def bench() -> Bench:
 
 
 def test_a_sleeper_wakes_reads_its_batteries_answers_and_sleeps_on(bench: Bench) -> None:
-    bench.command(Kind.PING)
-    bench.run(minutes=5)
+    lives(bench, "ping 5min")
     assert [line(it) for it in bench.trace] == [
         # The modem receives for 105 ms, the MU is awake for half a second before the answer and while it is sent.
         "  0:30:00.000      MODEM_LISTENING off",
@@ -92,9 +92,7 @@ def test_on_its_way_and_at_a_depth_it_answers_and_its_motors_do_not_run_again(
     bench: Bench, kind: Kind
 ) -> None:
     bench.command(kind)
-    bench.run(ms=30_000)
-    bench.command(Kind.PING)
-    bench.run(ms=5000)
+    lives(bench, "30s ping 5s")
     assert len(bench.did(SendAnswer)) == 1 and len(bench.did(RunBuoyancy)) == 1
 
 
@@ -102,8 +100,7 @@ def test_on_its_backup_battery_it_answers_and_that_battery_pays() -> None:
     bench = asleep(primary=0.0, secondary=0.5)
     assert bench.state is State.EMPTY
     before = bench.secondary
-    bench.command(Kind.PING)
-    bench.run(minutes=1)
+    lives(bench, "ping 1min")
     assert len(bench.did(SendAnswer)) == 1 and bench.state is State.EMPTY
     assert before - bench.secondary > 393 * LOADS.of[Rail.MODEM_TRANSMITTING]
 
@@ -113,11 +110,9 @@ def test_afloat_docked_and_released_it_does_not_answer_by_sound(bench: Bench) ->
     refused = []
     bench.run(minutes=2)
     refused += bench.command(Kind.PING)
-    bench.charge_pin_rises()
-    bench.run(minutes=2)
+    lives(bench, "rises 2min")
     refused += bench.command(Kind.PING)
-    bench.charge_pin_falls()
-    bench.run(ms=100)
+    lives(bench, "falls 100ms")
     refused += bench.command(Kind.PING)
     assert [it.reason for it in refused if isinstance(it, Dropped)] == [
         f"{state} does not take PING_HEARD" for state in ("FLOATING", "CHARGING", "RELEASED")
@@ -126,10 +121,7 @@ def test_afloat_docked_and_released_it_does_not_answer_by_sound(bench: Bench) ->
 
 
 def test_one_that_was_lifted_out_before_it_could_answer_does_not(bench: Bench) -> None:
-    bench.command(Kind.PING)
-    bench.run(ms=100)
-    bench.charge_pin_rises()
-    bench.run(ms=5000)
+    lives(bench, "ping 100ms rises 5s")
     assert bench.did(SendAnswer) == [] and bench.state is State.CHARGING
     assert [it.reason for it in bench.did(Dropped)] == ["an answer: it is CHARGING by now"]
     assert bench.board.rails == 1 << Rail.MU_ASLEEP | 1 << Rail.MODEM_LISTENING
@@ -165,8 +157,7 @@ def test_the_worst_case_says_nothing() -> None:
 
 
 def test_a_reset_forgets_what_it_was_asked(bench: Bench) -> None:
-    bench.command(Kind.PING)
-    bench.run(ms=100)
+    lives(bench, "ping 100ms")
     bench.reset(bench.board.reset_cause)  # type: ignore[arg-type]
     bench.run(minutes=1)
     assert bench.did(SendAnswer) == []

@@ -26,6 +26,7 @@ from firmware_model.packets.commands import parse_command
 from firmware_model.power.active_battery import ActiveBattery
 from firmware_model.states import State, Trigger
 from firmware_model.table_one import FIELD, HOURLY, WORST_CASE, board, power
+from tests.firmware_model.conftest import lives
 
 HOUR = 3_600_000
 
@@ -126,8 +127,7 @@ def test_it_hovers_at_the_depth_that_it_was_told_and_keeps_to_it(bench: Bench) -
     bench.hear(HoverAt(1, 1.25))
     bench.run(minutes=15)
     assert hovered(bench.trace) == [(120_000, 1250), (720_000, 1250)]
-    bench.command(Kind.SINK)
-    bench.run(minutes=2)
+    lives(bench, "sink 2min")
     bench.trace.clear()
     bench.command(Kind.HOVER)
     assert hovered(bench.trace) == [(bench.now_ms, None)]
@@ -161,9 +161,7 @@ def test_one_that_came_up_for_its_life_goes_down_when_told_and_stays_for_the_sta
 
 def test_down_again_it_still_surfaces_when_it_is_permitted() -> None:
     bench = floating_for_its_life()
-    bench.command(Kind.SINK)
-    bench.run(hours=1)
-    bench.command(Kind.PERMISSION)
+    lives(bench, "sink 1h permission")
     assert bench.state is State.SURFACING
 
 
@@ -176,10 +174,7 @@ def test_it_sinks_when_told_from_wherever_it_can(bench: Bench, state: State) -> 
     if state is not State.SURFACING:
         bench.run(minutes=2)
     if state is State.RELEASED:
-        bench.charge_pin_rises()
-        bench.run(minutes=1)
-        bench.charge_pin_falls()
-        bench.run(ms=100)
+        lives(bench, "rises 1min falls 100ms")
     assert bench.state is state
     bench.command(Kind.SINK)
     assert bench.state is State.SINKING

@@ -7,6 +7,7 @@ from firmware_model.bench import Bench
 from firmware_model.power.charge import Flow
 from firmware_model.states import State
 from firmware_model.table_one import FIELD, HOURLY, board, power
+from tests.firmware_model.conftest import lives
 
 MISSED = "an edge of the charger's pin was missed: its level told"
 CHATTER = "the charger's pin chatters: the greater part of the time decided"
@@ -45,8 +46,7 @@ def test_a_missed_rising_edge_is_found_by_the_next_sample_of_the_level() -> None
 
 def test_a_missed_falling_edge_is_found_too_and_it_still_waits_for_the_word_to_sink() -> None:
     bench = asleep()
-    bench.charge_pin_rises()
-    bench.run(minutes=2)
+    lives(bench, "rises 2min")
     bench.trace.clear()
     bench.charge_pin_falls(noticed=False)
     assert bench.board.primary.flow is not Flow.CHARGING
@@ -73,13 +73,11 @@ def test_a_wake_finds_a_missed_edge_before_the_period_does() -> None:
 
 def test_chatter_in_the_dock_is_no_release_while_the_charger_runs_for_most_of_it() -> None:
     bench = asleep()
-    bench.charge_pin_rises()
-    bench.run(minutes=1)
+    lives(bench, "rises 1min")
     bench.trace.clear()
     chatter = told(bench.charge_pin_chatters(high_ms=30, low_ms=10, times=250))
     assert len(chatter) == 4 and all(line.endswith(CHATTER) for line in chatter)
-    bench.charge_pin_rises()
-    bench.run(minutes=5)
+    lives(bench, "rises 5min")
     assert bench.state is State.CHARGING
 
 
