@@ -119,98 +119,98 @@ def test_while_it_sends_bytes_wait(water: Any) -> None:
 
 
 @pytest.fixture
-def it() -> Modem:
+def modem_1() -> Modem:
     return modem()
 
 
-def test_slow_bytes_are_an_error_2_ms_after_the_last(it: Modem) -> None:
-    actions = it.receive(SerialBytes(b"$P0"), 0)
-    actions += it.advance(100)
+def test_slow_bytes_are_an_error_2_ms_after_the_last(modem_1: Modem) -> None:
+    actions = modem_1.receive(SerialBytes(b"$P0"), 0)
+    actions += modem_1.advance(100)
     # 3 bytes end at 3.125 ms, 2 ms of silence at 5.125; `E` and CR LF take 3.1 ms more from 6.
     assert outs(actions) == [(10, b"E\r\n")]
-    assert outs(it.receive(SerialBytes(b"$A009"), 100) + it.advance(200)) == [(113, b"#A009\r\n")]
+    assert outs(modem_1.receive(SerialBytes(b"$A009"), 100) + modem_1.advance(200)) == [(113, b"#A009\r\n")]
 
 
-def test_bytes_within_2_ms_are_one_command(it: Modem) -> None:
+def test_bytes_within_2_ms_are_one_command(modem_1: Modem) -> None:
     actions: list[ModemAction] = []
     for n, byte in enumerate(b"$A009"):
-        actions += it.receive(SerialBytes(bytes([byte])), 3 * n)
-    assert [data for _, data in outs(actions + it.advance(100))] == [b"#A009\r\n"]
+        actions += modem_1.receive(SerialBytes(bytes([byte])), 3 * n)
+    assert [data for _, data in outs(actions + modem_1.advance(100))] == [b"#A009\r\n"]
     for n, byte in enumerate(b"$A008"):
-        actions += it.receive(SerialBytes(bytes([byte])), 100 + 4 * n)
-    assert it.address == 9
-    assert b"E\r\n" in [data for _, data in outs(actions + it.advance(200))]
+        actions += modem_1.receive(SerialBytes(bytes([byte])), 100 + 4 * n)
+    assert modem_1.address == 9
+    assert b"E\r\n" in [data for _, data in outs(actions + modem_1.advance(200))]
 
 
-def test_half_duplex_what_comes_while_it_sends_is_lost(it: Modem) -> None:
-    it.receive(SerialBytes(b"$B64" + bytes(64)), 0)
-    it.advance(500)
-    assert it.state is ModemState.TRANSMITTING
-    it.receive(SoundBegan(105), 500)
-    (lost,) = it.receive(FrameArrived(PING), 605)
+def test_half_duplex_what_comes_while_it_sends_is_lost(modem_1: Modem) -> None:
+    modem_1.receive(SerialBytes(b"$B64" + bytes(64)), 0)
+    modem_1.advance(500)
+    assert modem_1.state is ModemState.TRANSMITTING
+    modem_1.receive(SoundBegan(105), 500)
+    (lost,) = modem_1.receive(FrameArrived(PING), 605)
     assert isinstance(lost, FrameDropped)
-    it.advance(1200)
-    assert it.state is ModemState.LISTENING
+    modem_1.advance(1200)
+    assert modem_1.state is ModemState.LISTENING
     # This frame began while the modem sent.
-    (lost,) = it.receive(FrameArrived(PING), 1250)
+    (lost,) = modem_1.receive(FrameArrived(PING), 1250)
     assert isinstance(lost, FrameDropped)
-    assert it.receive(FrameArrived(PING), 1300) == []
-    assert [type(action) for action in it.advance(1305)] == [ModemStateChanged, EmitFrame]
+    assert modem_1.receive(FrameArrived(PING), 1300) == []
+    assert [type(action) for action in modem_1.advance(1305)] == [ModemStateChanged, EmitFrame]
 
 
-def test_told_to_send_it_drops_what_it_receives(it: Modem) -> None:
-    it.receive(SoundBegan(105), 0)
-    assert it.state is ModemState.RECEIVING
-    it.receive(SerialBytes(b"$F"), 0)
-    it.advance(50)
-    assert it.state is ModemState.TRANSMITTING
-    (lost,) = it.receive(FrameArrived(PING), 105)
+def test_told_to_send_it_drops_what_it_receives(modem_1: Modem) -> None:
+    modem_1.receive(SoundBegan(105), 0)
+    assert modem_1.state is ModemState.RECEIVING
+    modem_1.receive(SerialBytes(b"$F"), 0)
+    modem_1.advance(50)
+    assert modem_1.state is ModemState.TRANSMITTING
+    (lost,) = modem_1.receive(FrameArrived(PING), 105)
     assert isinstance(lost, FrameDropped)
 
 
-def test_asleep_it_hears_nothing_and_wakes_by_w_repeated(it: Modem) -> None:
-    assert outs(it.receive(SerialBytes(b"$Z"), 0) + it.advance(100)) == [(7, b"$Z\r\n")]
-    assert it.state is ModemState.SLEEPING
-    (lost,) = it.receive(FrameArrived(PING), 400)
+def test_asleep_it_hears_nothing_and_wakes_by_w_repeated(modem_1: Modem) -> None:
+    assert outs(modem_1.receive(SerialBytes(b"$Z"), 0) + modem_1.advance(100)) == [(7, b"$Z\r\n")]
+    assert modem_1.state is ModemState.SLEEPING
+    (lost,) = modem_1.receive(FrameArrived(PING), 400)
     assert isinstance(lost, FrameDropped)
-    assert outs(it.receive(SerialBytes(b"$?"), 400) + it.advance(500)) == []
-    assert outs(it.receive(SerialBytes(b"$W"), 500) + it.advance(600)) == []
-    assert it.state is ModemState.LISTENING
-    assert outs(it.receive(SerialBytes(b"$W"), 600) + it.advance(700)) == [(607, b"$W\r\n")]
+    assert outs(modem_1.receive(SerialBytes(b"$?"), 400) + modem_1.advance(500)) == []
+    assert outs(modem_1.receive(SerialBytes(b"$W"), 500) + modem_1.advance(600)) == []
+    assert modem_1.state is ModemState.LISTENING
+    assert outs(modem_1.receive(SerialBytes(b"$W"), 600) + modem_1.advance(700)) == [(607, b"$W\r\n")]
 
 
-def test_the_address_outlives_power_and_the_rest_does_not(it: Modem) -> None:
-    it.receive(SerialBytes(b"$A077$XQE$XTE$P002"), 0)
-    it.advance(1000)
-    assert it.question is not None and it.reports_quality
-    it.receive(PowerWent(), 1000)
-    assert it.next_due_ms is None
-    assert [type(action) for action in it.receive(SerialBytes(b"$?"), 1100)] == [FrameDropped]
-    it.receive(PowerCame(), 1200)
-    answer = outs(it.receive(SerialBytes(b"$?$XTG"), 1200) + it.advance(1400))
+def test_the_address_outlives_power_and_the_rest_does_not(modem_1: Modem) -> None:
+    modem_1.receive(SerialBytes(b"$A077$XQE$XTE$P002"), 0)
+    modem_1.advance(1000)
+    assert modem_1.question is not None and modem_1.reports_quality
+    modem_1.receive(PowerWent(), 1000)
+    assert modem_1.next_due_ms is None
+    assert [type(action) for action in modem_1.receive(SerialBytes(b"$?"), 1100)] == [FrameDropped]
+    modem_1.receive(PowerCame(), 1200)
+    answer = outs(modem_1.receive(SerialBytes(b"$?$XTG"), 1200) + modem_1.advance(1400))
     assert answer[0][1].startswith(b"#A077V21845")
     assert answer[1][1] == b"#XTD00000000000000\r\n"
-    assert it.question is None and not it.reports_quality
+    assert modem_1.question is None and not modem_1.reports_quality
 
 
-def test_pins_rise_for_a_unicast_and_for_any_frame(it: Modem) -> None:
+def test_pins_rise_for_a_unicast_and_for_any_frame(modem_1: Modem) -> None:
     unicast = FrameArrived(ModemFrame(FrameKind.UNICAST, 9, 1, b"hi"))
     other = FrameArrived(ModemFrame(FrameKind.UNICAST, 9, 2, b"hi"))
-    assert it.receive(unicast, 1000) == [PinRose(1000, Pin.RXM), Delivered(1000, unicast.frame)]
-    it.advance(1900)
-    assert it.receive(other, 2000) == []
-    it.receive(SerialBytes(b"$XFE"), 2000)
-    it.advance(2100)
-    assert PinRose(3000, Pin.RXS) in it.receive(other, 3000)
+    assert modem_1.receive(unicast, 1000) == [PinRose(1000, Pin.RXM), Delivered(1000, unicast.frame)]
+    modem_1.advance(1900)
+    assert modem_1.receive(other, 2000) == []
+    modem_1.receive(SerialBytes(b"$XFE"), 2000)
+    modem_1.advance(2100)
+    assert PinRose(3000, Pin.RXS) in modem_1.receive(other, 3000)
 
 
-def test_energy_by_state(it: Modem) -> None:
-    it.receive(SoundBegan(1105), 1000)  # listened 1 s, received 1.105 s
-    it.receive(SerialBytes(b"$F"), 3000)  # 2 bytes: sent from 3.003 to 3.108 s
-    it.receive(SerialBytes(b"$Z"), 4000)  # asleep from 4.003 s
-    it.advance(60_000)
+def test_energy_by_state(modem_1: Modem) -> None:
+    modem_1.receive(SoundBegan(1105), 1000)  # listened 1 s, received 1.105 s
+    modem_1.receive(SerialBytes(b"$F"), 3000)  # 2 bytes: sent from 3.003 to 3.108 s
+    modem_1.receive(SerialBytes(b"$Z"), 4000)  # asleep from 4.003 s
+    modem_1.advance(60_000)
     listened_ms = 4003 - 1105 - 105
-    assert it.drawn_ua_ms(60_000) == 2_500 * listened_ms + 5_000 * 1105 + 300_000 * 105
+    assert modem_1.drawn_ua_ms(60_000) == 2_500 * listened_ms + 5_000 * 1105 + 300_000 * 105
 
 
 def test_two_lines_get_their_own_answers_and_both_what_is_heard(pair: Pair) -> None:
@@ -244,23 +244,23 @@ def test_a_host_without_a_line_asks_and_is_told(water: Any) -> None:
     assert water.printed("far") == b"#U05words\r\n"
 
 
-def test_a_host_without_a_line_is_told_why_not(it: Modem) -> None:
-    it.receive(FrameRequested(ModemFrame(FrameKind.BROADCAST, 1, None, b"one")), 0)
-    assert it.receive(FrameRequested(ModemFrame(FrameKind.BROADCAST, 1, None, b"two")), 1) == []
-    (refused,) = it.receive(FrameRequested(ModemFrame(FrameKind.BROADCAST, 1, None, b"three")), 2)
+def test_a_host_without_a_line_is_told_why_not(modem_1: Modem) -> None:
+    modem_1.receive(FrameRequested(ModemFrame(FrameKind.BROADCAST, 1, None, b"one")), 0)
+    assert modem_1.receive(FrameRequested(ModemFrame(FrameKind.BROADCAST, 1, None, b"two")), 1) == []
+    (refused,) = modem_1.receive(FrameRequested(ModemFrame(FrameKind.BROADCAST, 1, None, b"three")), 2)
     assert isinstance(refused, FrameDropped)
 
 
-def test_a_pause_parts_bytes_whenever_they_are_told(it: Modem) -> None:
-    it.receive(SerialBytes(b"$P0"), 0)
-    actions = it.receive(SerialBytes(b"02", paused=True), 0) + it.advance(100)
+def test_a_pause_parts_bytes_whenever_they_are_told(modem_1: Modem) -> None:
+    modem_1.receive(SerialBytes(b"$P0"), 0)
+    actions = modem_1.receive(SerialBytes(b"02", paused=True), 0) + modem_1.advance(100)
     assert [data for _, data in outs(actions)] == [b"E\r\n", b"E\r\n"]
 
 
-def test_time_does_not_go_back(it: Modem) -> None:
-    it.advance(5)
+def test_time_does_not_go_back(modem_1: Modem) -> None:
+    modem_1.advance(5)
     with pytest.raises(ValueError, match="went back"):
-        it.advance(4)
+        modem_1.advance(4)
 
 
 STIMULI: list[ModemStimulus] = [
