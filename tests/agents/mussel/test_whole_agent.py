@@ -1,11 +1,11 @@
-"""An agent with the whole firmware: cuts, resets and the wire change nothing, and its statuses go out."""
+"""Cuts, resets and the wire change nothing of an agent; and an agent with the whole firmware lives as its board says."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-from fleets import STILL
-from hypothesis import given, settings
+from fleets import PAPER, STILL
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from agents.fleet import resting_on_bottom
@@ -14,10 +14,15 @@ from agents.mussel.outputs import Output, SoundSent, Truth
 from agents.mussel.physical import Physical
 from agents.mussel.stimuli import (
     AgentStimulus,
+    BuoyancyJammed,
+    ChargeLost,
     CoilSlipped,
+    ContactBounced,
     ContactClosed,
     ContactOpened,
+    DockMoved,
     ModemSent,
+    PinDisturbed,
     PingArrived,
     Placed,
     SoundArrived,
@@ -82,7 +87,14 @@ STIMULI: tuple[AgentStimulus, ...] = (
     ModemSent(393),
     Placed(1_000_000, 2_000_000, 3_000_000, grains(0.4), grains(0.9)),
     WasReset(ResetCause.BROWN_OUT),
+    SoundArrived(b"noise"),
+    DockMoved(5_000_000, 2_000_000),
+    ChargeLost(grains(0.3), grains(0.1)),
+    *(BuoyancyJammed(jammed) for jammed in (0, 1)),
+    *(PinDisturbed(high, blind) for high, blind in ((1, 0), (0, 1), (0, 0))),
+    *(ContactBounced(times) for times in (3, 60)),
 )
+WORST_CASES = (PAPER.maker().config(7), STILL.maker().config(7))
 END_MS = 2_000_000
 
 
@@ -123,17 +135,28 @@ def live(
     return outputs, truths + mussel.take_truths()
 
 
-TIMES = st.integers(0, END_MS)
+TIMES = st.integers(0, END_MS // 10_000).map(lambda step: step * 10_000) | st.integers(0, END_MS)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=120, deadline=None)
 @given(
-    config=st.sampled_from([CONFIG, DRIFTING]),
+    config=st.sampled_from([CONFIG, DRIFTING, *WORST_CASES]),
     story=st.lists(
         st.tuples(TIMES, st.sampled_from([*STIMULI, None])), max_size=12, unique_by=lambda it: it[0]
     ),
     cuts=st.lists(TIMES, max_size=20),
     charges=st.sampled_from([(0.0, 0.0), (0.001, 0.15), (0.01, 1.0), (0.9, 1.0)]),
+)
+@example(  # it leaves the surface, and time is cut on the way down: its next report is due under water
+    config=WORST_CASES[1],
+    story=[
+        (20_000, SoundArrived(COMMANDS[Kind.PERMISSION])),
+        (400_000, ContactClosed(3_000_000, -1_000_000)),
+        (600_100, ContactOpened()),
+        (600_200, WifiArrived(COMMANDS[Kind.RELEASE])),
+    ],
+    cuts=[610_000],
+    charges=(0.5, 1.0),
 )
 def test_any_cuts_and_the_wire_give_the_same_life(
     config: AgentConfig,
