@@ -39,7 +39,7 @@ from firmware_model.stimuli import (
     SurfaceReached,
     WifiReceived,
 )
-from firmware_model.table_one import FIELD, HOURLY, LOADS, METERING, MODEL, board, power
+from firmware_model.table_one import FIELD, HOURLY, LOADS, METERING, MODEL, board, power, worst_case_board
 from tests.firmware_model.conftest import lives
 
 
@@ -305,7 +305,11 @@ def made(config: BoardConfig, primary: float, secondary: float) -> Board:
 
 @settings(deadline=None)
 @given(
-    CONFIGS, st.floats(0, 0.02), st.floats(0, 0.25), FACTS, st.lists(st.integers(0, 1_500_000), max_size=12)
+    CONFIGS | st.just(worst_case_board()),
+    st.floats(0, 0.02),
+    st.floats(0, 0.25),
+    FACTS,
+    st.lists(st.integers(0, 1_500_000), max_size=12),
 )
 def test_cutting_time_does_not_change_the_trace(
     config: BoardConfig, primary: float, secondary: float, raw: list[tuple[int, Stimulus]], cuts: list[int]
