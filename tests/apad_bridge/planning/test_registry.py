@@ -66,24 +66,39 @@ def test_the_template_adds_a_strategy(site: Path) -> None:
     assert plan.steps == (("collect", 2, 0), ("collect", 3, 1))
 
 
-def test_a_package_that_cannot_be_imported_is_named(site: Path) -> None:
-    install(site, "broken_lab", "broken = broken_lab:Missing", "broken_lab", "")
-    with pytest.raises(
-        ValueError, match=r"'broken' \(from broken_lab 1.2, broken_lab:Missing\) cannot be loaded"
-    ):
-        collection("broken")
-
-
-def test_what_is_no_strategy_is_refused(site: Path) -> None:
-    install(site, "odd_lab", "odd = odd_lab:Odd", "odd_lab", "class Odd: pass\n")
-    with pytest.raises(ValueError, match=r"'odd' \(from odd_lab 1.2\) is no collect strategy"):
-        collection("odd")
-
-
-def test_a_name_that_is_taken_is_not_shadowed_silently(site: Path) -> None:
-    install(site, "shadow_lab", "greedy = shadow_lab:Own", "shadow_lab", "class Own: pass\n")
-    with pytest.raises(ValueError, match=r"is in each of musselbed itself, shadow_lab 1\.2"):
-        collection("greedy")
+@pytest.mark.parametrize(
+    ("package", "entry_point", "code", "name", "why"),
+    [
+        (
+            "broken_lab",
+            "broken = broken_lab:Missing",
+            "",
+            "broken",
+            r"'broken' \(from broken_lab 1.2, broken_lab:Missing\) cannot be loaded",
+        ),
+        (
+            "odd_lab",
+            "odd = odd_lab:Odd",
+            "class Odd: pass\n",
+            "odd",
+            r"'odd' \(from odd_lab 1.2\) is no collect strategy",
+        ),
+        # A name that is taken is not shadowed silently.
+        (
+            "shadow_lab",
+            "greedy = shadow_lab:Own",
+            "class Own: pass\n",
+            "greedy",
+            r"is in each of musselbed itself, shadow_lab 1\.2",
+        ),
+    ],
+)
+def test_a_package_s_strategy_that_cannot_be_flown_is_named(
+    site: Path, package: str, entry_point: str, code: str, name: str, why: str
+) -> None:
+    install(site, package, entry_point, package, code)
+    with pytest.raises(ValueError, match=why):
+        collection(name)
 
 
 FILE = """\

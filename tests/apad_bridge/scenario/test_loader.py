@@ -384,6 +384,38 @@ def test_the_shipped_variants_of_the_pool_differ_in_nothing_else() -> None:
             "'tag:yaml.org,2002:python/name:os.system'",
         ),
         ("mass_kg: 25", "? [1]\n  : 25", "line 44, column 5: a key must be a text"),
+        # A key in the wrong block is told the block; one like no other, and one in an item of a list, those there are.
+        (
+            "theta: 30",
+            "theta: 30\nspeed_m_s: 0.5",
+            "speed_m_s: unknown key here: did you mean mission.speed_m_s?",
+        ),
+        (
+            "{mode: paper, amplitude_m: 0.005}",
+            "{mode: paper, zz: 1}",
+            "fleet.drift.zz: unknown key; known here: mode, amplitude_m, current_file, current_m_s",
+        ),
+        (
+            "theta: 30",
+            "theta: 30\napads: [{name: apad2, start_m: [5, 5], zz: 1}]",
+            "apads[0].zz: unknown key; known here: name, start_m, battery_start_fraction, fault",
+        ),
+        (
+            "theta: 30",
+            "theta: 30\napads: [{name: apad2, start_m: [5, 5], start_s: 1}]",
+            "apads[0].start_s: unknown key: did you mean start_m? (it is in metres, not seconds)",
+        ),
+        # Ids have room in a packet, and a batch in the docks.
+        (
+            "  count: 12",
+            "  count: 12\n  first_id: 65525",
+            "fleet: first_id: an aMussel's id is 65535 at most, not 65536",
+        ),
+        (
+            "\napad:\n",
+            "\napad:\n  docks: 2\n",
+            "mission.batch: 4 aMussels do not fit into 2 docks (apad.docks): leave it out, or lower it",
+        ),
     ],
 )
 def test_one_mistake_is_one_line_with_the_path(refusals: Refusals, old: str, new: str, message: str) -> None:
@@ -400,37 +432,9 @@ def test_a_key_in_another_unit_is_told_the_unit(refusals: Refusals) -> None:
     )
 
 
-def test_a_key_in_the_wrong_block_is_told_the_block(refusals: Refusals) -> None:
-    assert refusals(("theta: 30", "theta: 30\nspeed_m_s: 0.5")) == [
-        "speed_m_s: unknown key here: did you mean mission.speed_m_s?"
-    ]
-
-
-def test_a_key_like_no_other_is_told_those_there_are(refusals: Refusals) -> None:
-    assert refusals(("{mode: paper, amplitude_m: 0.005}", "{mode: paper, zz: 1}")) == [
-        "fleet.drift.zz: unknown key; known here: mode, amplitude_m, current_file, current_m_s"
-    ]
-
-
 def test_a_key_with_a_line_break_or_a_terminal_s_code_is_told_in_one_line(refusals: Refusals) -> None:
     found = refusals((DEPTH, DEPTH + '\n  "dep\\nth\\e[31m": 1'))
     assert [it.partition(": unknown key")[0] for it in found] == ["area.dep\\nth\\x1b[31m"]
-
-
-def test_a_key_in_an_item_of_a_list_is_told_those_of_the_item(refusals: Refusals) -> None:
-    another = "theta: 30\napads: [{name: apad2, start_m: [5, 5], zz: 1}]"
-    assert refusals(("theta: 30", another)) == [
-        "apads[0].zz: unknown key; known here: name, start_m, battery_start_fraction, fault"
-    ]
-    assert refusals(("theta: 30", another.replace("zz", "start_s"))) == [
-        "apads[0].start_s: unknown key: did you mean start_m? (it is in metres, not seconds)"
-    ]
-
-
-def test_ids_have_room_in_a_packet(refusals: Refusals) -> None:
-    assert refusals(("  count: 12", "  count: 12\n  first_id: 65525")) == [
-        "fleet: first_id: an aMussel's id is 65535 at most, not 65536"
-    ]
 
 
 def test_all_mistakes_are_listed_at_once(refusals: Refusals) -> None:
@@ -459,12 +463,6 @@ def test_a_number_of_docks_that_cannot_be_is_told_in_one_line(
 ) -> None:
     docks, _, more = docks.partition(", ")
     assert refusals(("  batch: 4\n", ""), ("\napad:\n", f"\napad:\n  docks: {docks}\n  {more}\n")) == [line]
-
-
-def test_a_batch_that_does_not_fit_into_the_docks_is_refused(refusals: Refusals) -> None:
-    assert refusals(("\napad:\n", "\napad:\n  docks: 2\n")) == [
-        "mission.batch: 4 aMussels do not fit into 2 docks (apad.docks): leave it out, or lower it"
-    ]
 
 
 def test_files_that_are_not_there_are_named(refusals: Refusals, tmp_path: Path) -> None:
