@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 from hypothesis import given
@@ -81,13 +80,13 @@ def test_one_wrong_stamp_costs_one_packet(made: Made, ahead_ms: int) -> None:
 
 
 @pytest.fixture
-def fleet(made: Made) -> Any:
+def fleet(made: Made) -> FleetBeliefs:
     return made()
 
 
 @both
 @pytest.mark.parametrize("ahead_ms", [YEAR, -60 * MINUTE * THETA])
-def test_a_clock_that_was_set_is_believed_at_its_second_packet(fleet: Any, ahead_ms: int) -> None:
+def test_a_clock_that_was_set_is_believed_at_its_second_packet(fleet: FleetBeliefs, ahead_ms: int) -> None:
     """An hour back is a reset: the clock begins at 0."""
     said(fleet, 60 * MINUTE, 0)
     assert said(fleet, 60 * MINUTE + 1000, ahead_ms) == CANNOT_SHOW
@@ -99,7 +98,7 @@ def test_a_clock_that_was_set_is_believed_at_its_second_packet(fleet: Any, ahead
 
 
 @both
-def test_a_first_packet_may_state_any_time_and_makes_nobody_deaf(fleet: Any) -> None:
+def test_a_first_packet_may_state_any_time_and_makes_nobody_deaf(fleet: FleetBeliefs) -> None:
     assert said(fleet, 0, YEAR) is None and said(fleet, 1000, 0) == CANNOT_SHOW
     assert said(fleet, 2000, 0) is None
     assert [said(fleet, at_ms, 0, primary=0.69) for at_ms in range(3000, 60_000, 3000)] == [None] * 19
@@ -107,14 +106,14 @@ def test_a_first_packet_may_state_any_time_and_makes_nobody_deaf(fleet: Any) -> 
 
 
 @both
-def test_the_same_packet_twice_agrees_with_nothing_but_itself(fleet: Any) -> None:
+def test_the_same_packet_twice_agrees_with_nothing_but_itself(fleet: FleetBeliefs) -> None:
     said(fleet, MINUTE, 0)
     twice = StatusPacket(5, 9, State.ACTIVE, 0.7, 1.0, 3.0, 4.0, 3.0, YEAR)
     assert [fleet.hear(twice, MINUTE + n) for n in (1, 2, 3)] == [CANNOT_SHOW] * 3
 
 
 @both
-def test_two_wrong_stamps_that_disagree_are_not_believed(fleet: Any) -> None:
+def test_two_wrong_stamps_that_disagree_are_not_believed(fleet: FleetBeliefs) -> None:
     said(fleet, MINUTE, 0)
     assert said(fleet, 2 * MINUTE, YEAR) == CANNOT_SHOW
     assert said(fleet, 3 * MINUTE, 2 * YEAR) == CANNOT_SHOW
@@ -122,7 +121,9 @@ def test_two_wrong_stamps_that_disagree_are_not_believed(fleet: Any) -> None:
 
 
 @both
-def test_a_late_packet_is_news_if_nothing_newer_came_and_says_nothing_of_the_clock(fleet: Any) -> None:
+def test_a_late_packet_is_news_if_nothing_newer_came_and_says_nothing_of_the_clock(
+    fleet: FleetBeliefs,
+) -> None:
     said(fleet, 60 * MINUTE, 0)
     assert said(fleet, 90 * MINUTE, -20 * MINUTE * THETA) is None  # 20 minutes under way
     assert said(fleet, 90 * MINUTE + 1000, 0) is None

@@ -36,13 +36,13 @@ def setting_of(plan: StudyPlan, amussels: int, mean: float) -> int:
 
 
 @pytest.fixture
-def plan() -> Any:
+def plan() -> StudyPlan:
     return capacity_study(1)
 
 
 @pytest.mark.parametrize("amussels", [12, 13, 15])
 def test_a_fleet_that_begins_low_has_as_many_dead_as_it_is_larger_than_the_bound_from_empty(
-    plan: Any, amussels: int
+    plan: StudyPlan, amussels: int
 ) -> None:
     """Docks that fill each aMussel from empty hold 4 and keep 7.9 at work; the rest is dead.
 
@@ -56,12 +56,12 @@ def test_a_fleet_that_begins_low_has_as_many_dead_as_it_is_larger_than_the_bound
     assert LATE_H * (amussels - bound) < figures.dead_late_h < LATE_H * (amussels - bound) + 4
 
 
-def test_the_same_fleet_is_held_for_ever_if_it_begins_high(plan: Any) -> None:
+def test_the_same_fleet_is_held_for_ever_if_it_begins_high(plan: StudyPlan) -> None:
     figures = fly(plan.scenario(setting_of(plan, 13, 0.8), 0, 1), Model.EVENT_DRIVEN)
     assert figures.dead_late_h == 0.0 and figures.uptime_paper_mean > 73.0
 
 
-def test_late_dead_hours_are_those_of_the_last_fifth(plan: Any) -> None:
+def test_late_dead_hours_are_those_of_the_last_fifth(plan: StudyPlan) -> None:
     """A fleet that nobody serves dies within 20 hours of 25, and stays dead in the last five."""
     scenario = plan.scenario(setting_of(plan, 9, 0.2), 0, 1)
     scenario = replace(
@@ -100,7 +100,7 @@ def test_a_border_is_the_least_charge_from_which_on_every_flight_is_held() -> No
 
 
 def test_the_command_prints_both_states_and_draws_them(
-    plan: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    plan: StudyPlan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     scenario = replace(plan.scenario(0, 0, 1), duration_s=600.0)
     flown = runner.fly_block  # one short flight gives every other figure of the rows

@@ -1,7 +1,6 @@
 """The supervisor's core on its own: ticks, the order of facts, dropped packets, and the end of a flight."""
 
 import random
-from typing import Any
 
 import pytest
 from scenario_files import POOL_FILE, SOUND_FILE
@@ -75,12 +74,12 @@ def test_facts_of_one_tick_act_alike_in_whatever_order_they_came() -> None:
 
 
 @pytest.fixture
-def supervisor() -> Any:
+def supervisor() -> Supervisor:
     return parts.supervisor(flight_config(SCENARIO))
 
 
 def test_a_docked_amussel_that_reports_to_lie_on_the_bottom_is_told_once_until_it_charges(
-    supervisor: Any,
+    supervisor: Supervisor,
 ) -> None:
     supervisor.receive(PoseReported(900, 0.0, 0.0, 0.0))
     supervisor.receive(DockClosed(900, 1, 7))
@@ -96,7 +95,7 @@ def test_a_docked_amussel_that_reports_to_lie_on_the_bottom_is_told_once_until_i
     assert told == [(2, {"id": 7, "reason": reason}), (6, {"id": 7, "reason": reason})]
 
 
-def test_a_fact_of_the_future_waits_for_its_tick(supervisor: Any) -> None:
+def test_a_fact_of_the_future_waits_for_its_tick(supervisor: Supervisor) -> None:
     supervisor.receive(PoseReported(1500, 7.0, 7.0, 0.0))
     supervisor.advance(1000)
     assert supervisor.pose is None
@@ -104,7 +103,7 @@ def test_a_fact_of_the_future_waits_for_its_tick(supervisor: Any) -> None:
     assert supervisor.pose is not None
 
 
-def test_bytes_that_are_nothing_are_counted_and_disturb_nothing(supervisor: Any) -> None:
+def test_bytes_that_are_nothing_are_counted_and_disturb_nothing(supervisor: Supervisor) -> None:
     for data in (b"", b"\xff" * 40, b"x" * 100_000, CommandPacket(Kind.RELEASE, 1).encode(), status(99, 0.5)):
         supervisor.receive(WifiHeard(500, data))
     supervisor.receive(WifiHeard(500, status(1, 0.5)))
@@ -124,7 +123,7 @@ def test_bytes_that_are_nothing_are_counted_and_disturb_nothing(supervisor: Any)
     ],
 )
 def test_a_flight_ends_by_the_operator_or_the_time(
-    supervisor: Any, fact: Fact, now_ms: int, reason: str
+    supervisor: Supervisor, fact: Fact, now_ms: int, reason: str
 ) -> None:
     supervisor.receive(PoseReported(900, 3.0, 4.0, 0.0))
     supervisor.receive(fact)
@@ -134,7 +133,7 @@ def test_a_flight_ends_by_the_operator_or_the_time(
     assert (held[-1].north_m, held[-1].east_m) == (3.0, 4.0)
 
 
-def test_an_empty_battery_ends_a_flight_after_three_seconds_of_readings(supervisor: Any) -> None:
+def test_an_empty_battery_ends_a_flight_after_three_seconds_of_readings(supervisor: Supervisor) -> None:
     supervisor.receive(PoseReported(900, 3.0, 4.0, 0.0))
     for at_s, fraction in enumerate((0.0, 0.0, 0.9, 0.0, 0.0, 0.0), start=1):
         supervisor.receive(BatteryReported(1000 * at_s, 12.0, fraction))
@@ -145,7 +144,7 @@ def test_an_empty_battery_ends_a_flight_after_three_seconds_of_readings(supervis
     assert str(supervisor.mission.state.ended_by) == "the aPad's battery"
 
 
-def test_a_sensor_that_says_nothing_is_left_once_sends_no_apad_home(supervisor: Any) -> None:
+def test_a_sensor_that_says_nothing_is_left_once_sends_no_apad_home(supervisor: Supervisor) -> None:
     """The mission hears a sudden fall after three seconds of readings, and a fall that creeps at once."""
     heard: list[float] = []
     supervisor.mission.battery_heard = heard.append  # type: ignore[method-assign]
@@ -155,7 +154,7 @@ def test_a_sensor_that_says_nothing_is_left_once_sends_no_apad_home(supervisor: 
     assert heard == [0.9, 0.89, 0.3, 0.27, 0.8]
 
 
-def test_time_going_back_is_refused(supervisor: Any) -> None:
+def test_time_going_back_is_refused(supervisor: Supervisor) -> None:
     supervisor.advance(2000)
     with pytest.raises(ValueError, match="time went back"):
         supervisor.advance(1000)
