@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from apad_bridge.planning.registry import Trust
     from apad_bridge.scenario.schema import Scenario
 
-_MEND = "mend the file: docs/reference/scenario-keys.md explains every key"
+_MEND = "docs/reference/scenario-keys.md explains every key"
 
 
 def read(path: Path, trust: Trust | None = None) -> tuple[Scenario | None, list[Finding]]:

@@ -117,7 +117,7 @@ TABLE: Mapping[TimedFault, FaultRow] = {
         60.0,
         Parameter("probability", "each bit", 0.01, 0.0, 1.0),
     ),
-    _F.MODEM_DEAF: FaultRow("the acoustic modem hears nothing, and sends", "it hears again", 60.0),
+    _F.MODEM_DEAF: FaultRow("the acoustic modem receives nothing; it still sends", "it receives again", 60.0),
     _F.CLOCK_SKEW: FaultRow(
         "the MU's clock runs faster, or slower if negative",
         "the crystal runs as before; a beacon sets the clock",

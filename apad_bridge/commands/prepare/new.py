@@ -32,7 +32,7 @@ fleet:
 board: {{profile: worst-case, surfacing_failure_probability: 0}} # the paper's battery
 hearing: {{mode: paper, positioning: ground_truth, report_period_s: 1}} # or by sound: see sound-12
 mission: # collects four at or below 0.8, charges them, and brings them back
-  {{collection: cautious, redeployment: greedy-redeploy, pool_threshold: 0.8, batch: 4, full_threshold: 0.99,
+  {{collection: cautious, redeployment: greedy-redeploy, pool_threshold: 0.8, full_threshold: 0.99,
    docking: {{profile: virtual, dock_s: 15, undock_s: 5, timeout_s: 60, catch_radius_m: 3}}, speed_m_s: 0.5,
    victory_radius_m: 0.5, permission_repeat_s: 10, surfacing_attempts: 6, silence_timeout_s: 120}}
 apad: {{profile: paper, start_m: {start_m}, dock_miss_probability: 0}}

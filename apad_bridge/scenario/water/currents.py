@@ -26,7 +26,9 @@ def current_text(path: Path, frame: LocalFrame) -> str:
         # Imported here: most scenarios have no such file, and their processes no other need of numpy.
         from apad_bridge.scenario.water.netcdf import csv_of
     except ImportError:
-        raise ValueError("NetCDF needs the package netCDF4: pip install netCDF4") from None
+        raise ValueError(
+            "NetCDF needs the package netCDF4: musselbed python -m pip install netCDF4"
+        ) from None
     return csv_of(path, frame)
 
 
