@@ -92,8 +92,7 @@ class Coordinator:
 
     def receive_at(self, agent_id: int, stimulus: AgentStimulus, agent_ms: AgentMs) -> AgentMs | None:
         """`receive` for a fact with a stamp in agent time."""
-        granted_ms = self._granted_ms.get(agent_id)
-        if granted_ms is None:
+        if (granted_ms := self._granted_ms.get(agent_id)) is None:
             return None
         at_ms = max(agent_ms, granted_ms)
         self._waiting.setdefault(agent_id, []).append((at_ms, stimulus))

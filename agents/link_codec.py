@@ -46,8 +46,7 @@ class LinkCodec:
 
     def _extended(self, value: Any) -> Any:
         """msgpack hands over what it does not know. Tuples are its arrays: no message has a list."""
-        kind = type(value)
-        if kind is tuple:
+        if (kind := type(value)) is tuple:
             return list(value)
         if kind not in self._codes:
             raise TypeError(f"a {kind.__name__} crosses no link")

@@ -21,8 +21,7 @@ class SettingsStore:
 
     def apply(self, command: SleepSchedule | SlotAssignment | SetThreshold, now_ms: int) -> bool:
         """Applies and stores the command; returns False if it is impossible."""
-        settings = self.settings.changed_by(command)
-        if settings is None:
+        if (settings := self.settings.changed_by(command)) is None:
             return False
         self.settings = settings
         self.clock.pass_over(now_ms)  # the alarms of the new period begin now

@@ -173,7 +173,6 @@ class TriggerRefused(ValueError):
 
 def next_state(state: State, trigger: Trigger) -> State:
     """The next state by `TABLE`; raises Refused before anything has changed."""
-    found = TABLE.get((state, trigger))
-    if found is None:
+    if (found := TABLE.get((state, trigger))) is None:
         raise TriggerRefused(f"{state.name} does not take {trigger.name}")
     return found

@@ -62,8 +62,7 @@ class FaultyHost:
 
     def limit_memory(self, agent_id: int, megabytes: float | None) -> None:
         """Limits the address space of the agent's process; None lifts the limit."""
-        pid = self._host.pids.get(agent_id)
-        if pid is None:
+        if (pid := self._host.pids.get(agent_id)) is None:
             return
         with suppress(ProcessLookupError):
             _, most = resource.prlimit(pid, resource.RLIMIT_AS)
@@ -152,8 +151,7 @@ class FaultyHost:
 
     def _flipped(self, data: bytes, agent_id: int, at_ms: int) -> bytes:
         """The bytes after this link; the same ones flip in the same packet at the same time, whoever asks how often."""
-        probability = self._defects[agent_id].get(LinkDefect.FLIPS)
-        if not probability:
+        if not (probability := self._defects[agent_id].get(LinkDefect.FLIPS)):
             return data
         rng = random.Random(f"{self._seed} {agent_id} {at_ms} {data.hex()}")
         mask = sum(1 << bit for bit in range(8 * len(data)) if rng.random() < probability)

@@ -32,8 +32,7 @@ def environment() -> dict[str, str]:
 
 def end_with_starter() -> None:
     """From now on the starter's end kills this process, at once if it has ended. Does nothing for one started by hand."""
-    starter = os.environ.pop(_VARIABLE, None)
-    if starter is None:
+    if (starter := os.environ.pop(_VARIABLE, None)) is None:
         return
     _LIBC.prctl(_PR_SET_PDEATHSIG, int(signal.SIGKILL), 0, 0, 0)
     if os.getppid() != int(starter):

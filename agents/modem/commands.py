@@ -167,8 +167,7 @@ class CommandReader:
         self._name += chr(byte)
         if self._name not in _BEGINNINGS[self._generation]:
             return self._wrong(byte, "there is no such command")
-        fields = self._rows.get(self._name)
-        if fields is None:
+        if (fields := self._rows.get(self._name)) is None:
             return []
         self._fields = fields if self.timed else tuple(it for it in fields if it is not CommandField.TIME)
         return self._done_or_on()

@@ -270,8 +270,7 @@ class Modem(ModemCore):
         return self._send_next() if self._sending is None and self.waiting[0][1] is frame else []
 
     def _read(self, line_index: int, until_ms: int) -> list[ModemAction]:
-        read = self.lines[line_index].read(until_ms)
-        if read is None:
+        if (read := self.lines[line_index].read(until_ms)) is None:
             return []
         tick, items = read
         at_ms = -(-tick // TICKS_PER_MS)

@@ -399,8 +399,7 @@ class Agent:
 
     def _pin_changed(self, high: bool, now_ms: int) -> list[Output]:
         """The charger's output changed, and with it the pin's level; a defect of the pin changes what the board sees."""
-        defects = self._defects
-        if defects is None:
+        if (defects := self._defects) is None:
             return self._stimulate_board(
                 board_stimuli.ChargePinRose() if high else board_stimuli.ChargePinFell(), now_ms
             )

@@ -87,8 +87,7 @@ class FirmwareProcess:
         self._flush()
 
     def receive(self) -> list[Frame]:
-        data = self._read()
-        if not data:
+        if not (data := self._read()):
             raise FirmwareFailed(self._ending())
         try:
             frames = list(self._reader.feed(data))

@@ -97,8 +97,7 @@ class Truth:
     def unpack(cls, data: bytes | memoryview, offset: int = 0) -> Truth:
         """The inverse of `pack`, from `offset` on; struct.error or ValueError for other bytes."""
         at_ms, agent_id, code = cls.HEAD.unpack_from(data, offset)
-        state = STATE_OF.get(code)
-        if state is None:
+        if (state := STATE_OF.get(code)) is None:
             raise ValueError(f"no state {code}")
         return cls(at_ms, agent_id, state, Physical.unpack(data, offset + cls.HEAD.size))
 

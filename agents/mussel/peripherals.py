@@ -89,8 +89,7 @@ class Peripherals:
     def _sensor(self, place: int, now_ms: int) -> bytes | None:
         if not self._hardware.is_on(SENSOR_RAILS[place]):
             return None
-        measured = self.world.sensors(now_ms, self.world.samples)
-        if measured is None:
+        if (measured := self.world.sensors(now_ms, self.world.samples)) is None:
             return None
         counts, saturated = measured
         return _COUNTS.pack(counts[place], saturated >> place & 1)

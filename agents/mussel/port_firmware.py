@@ -45,8 +45,7 @@ _RAIL_OF = {Uart.MODEM: Rail.MODEM_TRANSMITTING, Uart.WIFI: Rail.WIFI}
 def link_to(command: Sequence[str], timeout_s: float = TURN_TIMEOUT_S) -> BoardLink:
     """A link to a program and its arguments, or to a real board on the serial line that `serial_line` reads from it."""
     # Imported here: a fleet of programs needs no pyserial, and one of real boards no processes.
-    line = serial_line(command[0])
-    if line is None:
+    if (line := serial_line(command[0])) is None:
         from agents.mussel.firmware_process import FirmwareChild, FirmwareProcess
 
         return FirmwareProcess(FirmwareChild(command), timeout_s)

@@ -23,8 +23,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_mu_firmware(config: pytest.Config, board: BoardConfig) -> MakeFirmware | None:
-    program = config.getoption(_OPTION)
-    if program is None:
+    if (program := config.getoption(_OPTION)) is None:
         return None
     path = Path(program).absolute()
     if not (path.is_file() and os.access(path, os.X_OK)):

@@ -38,8 +38,7 @@ class StateDoubts:
 
 def _contradiction(board: Board, body: Body, now_ms: int) -> str | None:
     """Why the state cannot be, if it lasts; None if it can."""
-    state = board.state
-    if state is State.BOOTING:
+    if (state := board.state) is State.BOOTING:
         return "it has told no state since its boot"
     floats = not body.docked and body.depth_at_um(now_ms) == 0
     if body.pin_high and state not in DOCKED:

@@ -336,8 +336,7 @@ def _lock(descriptor: int) -> None:
 
 
 def _newest(ring: RecordRing, up_to: Key | None, until_ms: int | None) -> StateRecord:
-    record = ring.newest(up_to, until_ms)
-    if record is None:
+    if (record := ring.newest(up_to, until_ms)) is None:
         raise NotStarted(
             f"the physical file has no whole record of aMussel {ring.agent_id} up to window {up_to} and {until_ms} ms"
         )

@@ -259,8 +259,7 @@ class SeaServer:
     # Beginning, and time.
 
     def _begin_together(self) -> None:
-        ready = [it for it in self._flights if it.ready is not None]
-        if not ready:
+        if not (ready := [it for it in self._flights if it.ready is not None]):
             return
         awaited = any(it.ready is None and (it.link is not None or not it.has_come) for it in self._flights)
         if awaited and self._waited_s() < START_S:

@@ -280,8 +280,7 @@ def _draw_in_a_dock(board: BoardConfig, *, reports: bool = True) -> float:
 
 def _ways_of(board: BoardConfig, sinking: Sinking, drain: float) -> tuple[float, float]:
     """The parts of a battery that the ways up and down take beyond `drain`; the way down with its time of listening."""
-    whole = board.whole
-    if whole is None:
+    if (whole := board.whole) is None:
         run = board.motor_run / FULL
         return run, run
     run = whole.power.loads.of[Rail.MOTORS] * whole.power.motor_run_ms / FULL

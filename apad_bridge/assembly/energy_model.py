@@ -46,8 +46,7 @@ def drain_per_min_of(board: BoardConfig, all_ids: Sequence[int]) -> float:
 
     `board` has the id of one of `all_ids`, or 0 for the first of them.
     """
-    whole = board.whole
-    if whole is None:
+    if (whole := board.whole) is None:
         return board.charge.discharge * MS_PER_MIN / FULL
     agent_id = board.agent_id or all_ids[0]
     if (cycle := schedules(whole, all_ids, [agent_id])[agent_id].cycle) is not None:

@@ -69,8 +69,7 @@ def twin_config(
     scenario: Scenario, board: BoardConfig, body: BodyConfig, reports: ReportConfig
 ) -> TwinConfig | None:
     """Builds the twins' configuration; None for the estimator that holds the last packet."""
-    model = scenario.beliefs.twin
-    if model is None:
+    if (model := scenario.beliefs.twin) is None:
         return None
     return TwinConfig(
         twin_parameters(scenario, model, board, body, reports),
@@ -158,8 +157,7 @@ def readings_apart_ms(scale: TimeScale) -> int:
 
 
 def _drain(board: BoardConfig, motor_deviation: float) -> Drain:
-    firmware = board.whole
-    if firmware is None:
+    if (firmware := board.whole) is None:
         # Equation (1) for every state in the water; in a dock equation (2) covers everything.
         per_min = board.charge.discharge * MS_PER_MIN / FULL
         return Drain(

@@ -122,8 +122,7 @@ def _drift_of(scenario: Scenario) -> Callable[[Point, int], Point]:
 
 def _waters(scenario: Scenario, options: GuardOptions) -> Waters:
     """Only a scenario with a fence imports shapely."""
-    fence = fence_of(scenario.area)
-    if fence is None:
+    if (fence := fence_of(scenario.area)) is None:
         return Waters()
     from apad_bridge.vehicle.guards.fenced_waters import FencedWaters
 

@@ -205,8 +205,7 @@ class FleetBeliefs:
 
     def hear_short(self, packet: ShortStatus, at_ms: MissionMs) -> str | None:
         """Does the work of `hear` for a status without place and time: both stay as believed."""
-        before = self._beliefs.get(packet.agent_id)
-        if before is None:
+        if (before := self._beliefs.get(packet.agent_id)) is None:
             return "a short status of an aMussel whose place is not known"
         if at_ms < before.heard_ms:
             return "a status that a newer one overtook"

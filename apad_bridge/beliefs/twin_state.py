@@ -349,8 +349,7 @@ def surfaced_hypotheses(twin_state: TwinState, parameters: TwinParameters) -> li
     One that is up before the newest one can have brought it up obeyed the one before.
     """
     rows = paths(load_when_spent(twin_state))
-    earlier = earlier_probability(twin_state, parameters)
-    if not earlier:
+    if not (earlier := earlier_probability(twin_state, parameters)):
         return rows
     before = spent_since_earlier(twin_state, parameters)
     if twin_state.at_ms - twin_state.since_ms < parameters.sinking.surfacing_ms:

@@ -63,8 +63,7 @@ def ending(*examples: str, note: str = "") -> str:
 
 def mission_seconds(text: str) -> float:
     """The type of an argument that is a mission time, as every command takes it."""
-    found = _TIME.fullmatch(text)
-    if found is None:
+    if (found := _TIME.fullmatch(text)) is None:
         raise argparse.ArgumentTypeError(f"{text}: a mission time is 14:20, 1:00:00 or seconds")
     hours, minutes, seconds = (float(it or 0) for it in found.groups())
     return 3600 * hours + 60 * minutes + seconds

@@ -181,8 +181,7 @@ def _module_of(name: str) -> str:
     from firmware_model.entry_points import entry_points
 
     brought = entry_points(_ENTRY_POINTS)
-    found = [it for it in brought if it.name == name]
-    if not found:
+    if not (found := [it for it in brought if it.name == name]):
         raise UserError(_unknown(name, [*COMMANDS, *(it.name for it in brought)]))
     if len(found) > 1:
         packages = ", ".join(it.package for it in found)

@@ -141,8 +141,7 @@ def _figures(summary: dict[str, Any]) -> list[str]:
 
 
 def _energy(summary: dict[str, Any]) -> str:
-    fraction = summary["apad_energy_fraction"]
-    if fraction is None:
+    if (fraction := summary["apad_energy_fraction"]) is None:
         return f"No figure of the aPad's energy ({summary['apad_energy_missing']})"
     return f"The aPad used {100 * fraction:.1f} % of its battery"
 

@@ -84,8 +84,7 @@ def check_docks(apad: LiveAPad, scenario: Scenario | None) -> Iterator[Finding]:
         return
     if told is None:
         return
-    held = _names_held(told)
-    if not held:
+    if not (held := _names_held(told)):
         yield ok(f"empty; free: {', '.join(map(str, told.available_slots)) or 'none said'}")
         return
     ours = (

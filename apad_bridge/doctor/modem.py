@@ -30,8 +30,7 @@ def check_modem(path: Path, echo_from: int | None) -> list[Finding]:
     try:
         if not port.is_open:
             return [fail(f"{path}: {port.why_closed}", mend)]
-        status = _ask(port, b"$?", _STATUS, _ANSWER_S)
-        if status is None:
+        if (status := _ask(port, b"$?", _STATUS, _ANSWER_S)) is None:
             return [fail(f"{path}: no answer to $? within {_ANSWER_S:g} s", mend)]
         volts = "" if status[2] is None else f", {int(status[2]) * _VOLTS:.1f} V"
         findings = [ok(f"{path}: address {int(status[1])}{volts}")]

@@ -58,8 +58,7 @@ class PositionSample:
 
 def told_places(samples: Sequence[PositionSample]) -> list[ToldPlace]:
     """The origin and the place in degrees of the newest position, as far as it has them."""
-    sound = [it for it in samples if it.fault is None]
-    if not sound:
+    if not (sound := [it for it in samples if it.fault is None]):
         return []
     last = sound[-1]
     told = []
@@ -173,8 +172,7 @@ def check_lag(samples: Sequence[PositionSample], clock_s: float | None) -> Findi
     `clock_s` is the offset of the vehicle's clock from this machine's by the stamps of another topic of the vehicle, which
     no filter delays; None where there is none. Then a constant age cannot be told from a clock that is off.
     """
-    offsets_s = [it.stamp_s - it.wall_s for it in samples if it.stamp_s]
-    if not offsets_s:
+    if not (offsets_s := [it.stamp_s - it.wall_s for it in samples if it.stamp_s]):
         return cannot_tell(
             "its positions are not stamped: an old one looks like a new one",
             "have what publishes them stamp them",

@@ -143,8 +143,7 @@ def fields_of(kind: type[Event]) -> tuple[EventField, ...]:
 def _field_of(declared: Field[Any], hint: Any) -> EventField | None:
     """None for a field without a meaning, which the class puts into the line itself."""
     annotation, *extras = get_args(hint) if get_origin(hint) is Annotated else (hint,)
-    meaning = next((it for it in extras if isinstance(it, Meaning)), None)
-    if meaning is None:
+    if (meaning := next((it for it in extras if isinstance(it, Meaning)), None)) is None:
         return None
     bounds = tuple(it for it in extras if it is not meaning)
     return EventField(

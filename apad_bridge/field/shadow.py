@@ -328,8 +328,7 @@ class Shadow:
         self._ordered.add(agent_id)
         self._charging.restart(agent_id)
         if is_held:
-            free = set(range(self._state.dock_count)) - set(docked.values())
-            if not free:
+            if not (free := set(range(self._state.dock_count)) - set(docked.values())):
                 return
             docked[agent_id] = min(free)
             self._beliefs.learn(agent_id, Docked(), self._now_ms)
@@ -388,8 +387,7 @@ class Shadow:
     # Theirs beside ours.
 
     def _choose(self) -> None:
-        pending = self._pending
-        if pending is None:
+        if (pending := self._pending) is None:
             return
         if pending.ours is None:
             pending.ours = self._our_move()
@@ -460,8 +458,7 @@ class Shadow:
     def _resolve_by_place(self) -> None:
         """A go-to that came to no docking: whom they went to is told by the place alone."""
         self._choose()
-        pending = self._pending
-        if pending is None:
+        if (pending := self._pending) is None:
             return
         goal_m, beliefs = pending.goal_m, pending.beliefs or {}
         if goal_m is None:

@@ -132,8 +132,7 @@ class RunPicture:
 
     @property
     def apad(self) -> ConsoleAPad | None:
-        seen = self._history.now.apad
-        if seen is None:
+        if (seen := self._history.now.apad) is None:
             return None
         return ConsoleAPad(
             seen.north_m,

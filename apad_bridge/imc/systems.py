@@ -86,8 +86,7 @@ class RunNumber:
         # All abstract names of a network namespace are seen under one lock, which nobody holds for longer than this.
         with open("/proc/self/ns/net", "rb") as namespace:
             fcntl.flock(namespace, fcntl.LOCK_EX)
-            first = _free(blocks, key, self._kept)
-            if first is None:
+            if (first := _free(blocks, key, self._kept)) is None:
                 self._held.close()
                 raise RunDirectoryError(f"{run}: gateways of other runs use all IMC ids: end one of them")
             self.systems = Systems(first)

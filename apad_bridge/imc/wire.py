@@ -41,8 +41,7 @@ class ImcConsole:
     @classmethod
     def parse(cls, text: str) -> ImcConsole:
         """A console from `[ID@]HOST:PORT`; the id may be hexadecimal. ValueError, one line, for anything else."""
-        found = _CONSOLE.fullmatch(text)
-        if found is None:
+        if (found := _CONSOLE.fullmatch(text)) is None:
             raise ValueError(f"{text}: a console is [ID@]HOST:PORT, as 0x4001@127.0.0.1:6001")
         port, imc_id = int(found["port"]), None if found["id"] is None else int(found["id"], 0)
         if not 0 < port < 65536 or (imc_id is not None and not 0 <= imc_id < 0xFFFF):

@@ -290,8 +290,7 @@ class EnergyExchange(OrderBook):
             self.tell(StepGivenUp(agent_id, "charge", reason))
 
     def _decide_release(self, now_ms: MissionMs) -> PhaseAct | None:
-        docked = self._planner.docked
-        if not docked:
+        if not (docked := self._planner.docked):
             return self._idle
         if self._home.for_good or self._home.is_called(now_ms):
             return partial(self._release, Due(tuple(docked))) if self._home.releases_first else self._home.go

@@ -239,8 +239,7 @@ class FlightMission:
 
         It changes nobody's right to steer.
         """
-        manual = self.by_hand
-        if manual is None:
+        if (manual := self.by_hand) is None:
             self._leave_to(Steering.STOP)
             return ""
         if (manual.is_busy or self._planned is None) and not manual.paused:

@@ -234,8 +234,7 @@ class ManualMission(OrderBook):
     def undock(self, dock_index: int, manoeuvre: Manoeuvre = DEFAULT_MANOEUVRE) -> None:
         """Opens a mechanism, and tells its aMussel that it is clear to sink."""
         self._require_leave()
-        agent_id = self.docks[dock_index]
-        if agent_id is None:
+        if (agent_id := self.docks[dock_index]) is None:
             raise Refused(f"dock {dock_of(dock_index)} is empty")
         self._pre_empt_docking()
         self._begin_docking(agent_id, dock_index)
@@ -353,8 +352,7 @@ class ManualMission(OrderBook):
 
     def _belief_of(self, agent_id: int) -> Belief:
         """The belief about an aMussel. Refused when the aMussel was never heard."""
-        belief = self.beliefs.get(agent_id)
-        if belief is None:
+        if (belief := self.beliefs.get(agent_id)) is None:
             # In ROS 1 a field that is left out of a call is 0.
             hint = "" if agent_id else ": give the aMussel's id; it is 0 if left out"
             raise Refused(f"aMussel {agent_id} never reported{hint}")

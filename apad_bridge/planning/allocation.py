@@ -40,8 +40,7 @@ def allocate(
     if not starts_m:
         raise ValueError("shares need an aPad")
     fixed_ids = sorted(fixed_owner_of)
-    ids = [*fixed_ids, *sorted(places_m.keys() - fixed_owner_of.keys())]
-    if not ids:
+    if not (ids := [*fixed_ids, *sorted(places_m.keys() - fixed_owner_of.keys())]):
         return ((),) * len(starts_m)
     places = _millimetres([places_m[agent_id] for agent_id in ids])
     centres = _millimetres(starts_m)

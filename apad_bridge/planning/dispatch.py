@@ -45,8 +45,7 @@ class DispatchRule(ABC):
 
     def released(self) -> tuple[float, Sequence[int]]:
         """When the next docked ones leave, and who; nobody for a time at which to ask again."""
-        full_s = [self.full_s(it) for it in self.docked]
-        if not full_s:
+        if not (full_s := [self.full_s(it) for it in self.docked]):
             return inf, ()
         if not self.is_asynchronous:
             all_s = max(full_s)

@@ -209,8 +209,7 @@ class Projection(DispatchRule):
     def _enters_s(self, swimming: Sequence[int]) -> list[float]:
         """When each enters the pool. Those that were served wait until one falls to the threshold of `again`."""
         low_s = [self._falls_to_s(index, self._model.pool_threshold) for index in swimming]
-        again = self._model.again_threshold
-        if again is None:
+        if (again := self._model.again_threshold) is None:
             return low_s
         urgent_s = min((self._falls_to_s(index, again) for index in swimming), default=inf)
         return [

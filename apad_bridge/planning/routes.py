@@ -74,8 +74,7 @@ def _cheapest_at_once(
 
     def extend(chosen: list[int], cost: float) -> None:
         nonlocal best_cost, best
-        wanted = count - len(chosen)
-        if not wanted:
+        if not (wanted := count - len(chosen)):
             if cost < best_cost - _TIE or (cost <= best_cost + _TIE and chosen < best):
                 best_cost, best = min(cost, best_cost), list(chosen)
             return

@@ -147,8 +147,7 @@ class _ChunkedWriter(Writer):
                 super().close()
             except OSError as error:
                 failure = error
-                written = [chunk.pos for chunk in self.chunks if chunk.pos >= 0]
-                if not written:
+                if not (written := [chunk.pos for chunk in self.chunks if chunk.pos >= 0]):
                     raise
                 self._cut(written[-1])
         return failure

@@ -137,8 +137,7 @@ def _check_of(kind: str) -> SchemaValidator | None:
 
 def fault_of(kind: str, data: Mapping[str, Any]) -> str | None:
     """The fault of a line that was read; None for a line without fault, and for one of a kind unknown here."""
-    check = _check_of(kind)
-    if check is None:
+    if (check := _check_of(kind)) is None:
         return None
     try:
         check.validate_python(data)

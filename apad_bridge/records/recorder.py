@@ -336,8 +336,7 @@ class Recorder:
     @_on_disk
     def _write_ends(self, at_ms: MissionMs) -> None:
         """Writes ends.csv. Without it the run has its summary all the same, which counts the loss with its reason."""
-        ends = self._ends(at_ms)
-        if not ends:
+        if not (ends := self._ends(at_ms)):
             return
         try:
             save_starts(self._directory.ends, ends, self._scenario.area.origin)

@@ -407,8 +407,7 @@ def uptime_figures(
 
 def _apart(uptimes: Sequence[AgentUptime], tick_ms: int) -> dict[str, Any] | None:
     """The part that the figures leave out, or None. Seconds are summed over aMussels."""
-    others = [it for it in uptimes if it.beside_real or it.retired]
-    if not others:
+    if not (others := [it for it in uptimes if it.beside_real or it.retired]):
         return None
     return {
         "amussels": len(others),

@@ -97,8 +97,7 @@ class UptimeMeter:
 
     def take(self, truth: Truth) -> None:
         """Takes the next Truth of its aMussel. ValueError, and no change, when it is older than the one before."""
-        ledger = self._ledgers.get(truth.agent_id)
-        if ledger is None:
+        if (ledger := self._ledgers.get(truth.agent_id)) is None:
             begin = self.charge_of(truth.agent_id).charge_at(truth.physical.primary, truth.at_ms)
             counted = AgentUptime(truth.agent_id, charge_at_begin=begin)
             self._ledgers[truth.agent_id] = _Ledger(truth, counted, truth.at_ms)
@@ -159,8 +158,7 @@ class UptimeMeter:
         """The counts, with the span from `ledger.since_ms` up to but not including agent time `until_ms` added."""
         truth, counted = ledger.truth, ledger.counted
         start_ms = ledger.since_ms
-        presence = self._presence(truth.agent_id)
-        if presence is not Presence.SIMULATED:
+        if (presence := self._presence(truth.agent_id)) is not Presence.SIMULATED:
             ticks = self._ticks_between(start_ms, max(start_ms, until_ms))
             key = "retired" if presence is Presence.RETIRED else "beside_real"
             return replace(counted, presence=presence, **{key: getattr(counted, key) + ticks})
@@ -198,8 +196,7 @@ class UptimeMeter:
 
 def _span_at_zero(model: ChargeModel, battery: Battery, start_ms: int, end_ms: int) -> tuple[int, int]:
     """The part of [start, end) in which the battery is at 0; it is always one piece."""
-    empty_at_ms = model.falls_to_at_ms(battery, 0)
-    if empty_at_ms is None:
+    if (empty_at_ms := model.falls_to_at_ms(battery, 0)) is None:
         return end_ms, end_ms
     # A battery that falls to 0 stays there; a battery that begins at 0 leaves it once it gains more than it loses.
     leaves_at_ms = model.reaches_at_ms(battery, 1) if battery.charge == 0 else None

@@ -248,8 +248,7 @@ def restore_learned(
         restored = restore(checkpoint, learned.beliefs, learned.ranging)
     except NoCheckpoint as reason:
         return f"no beliefs until the aMussels report again: {reason}", None
-    believed = learned.beliefs.all()
-    if not believed:
+    if not (believed := learned.beliefs.all()):
         return "no aMussel had reported yet", restored.counts
     oldest_s = max(it.age_s(now_ms) for it in believed)
     line = (

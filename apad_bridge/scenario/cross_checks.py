@@ -318,8 +318,7 @@ def _rules_of_program(scenario: Scenario, program: FirmwareProgram, key: str) ->
 
 
 def _rules_of_board(scenario: Scenario) -> list[Rule]:
-    whole = scenario.board.whole
-    if whole is None:
+    if (whole := scenario.board.whole) is None:
         return []
     power = whole.power
     loads_mw = [getattr(power.loads_mw, it.name.lower()) for it in Rail if it is not Rail.MOTORS]

@@ -109,8 +109,7 @@ def completed(path: Path, draw_charge: Callable[[], float]) -> str | None:
     A table of waypoints becomes one of starts. Raises ScenarioError for one without places.
     """
     columns, lines = _read(path, needed=())
-    added = [it for it in ("id", "battery") if it not in columns]
-    if not added:
+    if not (added := [it for it in ("id", "battery") if it not in columns]):
         return None
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")

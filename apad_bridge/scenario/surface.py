@@ -184,8 +184,7 @@ class FlowNow:
 
     def _looked_at(self, from_m: Vector, to_m: Vector) -> tuple[float, float]:
         """(metres, seconds) of a leg, with the mean of its points."""
-        length_m = math.dist(from_m, to_m)
-        if not length_m:
+        if not (length_m := math.dist(from_m, to_m)):
             return 0.0, 0.0
         towards = _less(to_m, from_m)
         towards = towards[0] / length_m, towards[1] / length_m
@@ -251,8 +250,7 @@ class LegForecast:
         times_s = [-none / (2 * one)] if not two and one else []
         if two and root >= 0:
             times_s = [(-one + sign * math.sqrt(root)) / two for sign in (-1, 1)]
-        later_s = [it for it in times_s if it >= _LEG_S]
-        if not later_s:
+        if not (later_s := [it for it in times_s if it >= _LEG_S]):
             # The aMussel is so near that the leg is nothing but its start and its end.
             return (place_m[0] + _LEG_S * f_north, place_m[1] + _LEG_S * f_east) if none <= 0 else None
         takes_s = min(later_s)
@@ -279,8 +277,7 @@ def strongest_flow(scenario: Scenario, surface: Surface) -> tuple[SurfaceFlow, V
 
 def fastest_drift_m_s(scenario: Scenario) -> float:
     """The speed with which the known sea takes a hull without thrust, where and when holding takes most."""
-    surface = surface_of(scenario)
-    if surface is None:
+    if (surface := surface_of(scenario)) is None:
         return 0.0
     flow, _, _ = strongest_flow(scenario, surface)
     return math.hypot(*free_drift_m_s(scenario.apad, flow))
@@ -300,14 +297,12 @@ def hardest_metre(scenario: Scenario) -> tuple[Vector, Vector, int]:
 
 def doubt_about_legs(scenario: Scenario) -> str | None:
     """One sentence where the sea is stronger than the aPad at some time of the mission; None if it always makes way."""
-    surface = surface_of(scenario)
-    if surface is None:
+    if (surface := surface_of(scenario)) is None:
         return None
     flow, place_m, at_ms = strongest_flow(scenario, surface)
     force_n = math.hypot(*resistance_n(scenario.apad, flow, (0.0, 0.0)))
     towards = free_drift_m_s(scenario.apad, flow)
-    speed_m_s = math.hypot(*towards)
-    if not speed_m_s:
+    if not (speed_m_s := math.hypot(*towards)):
         return None
     against = -towards[0] / speed_m_s, -towards[1] / speed_m_s
     if made_good_m_s(scenario.apad, flow, against) >= LEAST_M_S and force_n < weakest_force_n(scenario.apad):

@@ -30,8 +30,7 @@ def _read_pipe(path: Path) -> bytes:
         poll = select.poll()
         poll.register(descriptor, select.POLLIN)
         while poll.poll(1000 * PIPE_S):  # also at the end, when its last writer has gone
-            piece = os.read(descriptor, 65_536)
-            if not piece:
+            if not (piece := os.read(descriptor, 65_536)):
                 return b"".join(pieces)
             pieces.append(piece)
     finally:

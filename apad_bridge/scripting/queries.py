@@ -183,8 +183,7 @@ class Queries:
             self._await_first_packet(id)
             return self._do(lambda mission: self._belief(mission, id).primary)
         self._refuse_other_names(id)
-        charge = self._do(lambda mission: mission.apad_battery)
-        if charge is None:
+        if (charge := self._do(lambda mission: mission.apad_battery)) is None:
             raise Refused("the aPad's battery is not known yet")
         return charge
 
@@ -311,8 +310,7 @@ class Queries:
             )
 
     def _belief(self, mission: ManualMission, id: int) -> Belief:
-        belief = mission.beliefs.get(id)
-        if belief is None:
+        if (belief := mission.beliefs.get(id)) is None:
             raise Refused(f"aMussel {id} never reported")  # the wait for its first packet timed out
         return belief
 

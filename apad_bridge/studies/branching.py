@@ -344,8 +344,7 @@ def _relive(
 
 def _apad_at(scenario: Scenario, state: RunState, at_ms: MissionMs) -> SimulatedAPad:
     """A simulated aPad at rest where the journal last saw the real one, with its battery and its docked aMussels."""
-    seen = with_apad_as_seen(scenario, state.apad)
-    if seen is None:
+    if (seen := with_apad_as_seen(scenario, state.apad)) is None:
         raise NoBranch(f"the aPad was not seen before {at_ms / 1000:g} s")
     config, home_m, sea = seen.apad, seen.area.home_m, surface_of(scenario)
     apad = SimulatedAPad(config, parts.misses(scenario), home_m, dict(state.mission.docked), sea)

@@ -105,8 +105,7 @@ def reason_of(schedules: Sequence[ScheduleOutcome]) -> str:
         f"Of the {len(schedules)} schedules {alike} {loses}; it takes the most samples of these, {best.samples_taken:.0f}, "
         f"and its docks sustain {best.sustained:.1f} aMussels."
     )
-    more = [it for it in others if it.samples_taken > best.samples_taken]
-    if not more:
+    if not (more := [it for it in others if it.samples_taken > best.samples_taken]):
         return f"{why} None takes more samples."
     most = max(more, key=lambda it: (it.samples_taken, -it.amussels_lost))
     return (

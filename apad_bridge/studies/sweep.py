@@ -88,8 +88,7 @@ def swept_key(plan: StudyPlan) -> str | None:
 
 def sweep_of(plan: StudyPlan, rows: Sequence[Row]) -> Sweep | None:
     """The study's sweep; None for a study that varies no one parameter."""
-    key = swept_key(plan)
-    if key is None:
+    if (key := swept_key(plan)) is None:
         return None
     points: list[SweepPoint] = []
     for scenario in dict.fromkeys(it.scenario for it in plan.settings):

@@ -429,8 +429,7 @@ class Supervisor:
     def _note_outcome(self, outcome: Outcome) -> list[SupervisorAction]:
         if isinstance(outcome, DockChanged):
             return []
-        primitive = self._named.pop(outcome.primitive_id, None)
-        if primitive is None:
+        if (primitive := self._named.pop(outcome.primitive_id, None)) is None:
             return []
         # Neither an aPad that waits for a person nor one that may be empty is broken down.
         may_be_empty = self._is_empty or self._gate.battery.doubts

@@ -297,8 +297,7 @@ class Flight:
         self._recorder.truths(truths)
 
     def _update_links(self, now_ms: MissionMs) -> None:
-        changed = self._fleet.update_links()
-        if changed is None:
+        if (changed := self._fleet.update_links()) is None:
             return
         rules = None if changed.topology is None else [astuple(it) for it in changed.topology.rules]
         self._recorder.event(now_ms, LinksRead(rules, changed.problem))
@@ -334,8 +333,7 @@ class Flight:
             if isinstance(fact, APadSeen):
                 continue
             if isinstance(fact, (Carried, LetGo)):
-                stimulus = self._world.contacts.take(fact)
-                if stimulus is None:
+                if (stimulus := self._world.contacts.take(fact)) is None:
                     continue
                 self._relay.send_contact(RemoteContact(fact.agent_id, stimulus), now_ms)
                 if fact.agent_id not in self.supervisor.allocation.served_for_others:

@@ -288,8 +288,7 @@ class PacketRelay:
             case ((PacketOrigin.REMOTE_SUPERVISOR | PacketOrigin.LABORATORY), Medium() as medium):
                 return [Send(medium, packet.agent_id, packet.data)]
             case PacketOrigin.REMOTE_DOCK, None:
-                contact = _contact(packet.data)
-                if contact is None:
+                if (contact := _contact(packet.data)) is None:
                     self.dropped["felt: no contact of a dock"] += 1
                     return []
                 return [RemoteContact(packet.agent_id, contact)]

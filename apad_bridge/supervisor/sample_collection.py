@@ -81,8 +81,7 @@ class SampleCollection:
 
     def take(self, packet: LogRecords) -> Taken | str:
         """Returns the news in the packet; or the reason why it is dropped, without a change."""
-        account = self._accounts.get(packet.agent_id)
-        if account is None:
+        if (account := self._accounts.get(packet.agent_id)) is None:
             return "records of an unknown aMussel"
         end = packet.first + packet.covered
         if end > account.settled + _FURTHEST:
@@ -104,8 +103,7 @@ class SampleCollection:
         Samples are placed by the same clock. An aMussel samples under water: its place at the surface counts only while
         none is believed under water.
         """
-        account = self._accounts.get(belief.agent_id)
-        if account is None:
+        if (account := self._accounts.get(belief.agent_id)) is None:
             return
         if belief.state in DOCKED:
             account.next_stay_ms = agent_ms

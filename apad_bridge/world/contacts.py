@@ -35,8 +35,7 @@ class Contacts:
 
     def distance_m(self, agent_id: int, north_m: float, east_m: float) -> float | None:
         """The distance from a place to an aMussel that floats; infinite for one that does not, None for an unknown one."""
-        truth = self._bodies.get(agent_id)
-        if truth is None:
+        if (truth := self._bodies.get(agent_id)) is None:
             return None
         body = truth.physical
         # An arrival at the surface is a truth of its own, so a body that still rises has a depth.

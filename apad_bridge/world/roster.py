@@ -169,20 +169,17 @@ class Presences:
         self, request: PresenceRequest, coordinator: Coordinator, beliefs: FleetBeliefs, now_ms: MissionMs
     ) -> list[Action] | str:
         """Returns the aMussels' stimuli and the note for the journal; or the reason for a refusal, without a change."""
-        before = self._now.get(request.agent_id)
-        if before is None:
+        if (before := self._now.get(request.agent_id)) is None:
             return f"aMussel {request.agent_id} is not of this fleet"
         if is_docked(beliefs, request.agent_id):
             return f"aMussel {request.agent_id} is in a dock: undock it first"
-        after = TABLE.get((before, request.trigger))
-        if after is None:
+        if (after := TABLE.get((before, request.trigger))) is None:
             return f"aMussel {request.agent_id} is {before}: it cannot {request.trigger}"
         if request.trigger is PresenceTrigger.SPAWN and (why := _no_spawn(request)) is not None:
             return why
         stimuli: list[Action] = []
         if after is Presence.SIMULATED:
-            placed = self._placed(request, beliefs)
-            if placed is None:
+            if (placed := self._placed(request, beliefs)) is None:
                 return f"no report came from the real aMussel {request.agent_id}: retire it, and spawn it somewhere"
             stimuli.append((request.agent_id, placed))
             coordinator.unmute(request.agent_id, now_ms)
@@ -200,8 +197,7 @@ class Presences:
     def _placed(self, request: PresenceRequest, beliefs: FleetBeliefs) -> Placed | None:
         """On the bottom, at the requested place or at the believed place of the real one; None without a belief."""
         if request.trigger is PresenceTrigger.TAKE_BACK:
-            belief = beliefs.get(request.agent_id)
-            if belief is None:
+            if (belief := beliefs.get(request.agent_id)) is None:
                 return None
             north_m, east_m = belief.north_m, belief.east_m
             charges = belief.primary, belief.secondary
@@ -262,8 +258,7 @@ class Roster:
     def _cause(self, request: FaultRequest, beliefs: FleetBeliefs, now_ms: MissionMs) -> list[Action] | str:
         """Begins a fault, or returns the reason for a refusal."""
         if request.agent_id is not None:
-            presence = self.presences.of(request.agent_id)
-            if presence is None:
+            if (presence := self.presences.of(request.agent_id)) is None:
                 return f"aMussel {request.agent_id} is not of this fleet"
             if presence is not Presence.SIMULATED:
                 return f"aMussel {request.agent_id} is {presence}: faults are for simulated ones"

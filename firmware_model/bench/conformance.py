@@ -235,8 +235,7 @@ def _reading(
 
 def _shows(case: Case, expected: RigHistory) -> bool:
     """True if the expected history has what the case cites."""
-    shows = case.shows
-    if shows is None:
+    if (shows := case.shows) is None:
         return True
     if isinstance(shows, str):
         told = (*expected.events, *(expected.states or ()), *expected.ends)

@@ -79,8 +79,7 @@ class Watch:
         n, run = self._counted + 1, self._run
         for _ in range(max(_LOOKAHEAD_SAMPLES, needed)):
             if self._margin(battery, n) < -self._meter.metering.noise:
-                possible_ms = self._possible_ms(battery, n * period_ms)
-                if possible_ms is None:
+                if (possible_ms := self._possible_ms(battery, n * period_ms)) is None:
                     return None
                 n, run = -(-possible_ms // period_ms), 0
             run = run + 1 if self._beyond(battery, n) else 0

@@ -55,8 +55,7 @@ def load_codec(name: str) -> Codec:
     if name == BUILT_IN:
         return MusselbedCodec()
     entries = entry_points(GROUP)
-    found = [entry for entry in entries if entry.name == name]
-    if not found:
+    if not (found := [entry for entry in entries if entry.name == name]):
         known = ", ".join(sorted({BUILT_IN, *(entry.name for entry in entries)}))
         raise ValueError(f"no codec is called {name!r}; there are: {known}")
     packages = sorted({entry.brought_by for entry in found})

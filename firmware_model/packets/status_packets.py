@@ -104,8 +104,7 @@ class AcousticStatus(StatusPacket):
 
     @classmethod
     def decode_body(cls, body: bytes) -> AcousticStatus | None:
-        fields = _fields_of(body, cls.MORE.size)
-        if fields is None:
+        if (fields := _fields_of(body, cls.MORE.size)) is None:
             return None
         *counts, samples, waiting = cls.MORE.unpack_from(body, cls.FORMAT.size)
         return cls(*fields, tuple(counts), samples, waiting)
@@ -157,8 +156,7 @@ class WifiStatus(StatusPacket):
 
     @classmethod
     def decode_body(cls, body: bytes) -> WifiStatus | None:
-        fields = _fields_of(body, cls.MORE.size)
-        if fields is None:
+        if (fields := _fields_of(body, cls.MORE.size)) is None:
             return None
         more = cls.MORE.unpack_from(body, cls.FORMAT.size)
         *counts, samples, acknowledged, oldest, overwritten, torn, cause, feed, rails, offset_ms = more

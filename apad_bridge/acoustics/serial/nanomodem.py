@@ -226,8 +226,7 @@ class ModemQueue:
         return actions
 
     def _receive(self, message: ReceivedData) -> list[NanomodemAction]:
-        packet = decode(message.data)
-        if packet is None:
+        if (packet := decode(message.data)) is None:
             return [self._drop("sound: without an aMussel's id", None)]
         return [PacketReceived(self._now_ms, packet)]
 

@@ -80,8 +80,7 @@ def best_record(run_dir: Path) -> tuple[Record, str | None]:
 
     RunDirectoryError for no run.
     """
-    bags = RunDirectory.open(run_dir).bags
-    if not bags:
+    if not (bags := RunDirectory.open(run_dir).bags):
         return Record.JOURNAL, f"{run_dir}: it has no bag"
     why_not = next(filter(None, map(why_no_deviations, bags)), None)
     return (Record.BAG if why_not is None else Record.JOURNAL), why_not
@@ -154,8 +153,7 @@ def _secondary_compared(belief: BeliefSample, truth: TruthSample) -> ChargeCompa
 
     Where it meets an end its density is highest there, so its shortest interval reaches the end.
     """
-    deviation = _or_none(belief.secondary_deviation)
-    if deviation is None:
+    if (deviation := _or_none(belief.secondary_deviation)) is None:
         return None
     charge, half = belief.secondary, _Z_95 * deviation + _CERTAIN
     reach = _MEETS_AN_END * deviation + _CERTAIN
@@ -211,8 +209,7 @@ def _in_journal_at(
     history: History, water: TruthExtrapolator, scenario: Scenario, now_ms: MissionMs
 ) -> Iterator[BeliefComparison]:
     for agent_id, belief in sorted(history.now.beliefs.items()):
-        truth = history.now.truths.get(agent_id)
-        if truth is None:
+        if (truth := history.now.truths.get(agent_id)) is None:
             continue
         sample = water.sample(truth, max(scenario.time_scale.agent_ms(now_ms), truth.at_ms))
         mode = _true_mode(sample)

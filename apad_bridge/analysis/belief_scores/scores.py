@@ -77,8 +77,7 @@ class Scores:
 
 def scores_of(rows: Iterable[BeliefComparison]) -> Scores | None:
     """The scores of all comparisons; None when there are none."""
-    comparisons = list(rows)
-    if not comparisons:
+    if not (comparisons := list(rows)):
         return None
     names = [name for _, name in AGES_H] + [OLDER]
     by_mode = _by(comparisons, lambda row: row.mode.name.lower().replace("_", " "), str)

@@ -110,8 +110,7 @@ class RunView:
 
         ValueError when the journal has no line `run`.
         """
-        start = next((it for _, it in journal.events(RunBegan)), None)
-        if start is None:
+        if (start := next((it for _, it in journal.events(RunBegan)), None)) is None:
             raise ValueError("the journal has no line `run`: the flight never began")
         self._scenario = scenario
         self._starts = start.agents

@@ -100,8 +100,7 @@ def batteries(report: RunReport) -> Any | None:
     course is left out; None for a run without any.
     """
     courses = {flow: list(_courses(report, flow)) for flow in (Flow.DISCHARGING, Flow.CHARGING)}
-    there = [flow for flow, some in courses.items() if some]
-    if not there:
+    if not (there := [flow for flow, some in courses.items() if some]):
         return None
     figure = _figure(3.2)
     model = report.charge_model

@@ -65,8 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _scenario_of(file: Path) -> Path:
-    found = _SCENARIO.search(file.read_text(encoding="utf-8"))
-    if found is None:
+    if (found := _SCENARIO.search(file.read_text(encoding="utf-8"))) is None:
         raise UserError(
             f"{file}: in which scenario? Give --scenario SCENARIO.yaml, or write a line `# scenario: NAME` into the script"
         )

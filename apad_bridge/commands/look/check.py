@@ -120,8 +120,7 @@ def first_difference(
     """The first event of each that the other does not have, each with its aPad; None for equal runs."""
     counts = Counter(one)
     counts.subtract(other)
-    lacking = sorted(it for it, count in counts.items() if count)
-    if not lacking:
+    if not (lacking := sorted(it for it, count in counts.items() if count)):
         return None
     first = [next((it for it in lacking if counts[it] * sign > 0), None) for sign in (1, -1)]
     ours, theirs = (

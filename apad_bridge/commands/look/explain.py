@@ -47,8 +47,7 @@ def run(arguments: argparse.Namespace) -> int:
             journal = read_journal(RunDirectory.open(arguments.directory).journal)
     except (RunDirectoryError, OSError) as error:
         raise UserError(str(error)) from error
-    plans = list(journal.events(PlanMade))
-    if not plans:
+    if not (plans := list(journal.events(PlanMade))):
         raise UserError(f"{arguments.directory}: no plan was made yet")
     if arguments.at is not None and 1000 * arguments.at > journal.last_ms:
         raise UserError(f"--at {arguments.at:g}: the run has come to {journal.last_ms / 1000:g} s")
@@ -102,8 +101,7 @@ def _show(at_ms: int, plan: PlanMade, console: Console) -> None:
 
 
 def _show_options(plan: PlanMade, console: Console) -> None:
-    options = plan.options
-    if not options:
+    if not (options := plan.options):
         why = plan.unexplained
         console.print(
             "no reasons given" + (f": its explanation failed: {why}" if why else ""),

@@ -90,8 +90,7 @@ def match(first: Recording, second: Recording) -> Matching:
         if len(places) == 1 == len(here.get(key, ()))
     ]
     unique.sort()
-    anchors = _rising(unique)
-    if not anchors:
+    if not (anchors := _rising(unique)):
         raise BagUnreadable(
             f"{first.path} and {second.path}: no message is in both that would tell their clocks' offset: are they of the "
             "same time and the same ROS graph?"

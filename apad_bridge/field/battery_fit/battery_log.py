@@ -72,8 +72,7 @@ def read_log(path: Path, log_format: LogFormat) -> BatteryLog:
         raise LogError(f"{path}: {error.strerror}") from None
     except UnicodeDecodeError:
         raise LogError(f"{path}: is no text in UTF-8: export the log as CSV") from None
-    rows = list(_rows(text))
-    if not rows:
+    if not (rows := list(_rows(text))):
         raise LogError(f"{path}: holds no rows")
     try:
         return _log(path, rows, log_format)
@@ -177,8 +176,7 @@ def _minutes(times: list[str], line_numbers: list[int], unit: str | None) -> Flo
     first: datetime | None = None
     for number, cell in zip(line_numbers, times, strict=True):
         if stamps:
-            stamp = _stamp(cell)
-            if stamp is None:
+            if (stamp := _stamp(cell)) is None:
                 raise LogError(f"line {number}: {cell!r} is no ISO time stamp (such as 2026-05-01T12:00:00)")
             first = first or stamp
             if (stamp.tzinfo is None) is not (first.tzinfo is None):

@@ -206,8 +206,7 @@ class Gateway:
 
     def _service(self, agent_id: int, answer: Callable[[AgentReport], Any]) -> Callable[[Any], Any]:
         def serve(_: Any) -> Any:
-            shown = self._shown.get(agent_id)
-            if shown is None:
+            if (shown := self._shown.get(agent_id)) is None:
                 raise rospy.ServiceException(f"amussel{agent_id} has not been heard yet")
             return answer(shown)
 

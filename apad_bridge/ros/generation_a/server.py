@@ -128,8 +128,7 @@ class Server(LegacyServer[GenerationAVehicle]):
     def _take_goal(self, handle: Any) -> None:
         message, key = handle.get_goal(), handle.get_goal_id().id
         with self._lock:
-            vehicle = self._vehicle
-            if vehicle is None:
+            if (vehicle := self._vehicle) is None:
                 handle.set_rejected(None, "no /clock came yet")
                 return
             if vehicle.has_crashed:
@@ -186,8 +185,7 @@ class Server(LegacyServer[GenerationAVehicle]):
         self._server.publish_status()
 
     def _end_goal(self, ended: GoalEnded) -> None:
-        handle = self._goals.pop(ended.key, None)
-        if handle is None:
+        if (handle := self._goals.pop(ended.key, None)) is None:
             return
         result = aPadResult(
             id=handle.get_goal().id, status=0 if ended.outcome is GoalOutcome.SUCCEEDED else 1

@@ -108,8 +108,7 @@ def _is_ready(child: subprocess.Popen[bytes], ready_s: float) -> bool:
         readable, _, _ = select.select([child.stdout], [], [], max(0.0, until_s - time.monotonic()))
         if not readable:
             return False
-        piece = os.read(child.stdout.fileno(), 4096)
-        if not piece:
+        if not (piece := os.read(child.stdout.fileno(), 4096)):
             # The end of its output comes a moment before its status.
             with contextlib.suppress(subprocess.TimeoutExpired):
                 child.wait(1.0)

@@ -114,8 +114,7 @@ def _printed_uri(process: subprocess.Popen[bytes], deadline_s: float) -> str:
         while not printed.endswith(b"\n"):
             if not selector.select(max(0.0, deadline_s - time.monotonic())):
                 raise MasterFailed("did not bind a port in time")
-            piece = os.read(process.stdout.fileno(), 1024)
-            if not piece:
+            if not (piece := os.read(process.stdout.fileno(), 1024)):
                 raise MasterFailed(f"ended with exit code {process.wait(timeout=5)}")
             printed += piece
     return printed.decode().strip()

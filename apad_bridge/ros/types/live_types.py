@@ -70,8 +70,7 @@ def live_services(services: Mapping[str, Any]) -> tuple[dict[str, Any], list[str
             continue
         if md5 == ours._md5sum:
             continue
-        theirs = service_by_text(ours._type, md5)
-        if theirs is None:
+        if (theirs := service_by_text(ours._type, md5)) is None:
             lines.append(
                 f"{name} has md5 {md5} there, which no text of {ours._type} on ROS_PACKAGE_PATH has, "
                 f"and {_named(ours)} here"

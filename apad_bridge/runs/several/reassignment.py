@@ -98,8 +98,7 @@ class Reassigner:
             self._changed.add(move.giver)
 
     def _complete_move(self, agent_id: int, transfer: TransferredBelief) -> None:
-        move = self._pending_moves.pop(agent_id, None)
-        if move is None:
+        if (move := self._pending_moves.pop(agent_id, None)) is None:
             return
         self._assignment.record_move(move)
         self.handed_on.add(agent_id)

@@ -107,8 +107,7 @@ def _known_mean(flights: list[Summary], weight: str, key: str) -> float | None:
 
 
 def _spread(flights: list[Summary], key: str) -> dict[str, float | None] | None:
-    mean = _mean(flights, "counted_s", lambda flight: flight[key]["mean"])
-    if mean is None:
+    if (mean := _mean(flights, "counted_s", lambda flight: flight[key]["mean"])) is None:
         return None
     spreads = [flight[key] for flight in flights if flight["counted_s"]]
     return {"mean": mean, "max": max(it["max"] for it in spreads), "min": min(it["min"] for it in spreads)}

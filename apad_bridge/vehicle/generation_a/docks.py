@@ -235,8 +235,7 @@ class ReportedDocks:
 
     def receive_refusal(self, agent_id: int, at_ms: int) -> list[LinkFact]:
         """The vehicle refused to release this aMussel by its name: it does not hold one whose position is silent."""
-        holding = self._held.get(agent_id)
-        if holding is None:
+        if (holding := self._held.get(agent_id)) is None:
             return []
         holding.release_ms = None
         if holding.confirmed_ms <= holding.heard_ms:

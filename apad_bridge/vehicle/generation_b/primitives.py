@@ -203,8 +203,7 @@ class ServoTask:
         self, pose: PoseReported | None, answered_ms: int | None, now_ms: int
     ) -> ServiceOrder | None:
         """The docking itself, when the vehicle has stood off or its time for this is over."""
-        stand = self._stand
-        if stand is None:
+        if (stand := self._stand) is None:
             return None
         there = pose is not None and answered_ms is not None and _is_there(stand, pose)
         if not there and now_ms < self._stand_until_ms:

@@ -186,8 +186,7 @@ class GuardedVehicle:
 
     def go_back_in(self, by: str, lookout: str, now_ms: int) -> None:
         """Goes straight back inside the fence on a person's word, with a lookout, and then holds."""
-        cleared = self.gate.clear_way_back(self._take_id(), now_ms)
-        if cleared is None:
+        if (cleared := self.gate.clear_way_back(self._take_id(), now_ms)) is None:
             return  # the person was told already
         self.gate.events.append(SentBackIn(by, lookout))
         self._stops.way_back = cleared.order.command_id

@@ -234,8 +234,7 @@ class PositionWatch:
         that noise has moved is not known as noisy before the next one. So a speed beyond the vehicle's own measurement
         needs two samples.
         """
-        last = self._newest
-        if last is None:
+        if (last := self._newest) is None:
             return 0.0
         least_m_s = self._least_speed_m_s(last)
         if last.speed_m_s is None:

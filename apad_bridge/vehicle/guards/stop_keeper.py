@@ -198,8 +198,7 @@ class StopKeeper:
             self.send(now_ms)
 
     def watch(self, now_ms: int) -> None:
-        stop = self._stops.in_force
-        if stop is None:
+        if (stop := self._stops.in_force) is None:
             return
         patience_ms = TAKEN_MS if self._safety.needs_person else SIMULATED_TAKEN_MS
         if self._stops.is_overdue(now_ms, patience_ms):

@@ -112,8 +112,7 @@ class RestoredStops:
 
     def text(self) -> str:
         """A line for the person who resumes the run; empty without a stop in force."""
-        stop = self.in_force
-        if stop is None:
+        if (stop := self.in_force) is None:
             return ""
         what = "hands at the docks" if stop.stills_arms else f"stopped ({stop.kind})"
         seconds = stop.ordered_ms // 1000
