@@ -8,9 +8,8 @@ else. Each later packet tells how far the estimate had gone wrong.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from math import dist, fsum, sqrt
-from typing import Any
 
 from agents.time_scale import MissionMs
 from apad_bridge.assembly.energy_model import energy_model
@@ -97,9 +96,6 @@ class ComparedDecision:
     @property
     def agrees(self) -> bool:
         return self.theirs == self.ours
-
-    def to_json(self) -> dict[str, Any]:
-        return asdict(self) | {"agrees": self.agrees}
 
 
 @dataclass(frozen=True, slots=True)

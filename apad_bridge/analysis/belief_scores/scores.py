@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 from apad_bridge.analysis.belief_scores.comparisons import BeliefComparison, ChargeComparison
@@ -53,9 +53,6 @@ class Scores:
     by_agent: dict[str, Score]
     secondary: Score | None
     """The charge of the secondary battery, of all aMussels; None without its deviations."""
-
-    def to_json(self) -> dict[str, Any]:
-        return asdict(self)
 
     @property
     def overconfident(self) -> dict[str, Score]:

@@ -179,7 +179,7 @@ def run_script(arguments: argparse.Namespace) -> int:
     budget = budget_of(script, bench)
     trace = [line(action) for action in bench.trace] if arguments.trace else None
     if arguments.json:
-        print(json.dumps(budget.to_json() | ({} if trace is None else {"trace": trace}), indent=1))
+        print(json.dumps(asdict(budget) | ({} if trace is None else {"trace": trace}), indent=1))
         return Exit.DONE
     for text in trace or ():
         print(text)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import asdict, field, replace
+from dataclasses import field, replace
 from math import fsum
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from annotated_types import Ge, Le
 from pydantic import ConfigDict, TypeAdapter, ValidationError
@@ -105,9 +105,6 @@ class Budget:
     """The number of samples in that life; None likewise."""
     lives: float
     """The lives of the board with both batteries full: 1 where the secondary is a backup, else up to 2."""
-
-    def to_json(self) -> dict[str, Any]:
-        return asdict(self)
 
 
 def read_script(path: Path) -> MuScript:

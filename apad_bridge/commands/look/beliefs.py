@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -82,7 +83,7 @@ def run(arguments: argparse.Namespace) -> int:
         except OSError as error:
             raise UserError(f"--figure {figure}: {error.strerror}") from error
     print_result(
-        arguments.json, {"record": record, **scores.to_json()}, lambda: _show(scores, record, Console())
+        arguments.json, {"record": record, **asdict(scores)}, lambda: _show(scores, record, Console())
     )
     _warn(scores)
     return Exit.DONE

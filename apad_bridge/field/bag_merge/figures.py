@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -42,9 +42,6 @@ class RunFigures:
     services: int
     events: int
     ended_by: str | None
-
-    def to_json(self) -> dict[str, Any]:
-        return asdict(self)
 
 
 class _Uptimes:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -99,7 +99,7 @@ class Merge:
                 }
                 for it in self.gaps
             ],
-            "figures": {name: None if it is None else it.to_json() for name, it in figures.items()},
+            "figures": {name: None if it is None else asdict(it) for name, it in figures.items()},
         }
 
 

@@ -91,7 +91,7 @@ def run(arguments: argparse.Namespace) -> int:
         arguments.json,
         {
             "strategy": scenario.mission.collection,
-            "decisions": [it.to_json() for it in shadow.decisions],
+            "decisions": [asdict(it) | {"agrees": it.agrees} for it in shadow.decisions],
             "agreed": sum(it.agrees for it in shadow.decisions),
             "accuracy": asdict(shadow.accuracy),
             "notes": missing,
