@@ -152,7 +152,7 @@ class ProcessHost:
         self._dropped_before: Counter[str] = Counter()
         raise_descriptor_limit()
         self._nursery = NurseryLink(run_dir, epoch)
-        self._links = AgentLinks(self._nursery, window_timeout_s)
+        self.links = AgentLinks(self._nursery, window_timeout_s)
 
     @classmethod
     def start(
@@ -209,7 +209,7 @@ class ProcessHost:
     @property
     def pids(self) -> dict[int, int]:
         """The pids of the living agents, by id."""
-        return self._links.pids
+        return self.links.pids
 
     @property
     def nursery_pid(self) -> int:
@@ -218,11 +218,7 @@ class ProcessHost:
     @property
     def dropped(self) -> Counter[str]:
         """Dropped messages, counted by reason."""
-        return self._dropped_before + self._links.dropped + self._nursery.dropped
-
-    @property
-    def links(self) -> AgentLinks:
-        return self._links
+        return self._dropped_before + self.links.dropped + self._nursery.dropped
 
     def kill(self, agent_id: int) -> None:
         self._signal(agent_id, signal.SIGKILL)
@@ -235,7 +231,7 @@ class ProcessHost:
             with suppress(ProcessLookupError):
                 os.kill(pid, number)
             if self._look_ahead is not None:
-                self._look_ahead.forget(self._links, agent_id)
+                self._look_ahead.forget(self.links, agent_id)
 
     def _next_key(self) -> Key:
         self._sequence += 1
@@ -243,14 +239,14 @@ class ProcessHost:
 
     def grant(self, grants: Mapping[int, Grant]) -> dict[int, Reply | Death]:
         ahead = self._look_ahead
-        found = {} if ahead is None else ahead.take(self._links, grants)
+        found = {} if ahead is None else ahead.take(self.links, grants)
         key = self._next_key()
         frames = {
             agent_id: WindowGrant(key, grant, None if ahead is None else ahead.lived_ms(agent_id)).encode()
             for agent_id, grant in grants.items()
             if agent_id not in found
         }
-        answers = self._links.ask(key, frames) if frames else {}
+        answers = self.links.ask(key, frames) if frames else {}
         outcomes: dict[int, Reply | Death] = {}
         for agent_id, grant in grants.items():
             its_key, outcome = found.get(agent_id) or (key, answers[agent_id])
@@ -261,7 +257,7 @@ class ProcessHost:
             self._truths += outcome.truths
             outcomes[agent_id] = outcome.reply
             if ahead is not None:
-                ahead.run_on(self._links, agent_id, grant)
+                ahead.run_on(self.links, agent_id, grant)
         return outcomes
 
     def restart(self, agent_id: int, at_ms: int, cause: ResetCause) -> str | None:
@@ -269,7 +265,7 @@ class ProcessHost:
             return self.lost
         row = (agent_id, at_ms, cause, *self._committed.get(agent_id, NEVER))
         try:
-            if self._links.nursery_died:
+            if self.links.nursery_died:
                 self._replace_nursery()
             outcome = None
             while outcome is None:
@@ -282,9 +278,9 @@ class ProcessHost:
         except NurseryFailed as error:
             return str(error)
         for pid, descriptor in outcome.living.values():
-            self._links.add(agent_id, pid, descriptor)
+            self.links.add(agent_id, pid, descriptor)
         if self._look_ahead is not None:
-            self._look_ahead.forget(self._links, agent_id)
+            self._look_ahead.forget(self.links, agent_id)
         return outcome.refused.get(agent_id)
 
     def take_truths(self) -> list[Truth]:
@@ -306,10 +302,10 @@ class ProcessHost:
         self.granted_ms = {agent.agent_id: agent.granted_ms for agent in entries}
         for agent in entries:
             if agent.link is not None:
-                self._links.add(agent.agent_id, agent.pid, agent.link)
+                self.links.add(agent.agent_id, agent.pid, agent.link)
         key = (self.epoch, 0)
         repeats = {agent.agent_id: Repeat(key).encode() for agent in entries if agent.pid}
-        for agent_id, outcome in self._links.ask(key, repeats).items():
+        for agent_id, outcome in self.links.ask(key, repeats).items():
             if isinstance(outcome, WindowAnswered):
                 self._committed[agent_id] = outcome.window
                 self.granted_ms[agent_id] = outcome.granted_ms
@@ -326,7 +322,7 @@ class ProcessHost:
     def _start_pending(self, agent_ids: list[int]) -> None:
         outcome = self._nursery.start([(agent_id, 0, ResetCause.POWER_ON, *NEVER) for agent_id in agent_ids])
         for agent_id, (pid, descriptor) in outcome.living.items():
-            self._links.add(agent_id, pid, descriptor)
+            self.links.add(agent_id, pid, descriptor)
         if outcome.refused:
             reasons = list(outcome.refused.values())
             more = f", and {len(reasons) - 1} more" if len(reasons) > 1 else ""
@@ -358,10 +354,10 @@ class ProcessHost:
         self._dropped_before = self.dropped
         self._disconnect()
         self._process, self._nursery = process, nursery
-        self._links = AgentLinks(self._nursery, self._window_timeout_s)
+        self.links = AgentLinks(self._nursery, self._window_timeout_s)
 
     def _disconnect(self) -> None:
-        self._links.close()
+        self.links.close()
         self._nursery.close()
         if self._process is not None:
             self._process.wait(_END_TIMEOUT_S)

@@ -121,10 +121,10 @@ class ImcGateway:
         self._frame = LocalFrame.about(scenario.area.origin)
         self._number = _number_of(run_dir, scenario)
         self._run_systems = self._number.systems
-        self._apad = self._run_systems.apad(scenario.apad.name)
-        systems = [self._apad, *map(self._run_systems.amussel, scenario.fleet.ids)]
+        self.apad = self._run_systems.apad(scenario.apad.name)
+        systems = [self.apad, *map(self._run_systems.amussel, scenario.fleet.ids)]
         self._systems = {it.imc_id: it for it in systems}
-        self._orders = ConsoleOrders(self._frame, self._apad.name)
+        self._orders = ConsoleOrders(self._frame, self.apad.name)
         host, port = settings.listen
         listen = (host, self._run_systems.port(scenario.apad.name) if port is None else port)
         try:
@@ -145,10 +145,6 @@ class ImcGateway:
     @property
     def address(self) -> Address:
         return self._wire.address
-
-    @property
-    def apad(self) -> System:
-        return self._apad
 
     @property
     def systems(self) -> dict[int, str]:
@@ -216,7 +212,7 @@ class ImcGateway:
         services = self._wire.services
         if (apad := picture.apad) is not None:
             place = messages.place_rad(self._frame, apad.north_m, apad.east_m)
-            self._send(self._apad, [messages.announce(self._apad, place, services)], announces=True)
+            self._send(self.apad, [messages.announce(self.apad, place, services)], announces=True)
         if len(picture.amussels) <= messages.MOST_ANNOUNCED:
             for amussel in picture.amussels:
                 system = self._run_systems.amussel(amussel.agent_id)
@@ -225,13 +221,13 @@ class ImcGateway:
 
     def _beat(self, picture: RunPicture) -> None:
         """Everything that a console is to hear once a second."""
-        self._send(self._apad, self._of_apad(picture))
+        self._send(self.apad, self._of_apad(picture))
         for amussel in picture.amussels:
             system = self._run_systems.amussel(amussel.agent_id)
             if len(picture.amussels) <= messages.MOST_ANNOUNCED:
                 self._send(system, [imc.Heartbeat(), *messages.of_amussel(amussel, self._frame)])
             else:
-                self._send(self._apad, messages.reported(system.name, amussel, self._frame))
+                self._send(self.apad, messages.reported(system.name, amussel, self._frame))
 
     def _of_apad(self, picture: RunPicture) -> Iterator[Message]:
         takes_orders = self._takes_orders
@@ -244,7 +240,7 @@ class ImcGateway:
     def _show_events(self, events: Iterable[ToldEvent]) -> None:
         for event in events:
             entry = messages.log_book_entry(event.text, self._now_s(), is_warning=event.category.is_trouble)
-            self._send(self._apad, [entry])
+            self._send(self.apad, [entry])
 
     def _show_samples(self, picture: RunPicture) -> None:
         newest = {it.agent_id: it for it in picture.new_samples()}
@@ -269,7 +265,7 @@ class ImcGateway:
 
     def _take_order(self, received: ReceivedMessage) -> None:
         message, dropped = received.message, self._wire.dropped
-        if (why := self._wire.why_not_obeyed(received, self._apad.imc_id)) is not None:
+        if (why := self._wire.why_not_obeyed(received, self.apad.imc_id)) is not None:
             dropped[why] += 1
             stranger = (message.src, received.sender[0])
             if stranger not in self._strangers and len(self._strangers) < _MOST_STRANGERS:
@@ -326,13 +322,13 @@ class ImcGateway:
             self._log.append(self._wire.send(stamped, announces=announces))
 
     def _send_to(self, console: Address, message: Message, imc_id: int) -> None:
-        stamped = messages.stamped(message, self._apad, self._now_s(), imc_id)
+        stamped = messages.stamped(message, self.apad, self._now_s(), imc_id)
         self._log.append(self._wire.send_to(stamped, console))
 
     def _record(self, said: Iterable[Message]) -> None:
         """Writes messages into the log alone."""
         for message in said:
-            self._log.append(imc.packed(messages.stamped(message, self._apad, self._now_s())))
+            self._log.append(imc.packed(messages.stamped(message, self.apad, self._now_s())))
 
     def _now_s(self) -> float:
         """Unix time, which never goes back: a machine's clock may be set back while it serves."""

@@ -47,7 +47,7 @@ class CallQueue:
     def __init__(self) -> None:
         self._lock = threading.Condition()
         self._calls: list[_Call] = []
-        self._closed: str | None = None
+        self.ended_by: str | None = None
         self._snapshot = Snapshot()
         self._listeners: list[Callable[[Snapshot], None]] = []
 
@@ -79,8 +79,8 @@ class CallQueue:
     ) -> T:
         call = _Call(act)
         with self._lock:
-            if self._closed is not None:
-                raise Refused(f"the mission is over: {self._closed}")
+            if self.ended_by is not None:
+                raise Refused(f"the mission is over: {self.ended_by}")
             self._calls.append(call)
         if not call.done.wait(timeout_s):
             with self._lock:
@@ -98,7 +98,7 @@ class CallQueue:
         """The snapshot of the next tick, or the newest when none comes within `timeout_s` wall seconds."""
         with self._lock:
             before = self._snapshot
-            self._lock.wait_for(lambda: self._snapshot is not before or self._closed is not None, timeout_s)
+            self._lock.wait_for(lambda: self._snapshot is not before or self.ended_by is not None, timeout_s)
             return self._snapshot
 
     @property
@@ -106,10 +106,6 @@ class CallQueue:
         """A call waits for the next tick."""
         with self._lock:
             return any(not it.withdrawn for it in self._calls)
-
-    @property
-    def ended_by(self) -> str | None:
-        return self._closed
 
     def listen(self, listener: Callable[[Snapshot], None]) -> None:
         """Registers a listener. The supervisor's thread calls it after each tick, so it must not wait."""
@@ -152,7 +148,7 @@ class CallQueue:
 
     def close(self, reason: str) -> None:
         with self._lock:
-            self._closed = reason
+            self.ended_by = reason
             for call in self._calls:
                 call.answer = Refused(f"the mission is over: {reason}")
                 call.done.set()

@@ -202,7 +202,7 @@ class DockingPort:
         self._next_command_id = first_command_id
         self._now_ms = 0
         self._phase = DockingPhase.IDLE
-        self._running: Primitive | None = None
+        self.running: Primitive | None = None
         self._queued: Primitive | None = None
         self._command_id: int | None = None
         """The running primitive's command; facts that name another command are late."""
@@ -223,10 +223,6 @@ class DockingPort:
         self.first_failure = first_failure
         """The first cause since a go-to, dock or undock last succeeded. A pre-emption does not count."""
         self._distance_m = distance_m
-
-    @property
-    def running(self) -> Primitive | None:
-        return self._running
 
     @property
     def next_due_ms(self) -> int | None:
@@ -281,7 +277,7 @@ class DockingPort:
         self._start(primitive, now_ms, actions)
 
     def _start(self, primitive: Primitive, now_ms: int, actions: list[PortAction]) -> None:
-        self._running = primitive
+        self.running = primitive
         self._tries, self._first_cause = 0, ""
         match primitive:
             case GoTo(_, north_m, east_m, speed_m_s, victory_radius_m):
@@ -345,7 +341,7 @@ class DockingPort:
             actions.append(MoveArm(self._take_command_id(), primitive.dock_index, True))
 
     def _command_mechanism(self, actions: list[PortAction]) -> None:
-        primitive = self._running
+        primitive = self.running
         assert isinstance(primitive, CloseDock | OpenDock)
         self._phase = DockingPhase.ACTING
         self._act_ms = None
@@ -380,7 +376,7 @@ class DockingPort:
         self.docked = after_report(self.docked, fact.dock_index, fact.agent_id, closed=closed)
         actions.append(DockChanged(fact.at_ms, fact.dock_index, fact.agent_id, closed, self.docked))
         wanted = CloseDock if closed else OpenDock
-        if isinstance(self._running, wanted) and self._running.agent_id == fact.agent_id:
+        if isinstance(self.running, wanted) and self.running.agent_id == fact.agent_id:
             self._apply(DockingEvent.MECHANISM_DONE, now_ms, actions)
 
     def _apply(self, event: DockingEvent, at_ms: int, actions: list[PortAction], reason: str = "") -> None:
@@ -395,7 +391,7 @@ class DockingPort:
             self._end(effect, event, at_ms, actions, reason)
 
     def _try_again(self, event: DockingEvent, at_ms: int, actions: list[PortAction], reason: str) -> None:
-        primitive = self._running
+        primitive = self.running
         assert isinstance(primitive, CloseDock | OpenDock)
         self._first_cause = self._first_cause or reason
         if self._queued is not None or self._tries >= self._docking.attempts:
@@ -408,10 +404,10 @@ class DockingPort:
     def _end(
         self, effect: Effect, event: DockingEvent, at_ms: int, actions: list[PortAction], reason: str
     ) -> None:
-        ended, was_going = self._running, self._phase is DockingPhase.GOING
+        ended, was_going = self.running, self._phase is DockingPhase.GOING
         assert ended is not None
         self._phase = DockingPhase.IDLE
-        self._running = self._command_id = self._act_ms = self._deadline_ms = self._progress = None
+        self.running = self._command_id = self._act_ms = self._deadline_ms = self._progress = None
         if effect is Effect.SUCCEED:
             actions.append(PrimitiveSucceeded(at_ms, ended.command_id))
             if not isinstance(ended, Hold):

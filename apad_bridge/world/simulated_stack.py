@@ -29,15 +29,11 @@ class SimulatedStack(ABC, Generic[PublishedT]):
         self._apad = apad
         self._start_ms = start_ms
         self._fault = fault
-        self._now_ms = start_ms
+        self.now_ms = start_ms
         self._grid_ms = grid_ms
         self._grid_instant_ms = start_ms - grid_ms
         self._serial = 0
         """Numbers the commands to the aPad inside, and the objects docked to it."""
-
-    @property
-    def now_ms(self) -> int:
-        return self._now_ms
 
     @property
     def next_due_ms(self) -> int:
@@ -57,13 +53,13 @@ class SimulatedStack(ABC, Generic[PublishedT]):
 
     def advance(self, now_ms: int) -> list[PublishedT]:
         """The messages to publish up to and including `now_ms`, in order. ValueError when time went back."""
-        if now_ms < self._now_ms:
-            raise ValueError(f"time went back from {self._now_ms} to {now_ms} ms")
+        if now_ms < self.now_ms:
+            raise ValueError(f"time went back from {self.now_ms} to {now_ms} ms")
         published: list[PublishedT] = []
         while (due_ms := self.next_due_ms) <= now_ms:
-            self._grid_instant_ms = self._now_ms = due_ms
+            self._grid_instant_ms = self.now_ms = due_ms
             self._step(due_ms, published)
-        self._now_ms = now_ms
+        self.now_ms = now_ms
         return published
 
     @abstractmethod
@@ -73,7 +69,7 @@ class SimulatedStack(ABC, Generic[PublishedT]):
     @property
     def _apad_ms(self) -> int:
         """The present time on the clock of the aPad inside."""
-        return self._now_ms - self._start_ms
+        return self.now_ms - self._start_ms
 
     def _next_serial(self) -> int:
         self._serial += 1

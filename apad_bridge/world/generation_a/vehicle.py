@@ -234,7 +234,7 @@ class GenerationAVehicle(SimulatedStack[Published]):
 
     def _end(self, outcome: GoalOutcome, reason: str = "") -> list[Published]:
         goal, self._goal = self._goal, None
-        return [] if goal is None else [GoalEnded(self._now_ms, goal.key, outcome, reason)]
+        return [] if goal is None else [GoalEnded(self.now_ms, goal.key, outcome, reason)]
 
     def _step(self, at_ms: int, published: list[Published]) -> None:
         since_ms = at_ms - self._start_ms
@@ -256,7 +256,7 @@ class GenerationAVehicle(SimulatedStack[Published]):
 
     def _held(self, dock_index: int, *, released: bool = False) -> HeldPositionPublished:
         return HeldPositionPublished(
-            self._now_ms, self._docks[dock_index][0], *self._apad.dock_position(dock_index), released
+            self.now_ms, self._docks[dock_index][0], *self._apad.dock_position(dock_index), released
         )
 
     def _covered_percent(self) -> float:

@@ -96,7 +96,7 @@ class GenerationBVehicle(SimulatedStack[Published]):
 
     def __init__(self, apad: SimulatedAPad, start_ms: int = 0, fault: Fault = Fault.NONE) -> None:
         super().__init__(apad, start_ms, STEP_MS, fault)
-        self._stage = Stage.OFF
+        self.stage = Stage.OFF
         self._stage_ms = start_ms
         self._order: ServiceOrder | None = None
         self._paused: ServiceOrder | None = None
@@ -107,10 +107,6 @@ class GenerationBVehicle(SimulatedStack[Published]):
         self._is_manual = False
 
     @property
-    def stage(self) -> Stage:
-        return self._stage
-
-    @property
     def takes(self) -> bool | None:
         """The services' answer to an order; None when they never answer."""
         return {Fault.REFUSES: False, Fault.HANGS: None}.get(self._fault, True)
@@ -118,19 +114,19 @@ class GenerationBVehicle(SimulatedStack[Published]):
     @property
     def blocks(self) -> bool:
         """True while calls of its services wait: `commander` in one thread with the docking, as the fault has it."""
-        return self._fault is Fault.BLOCKS and self._stage is Stage.SERVO
+        return self._fault is Fault.BLOCKS and self.stage is Stage.SERVO
 
     def receive(self, order: ServiceOrder, now_ms: int) -> list[Published]:
         """Takes an order, whatever is under way. The stack takes an impossible order too, and aborts it."""
         if not self.takes:
             return self.advance(now_ms)
         published = self.advance(now_ms)
-        self._end(PrimitiveStatus.PREEMPTED, published, finished=self._stage is not Stage.OFF)
+        self._end(PrimitiveStatus.PREEMPTED, published, finished=self.stage is not Stage.OFF)
         self._order = order
         match order:
             case GoTo(_, _, _, speed_m_s, victory_radius_m):
                 self._enter(Stage.GOING)
-                self._publish(GoToBegun(self._now_ms, order), published)
+                self._publish(GoToBegun(self.now_ms, order), published)
                 self._publish_status(False, PrimitiveStatus.RUNNING, published)
                 if self._fault in _AT_ONCE:
                     self._end(_AT_ONCE[self._fault], published, finished=True)
@@ -151,7 +147,7 @@ class GenerationBVehicle(SimulatedStack[Published]):
     def stop(self, now_ms: int) -> list[Published]:
         """`stop_mission`: the primitive ends, and with it the controllers."""
         published = self.advance(now_ms)
-        self._end(PrimitiveStatus.PREEMPTED, published, finished=self._stage is not Stage.OFF)
+        self._end(PrimitiveStatus.PREEMPTED, published, finished=self.stage is not Stage.OFF)
         return published
 
     def pause(self, now_ms: int) -> list[Published]:
@@ -188,7 +184,7 @@ class GenerationBVehicle(SimulatedStack[Published]):
         """A pilot takes or leaves the joystick. It pre-empts primitives, and none begins while it is in use."""
         published = self.advance(now_ms)
         if steers and not self._is_manual:
-            self._end(PrimitiveStatus.PREEMPTED, published, finished=self._stage is not Stage.OFF)
+            self._end(PrimitiveStatus.PREEMPTED, published, finished=self.stage is not Stage.OFF)
         self._is_manual = steers
         return published
 
@@ -200,22 +196,22 @@ class GenerationBVehicle(SimulatedStack[Published]):
         self._enter(Stage.SERVO)
         self._seen = None
         self._publish_status(True, PrimitiveStatus.RUNNING, published)
-        published.append(CameraTurned(self._now_ms, CAMERA_SERVO[order.dock_index]))
+        published.append(CameraTurned(self.now_ms, CAMERA_SERVO[order.dock_index]))
         if order.docks:
             self._open_arm(order.dock_index, published)
         self._command(Coast(), published)
 
     def _open_arm(self, dock_index: int, published: list[Published]) -> None:
-        published.append(ArmPublished(self._now_ms, arms(dock_index)))
+        published.append(ArmPublished(self.now_ms, arms(dock_index)))
 
     def _step(self, at_ms: int, published: list[Published]) -> None:
         """One grid instant: the boat's events, the primitive's reaction, and the periodic messages."""
         for fact in self._apad.advance(at_ms - self._start_ms):
-            if isinstance(fact, Arrived) and self._stage is Stage.GOING:
+            if isinstance(fact, Arrived) and self.stage is Stage.GOING:
                 self._end(PrimitiveStatus.DONE, published, finished=True)
             elif isinstance(fact, CommandFailed):
                 self._end(PrimitiveStatus.IDLE, published, finished=True)
-        wanders = self._fault is Fault.WANDERS and self._stage is Stage.POSITIONING
+        wanders = self._fault is Fault.WANDERS and self.stage is Stage.POSITIONING
         if wanders and at_ms - self._stage_ms >= _WANDERS_MS:
             self._end(PrimitiveStatus.IDLE, published, finished=True)
         if isinstance(self._order, DockingOrder):
@@ -230,7 +226,7 @@ class GenerationBVehicle(SimulatedStack[Published]):
 
     def _servo(self, order: DockingOrder, at_ms: int, published: list[Published]) -> None:
         since_ms = at_ms - self._stage_ms
-        if self._stage is Stage.SERVO and since_ms >= SERVO_MS:
+        if self.stage is Stage.SERVO and since_ms >= SERVO_MS:
             if order.docks:
                 self._enter(Stage.SERVOING)
             else:
@@ -238,9 +234,9 @@ class GenerationBVehicle(SimulatedStack[Published]):
                 self._open_arm(order.dock_index, published)
                 astern_rad = dock_direction_rad(order.dock_index) + math.pi
                 self._command(Steer(PULL_BACK_M_S, astern_rad, 0.0), published)
-        elif self._stage is Stage.PULLING and since_ms >= PULL_BACK_MS:
+        elif self.stage is Stage.PULLING and since_ms >= PULL_BACK_MS:
             self._end(PrimitiveStatus.DONE, published, finished=True)
-        if self._stage is Stage.SERVOING:
+        if self.stage is Stage.SERVOING:
             if (steered := servoing(order, self._seen, at_ms)) is None:
                 self._end(PrimitiveStatus.DONE, published, finished=True)
             else:
@@ -248,17 +244,17 @@ class GenerationBVehicle(SimulatedStack[Published]):
 
     def _end(self, status: PrimitiveStatus, published: list[Published], *, finished: bool) -> None:
         """Ends the primitive under way: publishes its status and event, closes the arm, turns the controllers off."""
-        stage, order, self._order = self._stage, self._order, None
+        stage, order, self._order = self.stage, self._order, None
         self._enter(Stage.OFF)
         if stage is Stage.GOING:
             if isinstance(order, GoTo):
                 self._publish(GoToEnded(status, self.pose, self._left(order)), published)
             self._publish_status(False, status, published)
         elif stage in (Stage.SERVO, Stage.SERVOING, Stage.PULLING):
-            published.append(ArmPublished(self._now_ms, arms(None)))
+            published.append(ArmPublished(self.now_ms, arms(None)))
             self._publish_status(True, status, published)
         if finished:
-            self._publish(Finished(self._now_ms), published)
+            self._publish(Finished(self.now_ms), published)
             self._apad.receive(Coast(), self._apad_ms)
 
     def _command(self, command: GoTo | Hold | Coast | Steer, published: list[Published]) -> None:
@@ -271,11 +267,11 @@ class GenerationBVehicle(SimulatedStack[Published]):
                 self._end(PrimitiveStatus.IDLE, published, finished=True)
 
     def _enter(self, stage: Stage) -> None:
-        self._stage, self._stage_ms = stage, self._now_ms
+        self.stage, self._stage_ms = stage, self.now_ms
 
     def _publish_status(self, docking: bool, status: PrimitiveStatus, published: list[Published]) -> None:
         self._statuses[docking] = status
-        self._publish(StatusPublished(self._now_ms, docking, status), published)
+        self._publish(StatusPublished(self.now_ms, docking, status), published)
 
     def _publish(self, message: Published, published: list[Published]) -> None:
         """Publishes a primitive's state, unless the fault silences it."""
@@ -284,4 +280,4 @@ class GenerationBVehicle(SimulatedStack[Published]):
 
     def _left(self, order: GoTo) -> GoToLeft:
         north_m, east_m = order.north_m - self.pose.north_m, order.east_m - self.pose.east_m
-        return GoToLeft(self._now_ms, math.hypot(north_m, east_m), math.atan2(east_m, north_m))
+        return GoToLeft(self.now_ms, math.hypot(north_m, east_m), math.atan2(east_m, north_m))
