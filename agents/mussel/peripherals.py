@@ -141,7 +141,7 @@ class Peripherals:
             alarm = _NEVER if self.alarm is None else self.alarm
             chip = _U64.pack(hardware.clock.reading_at(now_ms)) + _U64.pack(alarm)
             chip += _U32.pack(world.samples) + _U32.pack(world.acknowledged)
-            chip += _U64.pack(now_ms - hardware.clock.anchor.anchor_ms)
+            chip += _U64.pack(now_ms - hardware.clock.anchor_ms)
             return chip[register:]
         match register:
             case ClockRegister.TIME if len(written) == _U64.size:

@@ -11,9 +11,12 @@ from dataclasses import dataclass
 BILLION = 10**9
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Clock:
-    """An anchor: the clock read `reading_ms` at agent time `anchor_ms`, and has gained `drift_ppb` parts of 10^9 since."""
+    """The chip: it read `reading_ms` at agent time `anchor_ms`, and has gained `drift_ppb` parts of 10^9 since.
+
+    Firmware can read it, set it and set its alarm; a defect can disturb it.
+    """
 
     anchor_ms: int
     reading_ms: int
@@ -39,29 +42,15 @@ class Clock:
         """The largest error at `now_ms`, if a crystal of its kind drifts by up to `bound_ppb`; rounded up."""
         return -(-(now_ms - self.anchor_ms) * bound_ppb // BILLION)
 
-
-class DriftingClock:
-    """The chip with its present anchor. Firmware can read it, set it and set its alarm; a defect can disturb it."""
-
-    def __init__(self, clock: Clock) -> None:
-        self.anchor = clock
-
-    def reading_at(self, now_ms: int) -> int:
-        return self.anchor.reading_at(now_ms)
-
-    def when(self, reading_ms: int) -> int:
-        return self.anchor.when(reading_ms)
-
-    def doubt_ms(self, at_ms: int, bound_ppb: int) -> int:
-        return self.anchor.doubt_ms(at_ms, bound_ppb)
-
     def set(self, reading_ms: int, now_ms: int) -> None:
-        self.anchor = Clock(now_ms, reading_ms, self.anchor.drift_ppb)
+        self.anchor_ms, self.reading_ms = now_ms, reading_ms
 
     def jump(self, by_ms: int, now_ms: int) -> None:
         """The reading changes by itself; no reading is negative."""
-        self.set(max(0, self.anchor.reading_at(now_ms) + by_ms), now_ms)
+        self.set(max(0, self.reading_at(now_ms) + by_ms), now_ms)
 
     def skew(self, drift_ppb: int, now_ms: int) -> None:
         """The crystal has another drift from now on, until the board is reset."""
-        self.anchor = Clock(now_ms, self.anchor.reading_at(now_ms), drift_ppb)
+        self.set(self.reading_at(now_ms), now_ms)
+        self.drift_ppb = drift_ppb
+        self.__post_init__()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from firmware_model.actions import Action, Buoyancy, RunBuoyancy, SetRail
 from firmware_model.config import BoardConfig
-from firmware_model.hardware.clock_chip import Clock, DriftingClock
+from firmware_model.hardware.clock_chip import Clock
 from firmware_model.hardware.power_path import PowerPath
 from firmware_model.port import Level, Timer
 from firmware_model.power.active_battery import ActiveBattery
@@ -32,7 +32,7 @@ class WholeBoardHardware:
         self.kept = kept
         # As delivered, the clock was set when the board was put into the water, at agent time 0.
         anchor_ms, reading_ms = (0, 0) if kept is None else (kept.anchor_ms, kept.reading_ms)
-        self.clock = DriftingClock(Clock(anchor_ms, reading_ms, config.drift_ppb))
+        self.clock = Clock(anchor_ms, reading_ms, config.drift_ppb)
         self.stored = Settings.of(config) if kept is None else kept.settings
         self._batteries = PowerPath(
             config.charge, self._power, primary, secondary, now_ms, config.agent_id, self.stored.levels
@@ -149,8 +149,7 @@ class WholeBoardHardware:
     def store(self, settings: Settings) -> None:
         """Writes the settings; the clock's own registers are kept with them."""
         self.stored = settings
-        anchor = self.clock.anchor
-        self.kept = StoredSettings(anchor.anchor_ms, anchor.reading_ms, settings)
+        self.kept = StoredSettings(self.clock.anchor_ms, self.clock.reading_ms, settings)
 
     def lose(self, primary: int, secondary: int, now_ms: int) -> None:
         """Takes these charges (grains) from both batteries at once, at most what they hold."""

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from firmware_model.clock import AlarmClock
-from firmware_model.hardware.clock_chip import BILLION, Clock, DriftingClock
+from firmware_model.hardware.clock_chip import BILLION, Clock
 
 DAY_MS = 86_400_000
 DRIFTS = st.integers(-200_000, 200_000)
@@ -71,14 +71,12 @@ def rings(alarms: AlarmClock, period_ms: int, facts: list[tuple[int, int]], unti
 def test_every_multiple_rings_and_none_twice_however_the_clock_is_set(
     drift_ppb: int, period_ms: int, raw: list[tuple[int, int]]
 ) -> None:
-    rang, latest_ms = rings(
-        AlarmClock(DriftingClock(Clock(0, 0, drift_ppb)), 0), period_ms, sorted(raw), 600_000
-    )
+    rang, latest_ms = rings(AlarmClock(Clock(0, 0, drift_ppb), 0), period_ms, sorted(raw), 600_000)
     assert rang == latest_ms // period_ms
 
 
 def test_a_clock_set_past_an_alarm_rings_at_once_and_one_set_back_does_not_ring_again() -> None:
-    alarms = AlarmClock(DriftingClock(Clock(0, 0, 0)), 0)
+    alarms = AlarmClock(Clock(0, 0, 0), 0)
     alarms.set(3_600_100, 3_590_000)
     assert alarms.corrected_ms == -10_100 and alarms.alarm_ms(3_600_000, 3_590_000) == 3_590_000
     alarms.rang(3_600_000)
@@ -88,6 +86,6 @@ def test_a_clock_set_past_an_alarm_rings_at_once_and_one_set_back_does_not_ring_
 
 
 def test_alarms_that_were_slept_through_do_not_ring_later() -> None:
-    alarms = AlarmClock(DriftingClock(Clock(0, 0, 0)), 0)
+    alarms = AlarmClock(Clock(0, 0, 0), 0)
     alarms.pass_over(10_500)
     assert alarms.alarm_ms(1000, 10_500) == 11_000

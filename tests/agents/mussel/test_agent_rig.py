@@ -20,7 +20,7 @@ from firmware_model.bench.conformance import (
 from firmware_model.bench.rigs import RigEvent, RigHistory, lasts_ms
 from firmware_model.bench.whole_conformance_cases import WAYS_INTO, WHOLE_CASES
 from firmware_model.firmware import Firmware
-from firmware_model.hardware.clock_chip import DriftingClock
+from firmware_model.hardware.clock_chip import Clock
 from firmware_model.packets import Command, CommandPacket, Kind, StatusPacket, WifiStatus, decode
 from firmware_model.power.active_battery import ActiveBattery
 from firmware_model.power.charge_pin import ChargePin, Edge
@@ -209,7 +209,7 @@ DOCTORED: dict[str, tuple[type, str, object]] = {
     "bounds-a-wake-as-long-as-its-period": (SettingsStore, "apply", lambda store, command, now_ms: True),
     "hovers-here-after-a-depth": (WholeFirmware, "_hover_mm", lambda board: 1250),
     "an-offset-beyond-its-frame-late": (Settings, "transmits_at_ms", lambda it, reading_ms: reading_ms),
-    "in-doubt-at-its-slot": (DriftingClock, "doubt_ms", lambda clock, at_ms, bound_ppb: 0),
+    "in-doubt-at-its-slot": (Clock, "doubt_ms", lambda clock, at_ms, bound_ppb: 0),
     "a-beacon-dispels-it": (WholeFirmware, "_apply_if_allowed", lambda board, trigger: []),
 }
 """A case of each family of requirements, and a firmware that breaks it."""
