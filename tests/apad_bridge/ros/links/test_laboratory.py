@@ -83,7 +83,7 @@ def test_docks_by_others_reach_the_vehicle_and_its_own_are_told(
     laboratory: Laboratory, topics: Topics
 ) -> None:
     vehicle = Vehicle()
-    link = LaboratoryLink(laboratory, vehicle, vehicle)
+    link = LaboratoryLink(laboratory, vehicle, vehicle.receive_dock_report)
     alert = DockReport(1_000, None, 2, True)
     topics.to_receive = [alert]
     vehicle.facts = [DockClosed(1_000, 2, 3), DockOpened(1_000, 1, 4)]
