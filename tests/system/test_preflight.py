@@ -128,12 +128,14 @@ def test_without_a_watchdog_a_person_decides_and_one_that_dies_is_told_and_the_a
 ) -> None:
     """The dead one's registrations stay with the master: it was killed. Its successor is green."""
     scenario, there = beside_apad(tmp_path, shell, begin, "b", guards={"watchdog": "hold"})
-    checks = begin(*MUSSELBED, "preflight", scenario, "--lookout", "Ana", "--json", **there)
+    asked = ("--prove-stop", "--lookout", "Ana", "--json")
+    found = findings(musselbed("preflight", scenario, *asked, code=3, **there).stdout)
+    assert found["/apad1 stop"]["status"] == "OK" and "came to rest" in found["/apad1 stop"]["found"]
     refused = musselbed("run", scenario, *FLY, code=2, **there)
     assert "does not start on red" in refused.stderr and "--despite watchdog" in refused.stderr
     run = tmp_path / "run"
     assert not run.exists()
-    red = [it for it in findings(ended_well(checks, 3)[0]).values() if it["status"] == "FAIL"]
+    red = [it for it in found.values() if it["status"] == "FAIL"]
     assert [(it["check"], it["found"]) for it in red] == [
         ("/apad1 watchdog", "none: on a lost link this aPad drifts as soon as a primitive ends")
     ]
