@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Protocol, cast
+from typing import Any, Protocol
 
 import rospy
 
@@ -118,11 +118,11 @@ def open_flight_context(
                 vehicle.wait_until_ready(READY_S)
         except (SecondFleet, GatewayFailed, VehicleNotReady) as error:
             raise PeerFailed(str(error)) from error
-        capabilities = None if isinstance(vehicle, ContactsLink) else vehicle.capabilities
-        is_bench = capabilities is not None and not capabilities.reports_contact
-        link = LaboratoryLink(
-            laboratory, vehicle, cast(Any, vehicle).receive_dock_report if is_bench else None
-        )
+        capabilities = docks = None
+        if not isinstance(vehicle, ContactsLink):
+            capabilities = vehicle.capabilities
+            docks = None if capabilities.reports_contact else vehicle.receive_dock_report
+        link = LaboratoryLink(laboratory, vehicle, docks)
         yield FlightContext(
             vehicle=ListeningLink(link) if options.part is BenchPart.FLEET else link,
             pace=_pace(options, vehicle, now_ms, in_fine_steps=bool(watches)),

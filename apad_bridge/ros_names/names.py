@@ -13,6 +13,8 @@ the table is a KeyError.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from apad_bridge.ros_names.table import (
     BATTERY_ALERT,
     CLOCK,
@@ -24,7 +26,9 @@ from apad_bridge.ros_names.table import (
     TF_STATIC,
     USE_SIM_TIME,
 )
-from apad_bridge.scenario.schema import Scenario
+
+if TYPE_CHECKING:  # the doctor loads these names where another package shadows one of ours
+    from apad_bridge.scenario.schema import Scenario
 
 
 # Names of a supervisor that is one of several on a master: its own names lie below musselbed/NAME, after its aPad.

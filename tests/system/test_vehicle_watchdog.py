@@ -95,4 +95,4 @@ def test_a_shell_without_ros_gets_the_help_and_one_line_with_the_mend() -> None:
     bare = ["/usr/bin/python3", "-I", "-S", str(WATCHDOG)]
     assert "--silence-s" in done(*bare, "--help").stdout
     refused = done(*bare, code=2)
-    assert "this shell has no ROS (No module named 'roslib'): source the setup.bash" in refused.stderr
+    assert "python3 has no ROS (No module named 'roslib'): source the setup.bash" in refused.stderr

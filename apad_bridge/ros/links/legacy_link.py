@@ -19,6 +19,7 @@ from apad_bridge.events.event import Event
 from apad_bridge.ros.links.order_sender import OrderSender
 from apad_bridge.ros.links.service_calls import CallFailed
 from apad_bridge.ros.system.inbox import Inbox
+from apad_bridge.scenario.lab_interface.messages import DockReport
 from apad_bridge.scenario.schema import APad, Scenario
 from apad_bridge.vehicle.commands import VehicleCommand
 from apad_bridge.vehicle.errors import VehicleNotReady
@@ -100,6 +101,10 @@ class LegacyLink(ABC, Generic[CoreT]):
     def holds(self, agent_id: int) -> bool:
         """True when a dock is known to hold this aMussel."""
         return self._core.docks.holds(agent_id)
+
+    def receive_dock_report(self, report: DockReport) -> None:
+        """Receives a dock's change from another source than the vehicle; a stack whose core takes none drops it."""
+        self._inbox.dropped["a dock's change that this stack does not take"] += 1
 
     @abstractmethod
     def advance(self, now_ms: int) -> list[LinkFact]:

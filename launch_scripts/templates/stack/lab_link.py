@@ -17,6 +17,7 @@ from apad_bridge.ros.links.legacy_link import LegacyLink, OpenedAPad
 from apad_bridge.ros.links.legacy_subscribers import LegacySubscribers
 from apad_bridge.ros.links.order_sender import Answered
 from apad_bridge.ros.types.live_types import unreadable_topics
+from apad_bridge.scenario.lab_interface.messages import DockReport
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle.commands import GoTo, Hold, OrderCut, Stop, VehicleCommand
 from apad_bridge.vehicle.generation_b.core import GenerationBCore
@@ -97,6 +98,9 @@ class LabLink(LegacyLink[GenerationBCore]):
     def command(self, cleared: Cleared[VehicleCommand], now_ms: int) -> None:
         self._core.command(cleared, now_ms)
         self._send()
+
+    def receive_dock_report(self, report: DockReport) -> None:
+        self._core.receive_dock_report(report)
 
     def close(self) -> None:
         self._subscribers.close()

@@ -38,7 +38,7 @@ def action_messages(name: str, text: str) -> dict[str, str]:
         f"{name}Result": result,
         f"{name}Feedback": feedback,
         f"{name}Action": action,
-        f"{name}GoalOrder": f"Header header\nactionlib_msgs/GoalID goal_id\n{name}Goal goal\n",
+        f"{name}ActionGoal": f"Header header\nactionlib_msgs/GoalID goal_id\n{name}Goal goal\n",
         f"{name}ActionResult": f"{status}{name}Result result\n",
         f"{name}ActionFeedback": f"{status}{name}Feedback feedback\n",
     }
