@@ -74,8 +74,8 @@ class Area:
     keep_out: Annotated[
         Annotated[tuple[tuple[Place, ...], ...], Tag(VALUES)] | TheirFile, VALUES_OR_FILE
     ] = ()
-    """Zones inside the fence, which they need, that no way may touch: a list of polygons, or a GeoJSON file with any number.
-    The aPad goes straight, and round none of them."""
+    """Zones inside the fence, which they need, that no way may touch: a list of polygons, or a GeoJSON file with any
+    number. The aPad goes straight, and round none of them."""
     chart: str | None = None
     """The shore and depth contours, which maps show and nothing else reads: a GeoJSON file with lines or polygons, where a
     Feature with the property `depth_m` is a contour; or `paper-pool` or `paper-bay`, simple shapes of the paper's areas."""

@@ -18,9 +18,9 @@ from apad_bridge.vehicle.errors import PeerFailed
 def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "resume",
-        description="Starts another supervisor for a run. It takes over the live fleet, or starts it "
-        "again where none lives, as after a restart of the machine. It reads the journal and the checkpoint, checks the docks, reports the restored state, and continues the mission. It locks out the old "
-        "supervisor, should that still run.",
+        description="Starts another supervisor for a run. It takes over the live fleet, or starts it again where none "
+        "lives, as after a restart of the machine. It reads the journal and the checkpoint, checks the docks, reports the "
+        "restored state, and continues the mission. It locks out the old supervisor, should that still run.",
         epilog=ending(
             "musselbed resume runs/pool-12-1",
             "musselbed resume runs/pool-12-1 --confirm-motion",
