@@ -31,7 +31,10 @@ def main() -> None:
     ended, losses = threading.Event(), list[str]()
 
     def lose() -> None:
+        """A connection that ends before the watch has seen it is not called back."""
         for line in sys.stdin:
+            while not {"/orders", "/said"} & {topic for topic, _ in watch._readers}:
+                ended.wait(0.05)
             for connection in [it for publisher in publishers for it in publisher.impl.connections]:
                 end_at_once(connection.socket)
             losses.append(line)
