@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from programs import Begin, done, line_of, musselbed
+from programs import Begin, done, line_of, musselbed, wait_until
 from scenario_files import POOL_FILE
 
 from apad_bridge.commands.fly.run_checks import tell_docks_in_use
@@ -178,8 +178,13 @@ def test_docks_in_use_are_told_with_commands_that_empty_them(
     options = RunOptions(BenchPart.WHOLE, APadKind.ROS, TimeSource.WALL, 1.0, OnDeath.WAIT)
     running("-c", CLOCK)
     running(*NODE, "a")
-    tell_docks_in_use(options, load(POOL_FILE))
-    assert capsys.readouterr().err == ""
+
+    def is_silent() -> bool:
+        """Before the node has heard /clock, it reports no docks."""
+        tell_docks_in_use(options, load(POOL_FILE))
+        return capsys.readouterr().err == ""
+
+    wait_until(is_silent)
     perches = [f"{{goal: {{id: 1, object: amussel{agent_id}}}}}" for agent_id in (3, 99)]
     order(on_master, "/apad1/action_server/goal", *perches)
     found = checks(on_master, POOL_FILE)
