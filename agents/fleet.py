@@ -124,9 +124,7 @@ class AgentConfigs:
         board = replace(
             fleet.board,
             agent_id=agent_id,
-            slot=(self._slots[agent_id] if self._slots else agent_id - self._fleet.first_id)
-            if self._has_slots
-            else 0,
+            slot=self._slot(agent_id) if self._has_slots else 0,
             drift_ppb=drift_of(fleet.seed, agent_id, fleet.clock_drift_ppb),
         )
         applied = fleet.spread.applied(board, fleet.seed)
@@ -138,6 +136,9 @@ class AgentConfigs:
             if not firmware.agent_ids or agent_id in firmware.agent_ids:
                 return firmware.command
         return ()
+
+    def _slot(self, agent_id: int) -> int:
+        return self._slots[agent_id] if self._slots else agent_id - self._fleet.first_id
 
 
 def drift_of(seed: int, agent_id: int, bound_ppb: int) -> int:

@@ -3,94 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from enum import Enum, auto
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
 from agents.time_scale import AgentMs, MissionMs, TimeScale
 from apad_bridge.beliefs.belief import Belief, Suspicion
 from apad_bridge.beliefs.input_ranges import out_of_range
 from apad_bridge.beliefs.measurement import ClockSet, Measurement, Rejected
+from apad_bridge.beliefs.stamp_checker import Stamp, StampChecker, StampVerdict
 from firmware_model.packets import ShortStatus, StatusPacket
-
-# Checks the agent times that packets state: a stamp may be corrupted, and a clock may really have been set.
-#
-# Between two packets a clock runs theta times as fast as mission time. A single packet that contradicts this is not
-# believed, because every true packet after it would look overtaken. A second packet that agrees with it is believed.
-_MAX_DELAY_MS = 60_000
-"""The longest mission time that a packet may travel or wait; a wrong stamp can shut true packets out no longer."""
-_MAX_DRIFT_PPM = 500
-"""Far more than any board's drift: a watch crystal is within some tens of ppm."""
-
-
-class StampVerdict(Enum):
-    IN_TIME = auto()
-    OVERTAKEN = auto()
-    IMPOSSIBLE = auto()
-    """The clock as believed cannot show this time; the stamp is kept for comparison, and the belief does not change."""
-    CLOCK_SET = auto()
-    """The stamp agrees with the doubted one before it: the clock was set."""
-
-
-class Stamp(NamedTuple):
-    agent_ms: int
-    at_ms: int
-    """Mission time at which the clock showed it."""
-
-
-class StampChecker:
-    """Keeps the newest stamp of each aMussel. `scale` is None if it is unknown: then any time may follow another."""
-
-    def __init__(self, scale: TimeScale | None) -> None:
-        self._scale = scale
-        self.newest: dict[int, Stamp] = {}
-        self._doubted: dict[int, tuple[int, Stamp]] = {}
-
-    def judge(self, packet: StatusPacket, at_ms: int) -> StampVerdict:
-        """Judges a packet received at mission time `at_ms`; the caller calls `accept` if it believes the packet."""
-        newest, stamp = self.newest.get(packet.agent_id), Stamp(packet.agent_ms, at_ms)
-        if newest is None:
-            return StampVerdict.IN_TIME
-        if not self._disagree(newest, stamp) or self._is_delayed(newest, stamp):
-            self._doubted.pop(packet.agent_id, None)
-            return StampVerdict.OVERTAKEN if stamp.agent_ms < newest.agent_ms else StampVerdict.IN_TIME
-        before = self._doubted.get(packet.agent_id)
-        if before is not None and before[0] == packet.sequence and before[1].agent_ms == stamp.agent_ms:
-            return StampVerdict.IMPOSSIBLE  # a repetition of the same packet is no confirmation
-        self._doubted[packet.agent_id] = packet.sequence, stamp
-        if before is None or stamp.agent_ms < before[1].agent_ms or self._disagree(before[1], stamp):
-            return StampVerdict.IMPOSSIBLE
-        return StampVerdict.CLOCK_SET
-
-    def accept(self, packet: StatusPacket, at_ms: int) -> None:
-        """Accepts the stamp, whatever the verdict. A delayed packet in sequence carries no information about the clock."""
-        newest, stamp = self.newest.get(packet.agent_id), Stamp(packet.agent_ms, at_ms)
-        if self._doubted:
-            self._doubted.pop(packet.agent_id, None)
-        if self._scale is not None and newest is not None and self._is_delayed(newest, stamp):
-            shown_ms = newest.at_ms + self._scale.mission_span(stamp.agent_ms - newest.agent_ms)
-            stamp = Stamp(stamp.agent_ms, shown_ms)
-        self.newest[packet.agent_id] = stamp
-
-    def forget(self, agent_id: int) -> None:
-        self.newest.pop(agent_id, None)
-        self._doubted.pop(agent_id, None)
-
-    def _ahead_ms(self, before: Stamp, after: Stamp) -> int:
-        """The agent time by which the clock advanced more than mission time times theta."""
-        assert self._scale is not None
-        return after.agent_ms - before.agent_ms - self._scale.agent_span(after.at_ms - before.at_ms)
-
-    def _is_delayed(self, before: Stamp, after: Stamp) -> bool:
-        """True if the clock advanced, but by less than it should have: the packet waited."""
-        if self._scale is None or after.agent_ms < before.agent_ms:
-            return False
-        return self._ahead_ms(before, after) < 0 and self._disagree(before, after)
-
-    def _disagree(self, before: Stamp, after: Stamp) -> bool:
-        if self._scale is None:
-            return False
-        doubt_ms = _MAX_DELAY_MS + abs(after.at_ms - before.at_ms) * _MAX_DRIFT_PPM // 1_000_000
-        return abs(self._ahead_ms(before, after)) > self._scale.agent_span(doubt_ms)
 
 
 class Estimator(Protocol):

@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agents.water.stream import STILL, CurrentField, Stream, TideConstituent, parse_stream, steady
+from agents.water.current import CurrentField
+from agents.water.stream import STILL, Stream, TideConstituent, parse_stream, steady
 
 HEADER = "north_m,east_m,north_m_s,east_m_s,depth_m,time_s\n"
 LAYERED = parse_stream(HEADER + "0,0,1,0,0,0\n0,0,0.2,0,10,0\n0,0,3,0,0,100\n0,0,0.4,0.1,10,100\n")

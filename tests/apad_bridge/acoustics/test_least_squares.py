@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from apad_bridge.acoustics.locator import NoFix, mirrored, solve
+from apad_bridge.acoustics.least_squares import NoFix, mirrored, solve
 
 SQUARE = np.array([(0.0, 0.0, 0.5), (0.0, 100.0, 0.5), (100.0, 0.0, 0.5), (100.0, 100.0, 0.5)])
 

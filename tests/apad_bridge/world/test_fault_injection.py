@@ -13,7 +13,8 @@ from agents.mussel.stimuli import PinDisturbed, from_json
 from apad_bridge.runs.start_state import ongoing_faults
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.timed_faults import TABLE, FaultAt, Faults, TimedFault, injection
-from apad_bridge.world.fault_injection import FaultInjection, FaultyLink, Ongoing
+from apad_bridge.world.fault_injection import FaultInjection, Ongoing
+from apad_bridge.world.faulty_link import FaultyLink
 from apad_bridge.world.world import World
 
 

@@ -13,7 +13,7 @@ from apad_bridge.vehicle.commands import (
     VehicleCommand,
 )
 from apad_bridge.vehicle.link import Carried, Cleared, LinkFact
-from apad_bridge.world.fault_injection import FaultyLink
+from apad_bridge.world.faulty_link import FaultyLink
 
 
 class Vehicle:
