@@ -36,7 +36,8 @@ def check_origin(uri: str, apad: str, ours: OriginLike, told: Sequence[ToldPlace
         parameters = told_by_parameters(uri, apad)
     except (Unreachable, TypeError, ValueError) as error:
         return fail(str(error), "see rosparam get, and area.origin")
-    if not (told := [*([] if parameters is None else [parameters]), *told]):
+    told = [*([] if parameters is None else [parameters]), *told]
+    if not told:
         return cannot_tell(
             f"{apad}/LocalOriginLat is not set, and its positions name neither an origin nor latitude and longitude",
             f"rosparam set {apad}/LocalOriginLat and LocalOriginLon to what the vehicle's filter uses; or compare by "

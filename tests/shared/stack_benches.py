@@ -114,6 +114,19 @@ def cleared(command: VehicleCommand) -> Cleared[VehicleCommand]:
     return let_out
 
 
+def fed(core: GenerationACore | GenerationBCore, step: Any) -> int:
+    """Gives the core a message, an order with its time as (ms, order), or nothing at a time in ms. Returns the time."""
+    match step:
+        case int(at_ms):
+            pass
+        case (int(at_ms), order):
+            core.command(cleared(order), at_ms)
+        case message:
+            at_ms = message.at_ms
+            core.receive(message, at_ms)
+    return at_ms
+
+
 class SimulatedLink:
     """A VehicleLink to a simulated vehicle, with an observer on the wire."""
 

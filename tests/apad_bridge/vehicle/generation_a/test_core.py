@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any
 
 import pytest
-from stack_benches import cleared
+from stack_benches import cleared, fed
 
 from apad_bridge.events.vehicle import DocksDisagree
 from apad_bridge.vehicle.commands import (
@@ -68,14 +68,7 @@ def played(core: GenerationACore, *story: Any) -> list[LinkFact]:
     """
     told: list[LinkFact] = []
     for it in story:
-        match it:
-            case int(at_ms):
-                pass
-            case (int(at_ms), order):
-                core.command(cleared(order), at_ms)
-            case message:
-                at_ms = message.at_ms
-                core.receive(message, at_ms)
+        at_ms = fed(core, it)
         if isinstance(it, HeldPositionReceived):
             core.take_question()  # that after a docking, which a test of its own has
         readings = PoseReported | BatteryReported | CommandAccepted | DocksNamed

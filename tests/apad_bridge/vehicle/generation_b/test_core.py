@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import pytest
-from stack_benches import cleared
+from stack_benches import cleared, fed
 
 from apad_bridge.scenario.schema import Docking, DockingProfile, Servo
 from apad_bridge.vehicle.commands import (
@@ -100,14 +100,7 @@ class Apad:
         """
         told: list[LinkFact] = []
         for it in story:
-            match it:
-                case int(at_ms):
-                    pass
-                case (int(at_ms), order):
-                    self.core.command(cleared(order), at_ms)
-                case message:
-                    at_ms = message.at_ms
-                    self.core.receive(message, at_ms)
+            at_ms = fed(self.core, it)
             self._answer(at_ms)
             for fact in self.core.advance(at_ms):
                 if isinstance(fact, HoldWanted):
