@@ -49,7 +49,7 @@ from apad_bridge.vehicle.guards.monitor import (
 from apad_bridge.vehicle.guards.orders import Point
 from apad_bridge.vehicle.guards.position_watch import NEVER_MS, SETTLED_MS, PositionLimits, PositionWatch
 from apad_bridge.vehicle.guards.watchdog_watch import WatchdogWatch
-from apad_bridge.vehicle.guards.waters import Waters
+from apad_bridge.vehicle.guards.waters import OpenWaters, Waters
 from apad_bridge.world.apad.motion import allocate, electrical_w
 
 _S_PER_HOUR = 3600
@@ -123,7 +123,7 @@ def _drift_of(scenario: Scenario) -> Callable[[Point, int], Point]:
 def _waters(scenario: Scenario, options: GuardOptions) -> Waters:
     """Only a scenario with a fence imports shapely."""
     if (fence := fence_of(scenario.area)) is None:
-        return Waters()
+        return OpenWaters()
     from apad_bridge.vehicle.guards.fenced_waters import FencedWaters
 
     return FencedWaters(fence, options.clearance_m)

@@ -15,14 +15,13 @@ from shapely.geometry import Point as PlanePoint
 
 from apad_bridge.scenario.area.fence import Fence
 from apad_bridge.vehicle.guards.orders import Point
-from apad_bridge.vehicle.guards.waters import Waters
 
 _EPSILON_M = 1e-6
 _FAR_M = 1000.0
 """A drift is followed so far."""
 
 
-class FencedWaters(Waters):
+class FencedWaters:
     """Waters inside a fence and outside its keep-out zones.
 
     A goal keeps `clearance_m` to the edge, and so does the whole way. A way that begins nearer to the edge may not come

@@ -42,7 +42,7 @@ from apad_bridge.vehicle.guards.orders import (
 from apad_bridge.vehicle.guards.position_watch import NEVER_MS, PositionLimits, PositionWatch
 from apad_bridge.vehicle.guards.stops import Latch, Stops
 from apad_bridge.vehicle.guards.watchdog_watch import WatchdogWatch
-from apad_bridge.vehicle.guards.waters import Waters
+from apad_bridge.vehicle.guards.waters import OpenWaters, Waters
 from apad_bridge.vehicle.link import Cleared, LinkFact, Sendable
 
 NAMES: dict[type, str] = {
@@ -93,7 +93,7 @@ class Gate:
         watchdog: WatchdogWatch | None = None,
     ) -> None:
         self._guards = tuple(guards)
-        self._waters = waters or Waters()
+        self._waters = waters or OpenWaters()
         self.watch = watch
         self.battery = BatteryWatch()
         self.watchdog = watchdog or WatchdogWatch()
@@ -310,7 +310,7 @@ class Safety:
 
     gate: Gate
     monitor: Monitor
-    waters: Waters = field(default_factory=Waters)
+    waters: Waters = field(default_factory=OpenWaters)
     return_speed_m_s: float = 0.5
     """Speed of the way back inside the fence, where the scenario wants one."""
     needs_person: bool = False
