@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 from agents.mussel.outputs import Truth
 from agents.time_scale import MissionMs
@@ -42,7 +41,7 @@ from apad_bridge.scenario.firmware_config import charge_models, works_on_seconda
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.core import PRIMITIVE_NAMES
 from apad_bridge.vehicle.commands import Hold
-from apad_bridge.vehicle.guards.stops import NO_STOPS
+from apad_bridge.vehicle.guards.stops import NO_STOPS, StopRecord
 from apad_bridge.vehicle.outcomes import PrimitiveFailed, after_report
 from apad_bridge.world.roster import PresenceChange
 
@@ -62,16 +61,6 @@ class PlanView:
     steps: tuple[tuple[int, int], ...]
     left: int
     places_m: tuple[tuple[float, float] | None, ...] = ()
-
-
-class StopView(NamedTuple):
-    """A stop: who ordered it, which of the two it is, and the mission times of the states that it came to."""
-
-    number: int
-    mode: StopKind
-    by: str
-    states: tuple[tuple[StopState, int], ...]
-    reason: str | None
 
 
 class RunState:
@@ -114,11 +103,8 @@ class RunState:
         """The aMussels that came from other aPads, or went to them, in order."""
         self.primitive = ""
         self.plan: PlanView | None = None
-        self.restored_stops = NO_STOPS
-        """The stops as another supervisor takes them over."""
-        self.stops: dict[int, StopView] = {}
-        """The stops that nobody's `continue` has ended, by number."""
-        self.refused_stop: StopView | None = None
+        self.stops = NO_STOPS
+        self.refused_stop: StopRecord | None = None
         """A stop that was refused since, so that it changed nothing."""
         self.drift: Entry | None = None
         """The newest drift, while the thrusters are off."""
@@ -131,11 +117,6 @@ class RunState:
         for at_ms, event in journal.entries:
             state.apply(at_ms, event)
         return state
-
-    @property
-    def stop(self) -> StopView | None:
-        """The newest stop in force."""
-        return self.stops[max(self.stops)] if self.stops else None
 
     def apply(self, at_ms: MissionMs, event: Event) -> None:
         """Takes the next event. ValueError, of truths of one aMussel whose time goes back."""
@@ -171,14 +152,9 @@ class RunState:
                 self.mission = replace(self.mission, docked=docked)
             case AMusselReleased(full=True):
                 self.services[event.agent] += 1
-            case StopChanged():
+            case StopChanged() | StopEnded():
                 self._take_stop(at_ms, event)
-            case StopEnded():
-                self.restored_stops = self.restored_stops.after(at_ms, event)
-                self.refused_stop = None
-                self.stops = {number: it for number, it in self.stops.items() if number > event.number}
-                self._forget_drift()
-            case Drifting() if self.stops:
+            case Drifting() if self.stops.in_force is not None:
                 self.drift = Entry(at_ms, event)
             case Overridden(taken=True, by=Steering() as party):
                 self.steering = party
@@ -208,26 +184,11 @@ class RunState:
         places_m = () if plan.what == "collect" else tuple(homes.get(agent_id) for agent_id, _ in steps)
         self.plan = PlanView(plan.what, plan.strategy, steps, len(steps), places_m)
 
-    def _take_stop(self, at_ms: MissionMs, event: StopChanged) -> None:
-        self.restored_stops = self.restored_stops.after(at_ms, event)
-        before = self.stops.get(event.number)
-        stop = StopView(
-            event.number,
-            event.mode,
-            event.by,
-            (*(before.states if before else ()), (event.state, at_ms)),
-            event.reason or (before.reason if before else None),
-        )
-        if event.state is StopState.REFUSED:
-            self.refused_stop = stop
-            self.stops.pop(event.number, None)
-        else:
-            self.refused_stop = None
-            self.stops[event.number] = stop
-        self._forget_drift()
-
-    def _forget_drift(self) -> None:
-        if self.stop is None or self.stop.mode is StopKind.HOLD:
+    def _take_stop(self, at_ms: MissionMs, event: StopChanged | StopEnded) -> None:
+        self.stops = self.stops.after(at_ms, event)
+        is_refused = isinstance(event, StopChanged) and event.state is StopState.REFUSED
+        self.refused_stop = self.stops.newest if is_refused else None
+        if self.stops.in_force is None or self.stops.in_force.kind is StopKind.HOLD:
             self.drift = None
 
     def _take_primitive(self, at_ms: MissionMs, event: PrimitiveChanged) -> None:

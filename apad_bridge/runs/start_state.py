@@ -63,7 +63,7 @@ def find_resume_point(state: RunState, epoch: int, gap_ms: int) -> ResumePoint:
         epoch,
         state.battery_at_start,
         state.first_failure,
-        state.restored_stops,
+        state.stops,
         state.steering,
     )
 

@@ -10,7 +10,7 @@ from apad_bridge.events.persons import Steering
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.manual import CommandSource
 from apad_bridge.supervisor.core import LearnedState
-from apad_bridge.vehicle.guards.stops import NO_STOPS, RestoredStops
+from apad_bridge.vehicle.guards.stops import NO_STOPS, StopsState
 from apad_bridge.vehicle.outcomes import PrimitiveFailed
 
 _COMMAND_IDS_PER_EPOCH = 1_000_000
@@ -26,7 +26,7 @@ class ResumePoint:
     apad_fraction_at_start: float | None
     first_failure: PrimitiveFailed | None = None
     """The failure that the docking port had latched."""
-    stops: RestoredStops = NO_STOPS
+    stops: StopsState = NO_STOPS
     steering: Steering = Steering.PERSON
     """The party that had taken the aPad from the mission, where the flight is by hand."""
 

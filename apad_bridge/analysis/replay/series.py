@@ -27,6 +27,7 @@ from apad_bridge.scenario.area.fence import fence_of
 from apad_bridge.scenario.explained import unit_of
 from apad_bridge.scenario.firmware_config import sinking_of, takes_samples
 from apad_bridge.scenario.schema import Area, Scenario
+from apad_bridge.vehicle.guards.stops import StopRecord
 from firmware_model.packets import QUANTITIES
 from firmware_model.power.charge import fraction
 from firmware_model.power.rails import Rail
@@ -250,8 +251,8 @@ class RunView:
             "phase": now.phase,
             "primitive": now.primitive,
             "plan": _plan_data(now.plan),
-            "stop": None if now.stop is None else now.stop._asdict(),
-            "refused": None if now.refused_stop is None else now.refused_stop._asdict(),
+            "stop": _stop_data(now.stops.in_force),
+            "refused": _stop_data(now.refused_stop),
             "drift": None if now.drift is None else now.drift.line,
             "interrupted": now.interruptions.is_one,
         }
@@ -382,6 +383,18 @@ def _plan_data(plan: PlanView | None) -> dict[str, Any] | None:
         "steps": [list(step) for step in plan.steps],
         "places": [None if it is None else [round(it[0], 2), round(it[1], 2)] for it in plan.places_m],
         "done": len(plan.steps) - plan.left,
+    }
+
+
+def _stop_data(stop: StopRecord | None) -> dict[str, Any] | None:
+    if stop is None:
+        return None
+    return {
+        "number": stop.number,
+        "mode": stop.kind,
+        "by": stop.by,
+        "states": stop.states,
+        "reason": stop.newest_reason or None,
     }
 
 

@@ -181,7 +181,7 @@ class GuardedVehicle:
         if not self._stops.may_end(ends):
             return
         self._keeper.note_continued()
-        self._stops.end(by)
+        self._stops.end(by, now_ms)
         self.gate.watch.believe()
 
     def go_back_in(self, by: str, lookout: str, now_ms: int) -> None:
@@ -393,7 +393,7 @@ class GuardedVehicle:
                 self._keeper.send_again(finding.reason, now_ms)
             return
         if stop is not None and stop.kind is StopKind.HOLD and wants_off:
-            self._keeper.become_off(finding.reason)
+            self._keeper.become_off(finding.reason, now_ms)
             self._keeper.send(now_ms)
         elif self._stops.way_back is not None and finding.cause is Cause.OUTSIDE:
             return  # a person sent it back from there

@@ -112,7 +112,7 @@ class StopKeeper:
         elif waited_ms >= TAKEN_MS or not (is_blind or is_early):
             self._restored = None
             if reason := self._why_not_hold_late(now_ms):
-                self.become_off(reason)
+                self.become_off(reason, now_ms)
             self.send(now_ms)
 
     def _why_not_hold_late(self, now_ms: int) -> str:
@@ -147,25 +147,23 @@ class StopKeeper:
         if stop is None or self._gate.pilot == PILOT_STEERS:
             return
         if stop.kind is StopKind.HOLD and not may_hold(situation):
-            self.become_off(situation.position_fault or situation.outside)
-        elif stop.kind is StopKind.HOLD and situation.place_m is not None:
-            self._stops.keep_place(situation.place_m)
+            self.become_off(situation.position_fault or situation.outside, now_ms)
         command_id = self._take_id()
         self._stop_ms, self._repeat_ms = now_ms, now_ms + REPEAT_MS
+        self._stops.sent(command_id, now_ms, situation.place_m)
         stop = self._stops.in_force
-        self._stops.sent(command_id, now_ms)
         if stop is not None and stop.place_m is not None:
             self._send(self._gate.clear_stop(Hold(command_id, *stop.place_m, pre_empts=True)), now_ms)
         else:
             self._send(self._gate.clear_stop(Stop(command_id)), now_ms)
 
-    def become_off(self, reason: str) -> None:
+    def become_off(self, reason: str, now_ms: int) -> None:
         self._obedience = None
-        self._stops.become_off(reason)
+        self._stops.become_off(reason, now_ms)
 
     def send_again(self, reason: str, now_ms: int) -> None:
         """Sends the stop in force to a vehicle that moves in spite of it: it comes before other clients."""
-        self._stops.order_again(reason)
+        self._stops.order_again(reason, now_ms)
         self._rest = self._obedience = None
         self.send(now_ms)
 
@@ -188,13 +186,13 @@ class StopKeeper:
         assert stop is not None
         if self._gate.pilot == PILOT_STEERS:
             # A pilot ends a stop that was taken, too. Nothing goes out, and nothing when the pilot lets go.
-            self._stops.failed(self._gate.pilot)
+            self._stops.failed(self._gate.pilot, now_ms)
             self._repeat_ms = None
             return
         self._stop_ms = None
-        self._stops.failed(reason)
+        self._stops.failed(reason, now_ms)
         if stop.kind is StopKind.HOLD:
-            self.become_off(f"the vehicle did not take the hold: {reason}")
+            self.become_off(f"the vehicle did not take the hold: {reason}", now_ms)
             self.send(now_ms)
 
     def watch(self, now_ms: int) -> None:
@@ -228,9 +226,9 @@ class StopKeeper:
             self._stops.obeyed(now_ms)
         elif obeys is Obeys.NO and self._obedience is not None:
             reason = self._obedience.reason
-            self._stops.disobeyed(reason)
+            self._stops.disobeyed(reason, now_ms)
             if stop.kind is StopKind.HOLD:
-                self.become_off(reason)
+                self.become_off(reason, now_ms)
                 self.send(now_ms)
         if self._is_due_again(obeys, now_ms):
             self.send(now_ms)
@@ -257,7 +255,7 @@ class StopKeeper:
             self.failed(reason, now_ms)
         else:
             self._stop_ms = None
-            self._stops.failed(reason)
+            self._stops.failed(reason, now_ms)
 
     def _drift(self, now_ms: int) -> Drifting:
         """The course of a vehicle without thrust, by its last speed or the known sea, and when it would get out."""

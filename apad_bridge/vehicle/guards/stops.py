@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from typing import Any
 
 from apad_bridge.events.event import Event
 from apad_bridge.events.guards import StopChanged, StopEnded, StopKind, StopState
@@ -74,6 +73,10 @@ class StopRecord:
     """The reason why nothing was sent: a pilot steers."""
     stills_arms: bool = False
     """Somebody has hands at the docks: no arm moves."""
+    states: tuple[tuple[StopState, int], ...] = ()
+    """Each state that it came to, with its time."""
+    newest_reason: str = ""
+    """The newest reason that came with one of them; empty where none did."""
 
     @property
     def state(self) -> StopState:
@@ -97,18 +100,21 @@ class StopRecord:
 
 
 @dataclass(frozen=True, slots=True)
-class RestoredStops:
-    """The newest stop of a run's former supervisor, and the one in force."""
+class StopsState:
+    """The newest stop and the one in force, by the journal's lines of stops: the same live, resumed, and on the page."""
 
     newest: StopRecord | None = None
     in_force: StopRecord | None = None
+    """Nothing but this stop moves or stills the vehicle, until a person continues."""
 
-    def after(self, at_ms: int, event: StopChanged | StopEnded) -> RestoredStops:
+    def after(self, at_ms: int, event: StopChanged | StopEnded) -> StopsState:
         """The stops after the next event of one, at its mission time."""
         if isinstance(event, StopEnded):
             return replace(self, in_force=None)
-        newest = _changed(self.in_force, event, at_ms)
-        return RestoredStops(newest, self.in_force if event.state is StopState.REFUSED else newest)
+        changed = _changed(self.in_force, event, at_ms)
+        # A refused stop has a number of its own, which no other gets while an older one is in force.
+        newest = self.newest if self.newest and self.newest.number > changed.number else changed
+        return StopsState(newest, self.in_force if event.state is StopState.REFUSED else changed)
 
     def text(self) -> str:
         """A line for the person who resumes the run; empty without a stop in force."""
@@ -122,7 +128,7 @@ class RestoredStops:
         )
 
 
-NO_STOPS = RestoredStops()
+NO_STOPS = StopsState()
 
 
 def _changed(before: StopRecord | None, event: StopChanged, at_ms: int) -> StopRecord:
@@ -136,6 +142,8 @@ def _changed(before: StopRecord | None, event: StopChanged, at_ms: int) -> StopR
         is_persons=bool(event.is_persons),
         stills_arms=bool(event.hands),
         place_m=place_m if event.mode is StopKind.HOLD else None,
+        states=(*before.states, (event.state, at_ms)),
+        newest_reason=event.reason or before.newest_reason,
     )
     match event.state:
         case StopState.ORDERED:
@@ -157,15 +165,16 @@ def _changed(before: StopRecord | None, event: StopChanged, at_ms: int) -> StopR
 
 
 class Stops:
-    """Keeps the newest stop, and the one in force. It sends nothing: a `GuardedVehicle` does, and says what came of it."""
+    """Keeps the stops of a vehicle. It sends nothing: a `GuardedVehicle` does, and says what came of it.
+
+    Only the lines that it writes change them, and one assignment each: another thread reads a whole state.
+    """
 
     def __init__(self, events: list[Event], latch: Latch) -> None:
         self._events = events
         """The journal's lines that nobody has taken yet; the gate's too."""
         self._latch = latch
-        self.newest: StopRecord | None = None
-        self.in_force: StopRecord | None = None
-        """Nothing but this stop moves or stills the vehicle, until a person continues."""
+        self._state = NO_STOPS
         self.way_back: int | None = None
         """The id of the way back inside the fence, which a person allowed while the stop is in force."""
         self._command_id: int | None = None
@@ -177,6 +186,14 @@ class Stops:
         self._awaited_ms: int | None = None
         """Since when the vehicle owes its acceptance, of which the operator was not told. A HOLD that becomes OFF
         meanwhile, or a second stop, gives it no more time."""
+
+    @property
+    def newest(self) -> StopRecord | None:
+        return self._state.newest
+
+    @property
+    def in_force(self) -> StopRecord | None:
+        return self._state.in_force
 
     @property
     def is_persons_hold(self) -> bool:
@@ -213,46 +230,41 @@ class Stops:
         """A new stop is ordered, and is in force. It stills the arms if the one before it did."""
         stills = stills_arms or (self.in_force is not None and self.in_force.stills_arms)
         self._latch.turn()
-        self.in_force = StopRecord(
+        self._command_id, self._is_told = None, False
+        stop = StopRecord(
             self._next_number(), kind, by, reason, now_ms, is_persons=is_persons, stills_arms=stills
         )
-        self._command_id, self._is_told = None, False
-        self._note(StopState.ORDERED, reason)
+        self._tell(stop, StopState.ORDERED, now_ms, reason)
 
     def refuse(self, kind: StopKind, by: str, reason: str, now_ms: int) -> None:
         """Somebody wants a stop, and nothing may be sent, for this reason."""
-        self.newest = StopRecord(self._next_number(), kind, by, "", now_ms, is_persons=True, refused=reason)
-        self._tell(self.newest, StopState.REFUSED, reason)
+        stop = StopRecord(self._next_number(), kind, by, reason, now_ms, is_persons=True)
+        self._tell(stop, StopState.REFUSED, now_ms, reason)
 
-    def become_off(self, reason: str) -> None:
+    def become_off(self, reason: str, now_ms: int) -> None:
         """A HOLD in force becomes OFF, for this reason, under the same number."""
+        assert self.in_force is not None
         self._latch.turn()
-        self._change(kind=StopKind.OFF, place_m=None)
-        self._begin_anew(reason)
+        self._is_told = False
+        off = replace(self.in_force, kind=StopKind.OFF, place_m=None)
+        self._tell(off, StopState.ORDERED, now_ms, reason)
 
-    def order_again(self, reason: str) -> None:
+    def order_again(self, reason: str, now_ms: int) -> None:
         """The vehicle moves in spite of the stop, for this reason: what it had taken it has to take anew."""
         if self.in_force is not None and self.in_force.taken_ms is not None:
-            self._begin_anew(reason)
+            self._is_told = False
+            self._tell(self.in_force, StopState.ORDERED, now_ms, reason)
 
-    def _begin_anew(self, reason: str) -> None:
-        self._change(sent_ms=None, taken_ms=None, obeyed_ms=None, rest_ms=None)
-        self._is_told = False
-        self._note(StopState.ORDERED, reason)
-
-    def keep_place(self, place_m: Point) -> None:
-        """The HOLD in force keeps this place, if it keeps none yet."""
-        if self.in_force is not None and self.in_force.place_m is None:
-            self._change(place_m=place_m)
-
-    def sent(self, command_id: int, now_ms: int) -> None:
-        assert self.in_force is not None
+    def sent(self, command_id: int, now_ms: int, here_m: Point | None) -> None:
+        """The stop in force goes out by this command. A HOLD keeps the place where the vehicle is then."""
+        stop = self.in_force
+        assert stop is not None
         self._command_id = command_id
-        if self._awaited_ms is None and self.in_force.taken_ms is None:
+        if self._awaited_ms is None and stop.taken_ms is None:
             self._awaited_ms = now_ms
-        if self.in_force.sent_ms is None:
-            self._change(sent_ms=now_ms)
-            self._note(StopState.SENT)
+        if stop.sent_ms is None:
+            place_m = (stop.place_m or here_m) if stop.kind is StopKind.HOLD else None
+            self._tell(replace(stop, place_m=place_m), StopState.SENT, now_ms)
 
     def is_sent_by(self, command_id: int) -> bool:
         return self.in_force is not None and self._command_id == command_id
@@ -260,40 +272,35 @@ class Stops:
     def taken(self, now_ms: int) -> None:
         if self.in_force is not None and self.in_force.taken_ms is None:
             self._awaited_ms = None
-            self._change(taken_ms=now_ms, not_taken="")
-            self._note(StopState.TAKEN)
+            self._tell(self.in_force, StopState.TAKEN, now_ms)
 
-    def failed(self, reason: str) -> None:
+    def failed(self, reason: str, now_ms: int) -> None:
         """The vehicle has not taken it, and it is sent again; told once."""
         if self.in_force is not None and self.in_force.taken_ms is None and not self._is_told:
             self._is_told, self._awaited_ms = True, None
-            self._change(not_taken=reason)
-            self._note(StopState.NOT_TAKEN, reason)
+            self._tell(self.in_force, StopState.NOT_TAKEN, now_ms, reason)
 
     def obeyed(self, now_ms: int) -> None:
         """The hull slows, or was slow when the stop was taken."""
         if self.in_force is not None and self.in_force.obeyed_ms is None:
-            self._change(obeyed_ms=now_ms, not_obeyed="")
-            self._note(StopState.OBEYED)
+            self._tell(self.in_force, StopState.OBEYED, now_ms)
 
     def blind(self, reason: str) -> None:
-        """Nobody can tell if the hull obeys, for this reason; empty where somebody can again."""
+        """Nobody can tell if the hull obeys, for this reason; empty where somebody can again. The journal keeps it not."""
         stop = self.in_force
         if stop is not None and stop.taken_ms is not None and bool(stop.untold) != bool(reason):
-            self._change(untold=reason)
-            self.newest = self.in_force
+            blind = replace(stop, untold=reason)
+            self._state = StopsState(blind if self.newest is stop else self.newest, blind)
 
-    def disobeyed(self, reason: str) -> None:
+    def disobeyed(self, reason: str, now_ms: int) -> None:
         """The hull goes on in spite of the stop, for this reason; told once."""
         if self.in_force is not None and not self.in_force.not_obeyed:
-            self._change(not_obeyed=reason, obeyed_ms=None, rest_ms=None)
-            self._note(StopState.NOT_OBEYED, reason)
+            self._tell(self.in_force, StopState.NOT_OBEYED, now_ms, reason)
 
     def at_rest(self, now_ms: int) -> None:
         stop = self.in_force
         if stop is not None and stop.obeyed_ms is not None and stop.rest_ms is None:
-            self._change(rest_ms=now_ms)
-            self._note(StopState.AT_REST)
+            self._tell(stop, StopState.AT_REST, now_ms)
 
     def is_overdue(self, now_ms: int, patience_ms: int = TAKEN_MS) -> bool:
         """The stop in force was sent, and the vehicle has not taken it in time."""
@@ -306,44 +313,38 @@ class Stops:
             and now_ms - self._awaited_ms >= patience_ms
         )
 
-    def end(self, by: str) -> None:
+    def end(self, by: str, now_ms: int) -> None:
         """A person continues: no stop is in force any more."""
         if self.in_force is not None:
             self._latch.turn()
-            self._events.append(StopEnded(self.in_force.number, by))
-        self.in_force = self._command_id = self._awaited_ms = None
+            self._take(StopEnded(self.in_force.number, by), now_ms)
+        self._command_id = self._awaited_ms = None
 
-    def restore(self, restored: RestoredStops) -> None:
+    def restore(self, restored: StopsState) -> None:
         """Takes over the stops of the run's former supervisor."""
-        self.newest, self.in_force = restored.newest, restored.in_force
+        self._state = restored
         self._restored_number = None if restored.in_force is None else restored.in_force.number
         self._latch.turn()
 
     def _next_number(self) -> int:
         return 1 if self.newest is None else self.newest.number + 1
 
-    def _change(self, **fields: Any) -> None:
-        assert self.in_force is not None
-        self.in_force = replace(self.in_force, **fields)
-
-    def _note(self, state: StopState, reason: str = "") -> None:
-        """The record of the newest stop changes last: whoever reads it in another thread sees a whole one."""
-        assert self.in_force is not None
-        self.newest = self.in_force
-        self._tell(self.in_force, state, reason)
-
-    def _tell(self, stop: StopRecord, state: StopState, reason: str) -> None:
+    def _tell(self, stop: StopRecord, state: StopState, now_ms: int, reason: str = "") -> None:
+        """A stop came to a state, for this reason."""
         north_m, east_m = (None, None) if stop.place_m is None else (round(it, 3) for it in stop.place_m)
-        self._events.append(
-            StopChanged(
-                stop.number,
-                stop.kind,
-                stop.by,
-                state,
-                reason or None,
-                is_persons=stop.is_persons or None,
-                hands=stop.stills_arms or None,
-                north_m=north_m,
-                east_m=east_m,
-            )
+        changed = StopChanged(
+            stop.number,
+            stop.kind,
+            stop.by,
+            state,
+            reason or None,
+            is_persons=stop.is_persons or None,
+            hands=stop.stills_arms or None,
+            north_m=north_m,
+            east_m=east_m,
         )
+        self._take(changed, now_ms)
+
+    def _take(self, event: StopChanged | StopEnded, now_ms: int) -> None:
+        self._state = self._state.after(now_ms, event)
+        self._events.append(event)

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from apad_bridge.events.event import Event
-from apad_bridge.events.guards import HoldRepeated, StopChanged, StopEnded
+from apad_bridge.events.guards import HoldRepeated, StopChanged, StopEnded, StopKind
 from apad_bridge.vehicle.commands import (
     CommandFailed,
     GoTo,
@@ -20,7 +20,7 @@ from apad_bridge.vehicle.commands import (
 )
 from apad_bridge.vehicle.guards.guarded_vehicle import HOLD_AGAIN_MS
 from apad_bridge.vehicle.guards.stop_keeper import AFTER_CUT_MS, REPEAT_MS
-from apad_bridge.vehicle.guards.stops import NO_STOPS, RestoredStops, StopsEnded
+from apad_bridge.vehicle.guards.stops import NO_STOPS, Latch, Stops, StopsEnded, StopsState
 from tests.apad_bridge.vehicle.guards.test_gate import Guarded
 
 
@@ -35,7 +35,7 @@ class Journaled(Guarded):
         self.lines += [(self.now_ms, it) for it in self.vehicle.gate.take_events()]
 
     @property
-    def restored(self) -> RestoredStops:
+    def restored(self) -> StopsState:
         stops = NO_STOPS
         for at_ms, it in self.lines:
             if isinstance(it, StopChanged | StopEnded):
@@ -43,7 +43,7 @@ class Journaled(Guarded):
         return stops
 
 
-def resumed(restored: RestoredStops) -> Guarded:
+def resumed(restored: StopsState) -> Guarded:
     """A new supervisor, which has heard nothing yet."""
     bench = Guarded(is_real=True, place=None)
     bench.vehicle.gate.stops.restore(restored)
@@ -116,7 +116,19 @@ def test_the_journal_gives_back_the_stop_that_was_in_force(names: list[str]) -> 
     assert (again.taken_ms is None) == (live.taken_ms is None)
 
 
-def crashed(*, off: bool = False, hands: bool = False, takes: bool = True) -> RestoredStops:
+def test_a_refused_stop_keeps_its_number_while_an_older_one_goes_on() -> None:
+    stops = Stops([], Latch())
+    stops.begin(StopKind.HOLD, "Anna", "", 0)
+    stops.sent(-1, 0, (1.0, 2.0))
+    stops.taken(1_000)
+    stops.refuse(StopKind.OFF, "Bo", "a pilot steers", 2_000)
+    stops.obeyed(3_000)
+    assert stops.newest is not None and (stops.newest.number, stops.newest.refused) == (2, "a pilot steers")
+    stops.begin(StopKind.OFF, "Bo", "", 4_000)
+    assert stops.in_force is not None and stops.in_force.number == 3
+
+
+def crashed(*, off: bool = False, hands: bool = False, takes: bool = True) -> StopsState:
     """What a supervisor left that died some seconds after a person's stop, or before the vehicle had taken it."""
     bench = Journaled()
     bench.wire.takes = takes
