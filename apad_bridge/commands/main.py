@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 from apad_bridge.runs.exits import (
     Exit,
+    fault_of_file,
     is_for_lack_of_memory,
     is_short_of_address_space,
     memory_shortage,
@@ -268,11 +269,14 @@ def _run(arguments: list[str]) -> int:
         _discard(sys.stdout)
         return Exit.PEER_FAILED
     except OSError as error:
-        if (why := shortage(error)) is None:
+        if (why := shortage(error)) is not None:
+            print(f"musselbed {chosen.command}: {why}", file=sys.stderr)
+            _discard(sys.stdout)
+            return Exit.PEER_FAILED
+        if (why := fault_of_file(error)) is None:
             raise
         print(f"musselbed {chosen.command}: {why}", file=sys.stderr)
-        _discard(sys.stdout)
-        return Exit.PEER_FAILED
+        return Exit.USER_MISTAKE
     except Exception as error:
         if is_for_lack_of_memory(error):
             return _out_of_memory(chosen.command)

@@ -67,6 +67,11 @@ def shortage(error: OSError) -> str | None:
     return None
 
 
+def fault_of_file(error: OSError) -> str | None:
+    """One line for a file that cannot be read or written. None for an error that names no file."""
+    return None if error.filename is None else f"{error.filename}: {error.strerror}"
+
+
 def memory_shortage() -> str:
     soft, _ = resource.getrlimit(resource.RLIMIT_AS)
     if soft == resource.RLIM_INFINITY:

@@ -39,8 +39,12 @@ def _read_pipe(path: Path) -> bytes:
 
 
 def write_atomically(path: Path, text: str) -> None:
-    """Writes a text file under a temporary name in the same directory, then renames it."""
-    descriptor, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    """Writes a text file under a temporary name in the same directory, then renames it. OSError with the file's name."""
+    try:
+        descriptor, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    except OSError as error:
+        error.filename = str(path)
+        raise
     try:
         with open(descriptor, "w", encoding="utf-8", newline="\n") as file:
             os.fchmod(descriptor, 0o644)

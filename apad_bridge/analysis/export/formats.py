@@ -75,7 +75,8 @@ def _write_parquet(table: SeriesTable, path: Path) -> None:
     import pyarrow
     from pyarrow import parquet
 
-    parquet.write_table(pyarrow.table({name: _alike(it) for name, it in table.columns.items()}), path)
+    with path.open("wb") as file:  # its own error of a file names none
+        parquet.write_table(pyarrow.table({name: _alike(it) for name, it in table.columns.items()}), file)
 
 
 def _alike(column: list[Any]) -> list[Any]:

@@ -15,7 +15,7 @@ from apad_bridge.commands.firmware.mu_conform import add_conform
 from apad_bridge.commands.firmware.mu_program import BOARDS, WORST_CASE, is_program, run_program, write_vcd
 from apad_bridge.commands.firmware.mu_script import Budget, budget_of, play, read_script
 from apad_bridge.commands.help_text import ending
-from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
+from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.exits import Exit
 from apad_bridge.runs.rich_console import Console, print_result, table_of
 from apad_bridge.scenario.errors import UserError
@@ -212,10 +212,7 @@ def _show_budget(budget: Budget, console: Console) -> None:
 def run_energy(arguments: argparse.Namespace) -> int:
     from apad_bridge.analysis.energy.energy import energy_of
 
-    try:
-        found = energy_of(RunDirectory.open(arguments.directory), tuple(dict.fromkeys(arguments.agent)))
-    except (RunDirectoryError, OSError) as error:
-        raise UserError(str(error)) from error
+    found = energy_of(RunDirectory.open(arguments.directory), tuple(dict.fromkeys(arguments.agent)))
     print_result(arguments.json, [asdict(it) for it in found], lambda: _show_energy(found, Console()))
     if strange := [it.agent_id for it in found if not it.is_exact]:
         print(

@@ -148,9 +148,9 @@ def run_conform(arguments: argparse.Namespace) -> int:
     if arguments.capture is not None:
         if len(results) != 1:
             raise UserError("--capture: name one --case, or a --script")
-        _write(arguments.capture, "\n".join(traced(results[0].case, results[0].theirs)) + "\n")
+        write_atomically(arguments.capture, "\n".join(traced(results[0].case, results[0].theirs)) + "\n")
     if arguments.junit is not None:
-        _write(arguments.junit, _junit(program, results))
+        write_atomically(arguments.junit, _junit(program, results))
     if arguments.json:
         print(json.dumps([_as_data(it) for it in results], indent=1))
     else:
@@ -208,13 +208,6 @@ def _judged_by_trace(program: Path, trace: Path, profile: str, cost_ms: int, see
         raise UserError(f"{trace}: {error}") from None
     case = replace(case, whole=Whole() if profile == WHOLE else None)
     return judged(case, found, lambda it: rig_of(program, it, cost_ms, seed), FirmwareFailed, {}, 2 * cost_ms)
-
-
-def _write(path: Path, text: str) -> None:
-    try:
-        write_atomically(path, text)
-    except OSError as error:
-        raise UserError(f"{path} cannot be written: {error.strerror}") from None
 
 
 def _waivers(path: Path, profile: str) -> dict[str, str]:

@@ -44,7 +44,7 @@ def run(arguments: argparse.Namespace) -> int:
     from apad_bridge.commands.fly.run_checks import check_real_vehicle
     from apad_bridge.commands.outcome import report
     from apad_bridge.records.journal import FORMAT_VERSION, format_of
-    from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
+    from apad_bridge.records.run_directory import RunDirectory
     from apad_bridge.runs import resuming
     from apad_bridge.runs.children import supervisor_of
     from apad_bridge.runs.own_runs import code_of
@@ -61,7 +61,7 @@ def run(arguments: argparse.Namespace) -> int:
                 f"resume the run with the version that began it ({directory.versions})"
             )
         options = RunOptions.load(path)
-    except (RunDirectoryError, OSError, ValueError) as error:
+    except ValueError as error:
         raise UserError(str(error)) from error
     if options.time is TimeSource.ASAP:
         raise UserError(

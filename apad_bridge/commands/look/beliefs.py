@@ -13,7 +13,6 @@ from rich.table import Table
 from apad_bridge.analysis.belief_scores.comparisons import Record, best_record, comparisons_in
 from apad_bridge.analysis.belief_scores.scores import LOW_COVERAGE, Score, Scores, scores_of
 from apad_bridge.commands.help_text import ending
-from apad_bridge.records.run_directory import RunDirectoryError
 from apad_bridge.runs.exits import Exit
 from apad_bridge.runs.progress import WorkProgress
 from apad_bridge.runs.rich_console import Console, print_result
@@ -60,15 +59,12 @@ def run(arguments: argparse.Namespace) -> int:
     figure: Path | None = arguments.figure
     if figure is not None and figure.suffix not in FIGURE_ENDINGS:
         raise UserError(f"--figure {figure}: its name must end in one of {', '.join(FIGURE_ENDINGS)}")
-    try:
-        with WorkProgress(arguments.json) as progress:
-            progress.step(f"reading {arguments.directory}")
-            record, why_journal = (
-                (Record(arguments.record), None) if arguments.record else best_record(arguments.directory)
-            )
-            scores = scores_of(comparisons_in(arguments.directory, round(1000 * arguments.period), record))
-    except (RunDirectoryError, OSError) as error:
-        raise UserError(str(error)) from error
+    with WorkProgress(arguments.json) as progress:
+        progress.step(f"reading {arguments.directory}")
+        record, why_journal = (
+            (Record(arguments.record), None) if arguments.record else best_record(arguments.directory)
+        )
+        scores = scores_of(comparisons_in(arguments.directory, round(1000 * arguments.period), record))
     if why_journal is not None:
         print(f"musselbed beliefs: {why_journal}; the journal is read instead", file=sys.stderr)
     if scores is None:
@@ -78,10 +74,7 @@ def run(arguments: argparse.Namespace) -> int:
     if figure is not None:
         from apad_bridge.analysis.belief_scores.figure import draw
 
-        try:
-            draw(scores, figure, f"beliefs in {arguments.directory.name}")
-        except OSError as error:
-            raise UserError(f"--figure {figure}: {error.strerror}") from error
+        draw(scores, figure, f"beliefs in {arguments.directory.name}")
     print_result(
         arguments.json, {"record": record, **asdict(scores)}, lambda: _show(scores, record, Console())
     )

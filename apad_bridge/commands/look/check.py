@@ -14,7 +14,7 @@ from apad_bridge.commands.help_text import ending
 from apad_bridge.runs.exits import Exit
 from apad_bridge.runs.progress import WorkProgress
 from apad_bridge.runs.rich_console import print_result
-from apad_bridge.scenario.errors import ScenarioError, UserError
+from apad_bridge.scenario.errors import UserError
 
 if TYPE_CHECKING:
     from apad_bridge.analysis.invariants import Broken
@@ -81,20 +81,16 @@ def _compare(one: Path, other: Path, *, as_json: bool) -> int:
     """Prints the digests of two runs, and the first event in which they differ."""
     from apad_bridge.records.digest import combined_digest, counted_events
     from apad_bridge.records.journal import read_journal
-    from apad_bridge.records.run_directory import RunDirectoryError
 
     digests, events = [], []
-    try:
-        for directory in (one, other):
-            # With several aPads, each one's own: an event is told by its aPad too.
-            each = [
-                (it.relative_to(directory), *counted_events(read_journal(it / "journal.jsonl").entries))
-                for it in _runs_in(directory)
-            ]
-            digests.append(combined_digest(digest for _, _, digest in each))
-            events.append([(event, str(path)) for path, found, _ in each for event in found])
-    except (RunDirectoryError, OSError) as error:
-        raise UserError(str(error)) from error
+    for directory in (one, other):
+        # With several aPads, each one's own: an event is told by its aPad too.
+        each = [
+            (it.relative_to(directory), *counted_events(read_journal(it / "journal.jsonl").entries))
+            for it in _runs_in(directory)
+        ]
+        digests.append(combined_digest(digest for _, _, digest in each))
+        events.append([(event, str(path)) for path, found, _ in each for event in found])
     differing = first_difference(*events)
     if as_json:
         print(json.dumps({"digests": digests, "differing": differing}))
@@ -140,14 +136,11 @@ def _runs_in(directory: Path) -> list[Path]:
 
 
 def broken_rules(directory: Path) -> dict[Path, list[Broken]]:
-    """The broken rules by the directory of each aPad's run. UserError for a directory without a run, or a damaged one."""
+    """The broken rules by the directory of each aPad's run. RunDirectoryError for no run, or a damaged one."""
     from apad_bridge.analysis.invariants import check_run
-    from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
+    from apad_bridge.records.run_directory import RunDirectory
 
-    try:
-        return {each: check_run(RunDirectory.open(each)) for each in _runs_in(directory)}
-    except (RunDirectoryError, ScenarioError, OSError) as error:
-        raise UserError(str(error)) from error
+    return {each: check_run(RunDirectory.open(each)) for each in _runs_in(directory)}
 
 
 def print_rules(broken: Mapping[Path, list[Broken]], to: TextIO) -> None:

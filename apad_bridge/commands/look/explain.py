@@ -10,7 +10,7 @@ from apad_bridge.commands.help_text import MISSION_TIME, ending, mission_seconds
 from apad_bridge.events.mission import PlanMade
 from apad_bridge.planning.registry import rule_of
 from apad_bridge.records.journal import Entry, read_journal
-from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
+from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.progress import WorkProgress
 from apad_bridge.runs.rich_console import Console, print_result, table_of
 from apad_bridge.scenario.errors import UserError
@@ -41,12 +41,9 @@ def add_parser(commands: Any) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    try:
-        with WorkProgress(arguments.json) as progress:
-            progress.step(f"reading {arguments.directory}")
-            journal = read_journal(RunDirectory.open(arguments.directory).journal)
-    except (RunDirectoryError, OSError) as error:
-        raise UserError(str(error)) from error
+    with WorkProgress(arguments.json) as progress:
+        progress.step(f"reading {arguments.directory}")
+        journal = read_journal(RunDirectory.open(arguments.directory).journal)
     if not (plans := list(journal.events(PlanMade))):
         raise UserError(f"{arguments.directory}: no plan was made yet")
     if arguments.at is not None and 1000 * arguments.at > journal.last_ms:

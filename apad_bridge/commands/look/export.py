@@ -53,6 +53,4 @@ def run(arguments: argparse.Namespace) -> int:
             counts = export(directory, Format(arguments.to), path)
     except ImportError as error:
         raise UserError(f"--to {arguments.to} needs {error.name}: pip install 'musselbed[export]'") from error
-    except OSError as error:
-        raise UserError(f"{error.filename or path}: {error.strerror}") from error
     return print_result(arguments.json, {"path": str(path), "rows": counts}, lambda: print(path))

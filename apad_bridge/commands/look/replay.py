@@ -36,19 +36,15 @@ def add_parser(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     from apad_bridge.analysis.replay.build import build_comparison, build_replay
-    from apad_bridge.records.run_directory import RunDirectoryError
     from apad_bridge.runs.progress import WorkProgress
 
-    try:
-        with WorkProgress(arguments.json) as progress:
-            if arguments.other is None:
-                progress.step(f"reading {arguments.directory}")
-                page = build_replay(arguments.directory)
-            else:
-                progress.step(f"comparing {arguments.directory} with {arguments.other}")
-                page = build_comparison(arguments.directory, arguments.other)
-    except (RunDirectoryError, OSError) as error:
-        raise UserError(str(error)) from error
+    with WorkProgress(arguments.json) as progress:
+        if arguments.other is None:
+            progress.step(f"reading {arguments.directory}")
+            page = build_replay(arguments.directory)
+        else:
+            progress.step(f"comparing {arguments.directory} with {arguments.other}")
+            page = build_comparison(arguments.directory, arguments.other)
     print_result(arguments.json, {"page": str(page), "bytes": page.stat().st_size}, lambda: print(page))
     if arguments.open and not webbrowser.open(page.absolute().as_uri()):
         raise UserError(f"no browser could be started: open {page.absolute().as_uri()} in one")

@@ -64,8 +64,6 @@ def run(arguments: argparse.Namespace) -> int:
                     export(directory, Format(arguments.data), out / name)
     except ImportError as error:
         raise UserError(f"--data parquet needs {error.name}: pip install 'musselbed[export]'") from error
-    except OSError as error:
-        raise UserError(f"{error.filename or out}: {error.strerror}") from error
     if arguments.json:
         data = [str(out / name) for name in names] if arguments.data != "none" else []
         print(json.dumps({"page": str(page), "data": data}))

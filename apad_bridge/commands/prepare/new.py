@@ -95,17 +95,14 @@ def run(arguments: argparse.Namespace) -> int:
             f"{file.name}: a scenario's name has letters, digits, dots, hyphens and underscores only"
         )
     written = [file]
-    try:
-        if arguments.like is None:
-            text = _from_template(file, arguments.area, arguments.starts, written)
-        else:
-            text, copies = _copied(arguments.like, file)
-            for source, copy in copies.items():
-                shutil.copy(source, copy)
-            written += copies.values()
-        write_atomically(file, text)
-    except OSError as error:
-        raise UserError(f"{error.filename or file}: {error.strerror}") from error
+    if arguments.like is None:
+        text = _from_template(file, arguments.area, arguments.starts, written)
+    else:
+        text, copies = _copied(arguments.like, file)
+        for source, copy in copies.items():
+            shutil.copy(source, copy)
+        written += copies.values()
+    write_atomically(file, text)
     print(*written, sep="\n")
     print(f"Next:\n  musselbed run {file} --time asap")
     return Exit.DONE

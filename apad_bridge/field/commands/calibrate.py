@@ -83,24 +83,21 @@ def run(arguments: argparse.Namespace) -> int:
 
     if arguments.out is not None and arguments.out.exists():
         raise UserError(f"{arguments.out} exists already: say a new file with --out")
-    try:
-        scenario = load(arguments.scenario)
-        name, namespace = scenario.apad.name, namespace_of_shell()
-        with WorkProgress(arguments.json) as progress:
+    scenario = load(arguments.scenario)
+    name, namespace = scenario.apad.name, namespace_of_shell()
+    with WorkProgress(arguments.json) as progress:
 
-            def read(bag: Path) -> ReadBag:
-                progress.step(f"reading {bag}")
-                return read_recording(bag, name, namespace)
+        def read(bag: Path) -> ReadBag:
+            progress.step(f"reading {bag}")
+            return read_recording(bag, name, namespace)
 
-            recordings, others = list(map(read, arguments.bags)), list(map(read, arguments.residuals))
-            begin_s = _begin_s(recordings[0])
-            adrift_s = tuple((begin_s + low, begin_s + high) for low, high in arguments.adrift)
-            progress.step("measuring")
-            found = calibrate(recordings, scenario, adrift_s, others)
-        if arguments.out is not None:
-            write_resolved(arguments.out, with_block(scenario, found.block))
-    except OSError as error:
-        raise UserError(f"{arguments.out} cannot be written: {error.strerror}") from error
+        recordings, others = list(map(read, arguments.bags)), list(map(read, arguments.residuals))
+        begin_s = _begin_s(recordings[0])
+        adrift_s = tuple((begin_s + low, begin_s + high) for low, high in arguments.adrift)
+        progress.step("measuring")
+        found = calibrate(recordings, scenario, adrift_s, others)
+    if arguments.out is not None:
+        write_resolved(arguments.out, with_block(scenario, found.block))
     return print_result(arguments.json, found.to_json(), lambda: _show(found, Console()))
 
 

@@ -103,7 +103,7 @@ def run_battery(arguments: argparse.Namespace) -> int:
             f"both logs are {fits[0].direction}: give one log, or one of a charge and one of a discharge"
         )
     if arguments.figure is not None:
-        _write_figure(arguments.figure, fits[0])
+        draw(fits[0], arguments.figure)
     return print_result(
         arguments.json,
         {"fits": [fitted.to_json() for fitted in fits], "board": block_of(fits)},
@@ -136,13 +136,6 @@ def block_of(fits: list[BatteryFit]) -> dict[str, Any]:
         else:
             block["charge_segments"] = [list(segment) for segment in fitted.charge_segments]
     return block
-
-
-def _write_figure(path: Path, fitted: BatteryFit) -> None:
-    try:
-        draw(fitted, path)
-    except OSError as error:
-        raise UserError(f"{path} cannot be written: {error.strerror}") from None
 
 
 def _show(fits: list[BatteryFit], console: Console) -> None:

@@ -52,12 +52,9 @@ def run(arguments: argparse.Namespace) -> int:
     out = arguments.out or first.with_name(f"{first.stem}-merged.bag")
     if out.exists():
         raise UserError(f"{out} exists already: name a new file with --out")
-    try:
-        with WorkProgress(arguments.json) as progress:
-            progress.step(f"merging {first} and {second}")
-            merged = merge(first, second, out)
-    except OSError as error:
-        raise UserError(f"{error.filename or out}: {error.strerror}") from error
+    with WorkProgress(arguments.json) as progress:
+        progress.step(f"merging {first} and {second}")
+        merged = merge(first, second, out)
     return print_result(
         arguments.json,
         {"out": str(out), **merged.to_json()},

@@ -9,7 +9,6 @@ from typing import Any
 from apad_bridge.commands.help_text import ending
 from apad_bridge.runs.progress import WorkProgress
 from apad_bridge.runs.rich_console import print_result
-from apad_bridge.scenario.errors import UserError
 
 
 def add_parser(commands: Any) -> None:
@@ -37,12 +36,9 @@ def run(arguments: argparse.Namespace) -> int:
     # Imported here: packing needs the parts of studies.
     from apad_bridge.studies.packing import pack
 
-    try:
-        with WorkProgress(arguments.json) as progress:
-            progress.step(f"packing {arguments.directory}")
-            archive = pack(arguments.directory, arguments.out)
-    except OSError as error:
-        raise UserError(f"{error.filename or arguments.out}: {error.strerror}") from error
+    with WorkProgress(arguments.json) as progress:
+        progress.step(f"packing {arguments.directory}")
+        archive = pack(arguments.directory, arguments.out)
     return print_result(
         arguments.json, {"path": str(archive), "bytes": archive.stat().st_size}, lambda: print(archive)
     )

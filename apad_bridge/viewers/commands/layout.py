@@ -77,7 +77,4 @@ def _save(out: Path, text: str, *, force: bool) -> None:
         raise UserError(f"--out {out}: is a directory: name a file in it")
     if out.exists() and not force:
         raise UserError(f"--out {out} exists already: replace it with --force")
-    try:
-        write_atomically(out, text)
-    except OSError as error:
-        raise UserError(f"--out {out}: {error.strerror}") from error
+    write_atomically(out, text)

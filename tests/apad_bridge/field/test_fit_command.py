@@ -75,7 +75,7 @@ def test_more_segments_fit_better(logs: Path, capsys: pytest.CaptureFixture[str]
         ("charge.csv discharge.csv charge.csv", "one log, or one of a charge"),
         ("charge.csv discharge.csv --figure a.svg", "draws one log"),
         ("charge.csv --figure a.jpeg", "must end in one of .png, .svg, .pdf"),
-        ("charge.csv --figure no/a.svg", "cannot be written"),
+        ("charge.csv --figure no/a.svg", "no/a.svg: No such file"),
         ("charge.csv --empty-mv 4300", "--empty-mv must lie below"),
         ("missing.csv", "No such file"),
     ],
