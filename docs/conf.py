@@ -10,7 +10,7 @@ from pygments.lexers.special import TextLexer
 project = "musselbed"
 extensions = ["myst_parser"]
 root_doc = "README"
-exclude_patterns = ["_build", "results", "paper"]
+exclude_patterns = ["_build", "paper"]
 # Light or dark as the system is, and usable on a phone.
 html_theme = "furo"
 html_title = "musselbed"

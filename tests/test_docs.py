@@ -27,6 +27,7 @@ from apad_bridge.scenario.schema import Scenario
 ROOT = Path(__file__).parents[1]
 BY_HAND = sorted((ROOT / "docs").glob("*.md"))
 MADE = sorted((ROOT / "docs/reference").glob("*.md"))
+TABLES = ROOT / "docs/results/tables.md"
 FRONT = [ROOT / f"{it}.md" for it in ("README", "CHANGELOG", "CONTRIBUTING", "SECURITY", "CODE_OF_CONDUCT")]
 PAPER = ROOT / "docs/paper/paper.md"
 PAGES = [*FRONT, *BY_HAND, *MADE, PAPER]
@@ -264,7 +265,7 @@ def test_the_page_of_results_is_what_the_archived_studies_give() -> None:
 def test_the_index_lists_every_page_once_in_one_of_four_groups() -> None:
     index = ROOT / "docs" / "README.md"
     listed = re.findall(r"^- \[[^\]]+\]\(([^)]+)\): \S", index.read_text(), re.MULTILINE)
-    pages = [str(page.relative_to(index.parent)) for page in (*BY_HAND, *MADE) if page != index]
+    pages = [str(page.relative_to(index.parent)) for page in (*BY_HAND, *MADE, TABLES) if page != index]
     whole = [link for link in listed if "#" not in link]
     assert not (dead := sorted({*whole} - {*pages})), f"docs/README.md links to no page: {', '.join(dead)}"
     assert sorted(whole) == sorted(pages), "add a line for the page to a group of docs/README.md"
@@ -283,7 +284,7 @@ def test_the_site_builds_without_a_warning_and_leads_to_every_page(tmp_path: Pat
     built = subprocess.run(build, capture_output=True, text=True, timeout=300)
     assert built.returncode == 0, built.stderr
     index = (tmp_path / "README.html").read_text()
-    for page in (*BY_HAND, *MADE):
+    for page in (*BY_HAND, *MADE, TABLES):
         link = page.relative_to(ROOT / "docs").with_suffix(".html")
         assert f'href="{link}"' in index or page.name == "README.md"
 

@@ -34,7 +34,7 @@ from apad_bridge.studies.event_driven import fly_event_driven
 from apad_bridge.studies.findings import Findings, table_of
 from apad_bridge.studies.runner import Block, Fly, Row
 from apad_bridge.studies.specification import StudyPlan, plan_of
-from apad_bridge.studies.table_two import COLUMNS, FIGURES, PAPER, PaperRow, beside
+from apad_bridge.studies.table_two import BESIDE, COLUMNS, FIGURES, PAPER, PaperRow, beside
 
 GOALS = {"cautious": ("Cautious",), "greedy": ("Cautious", "Greedy"), "bay": ("Greedy (bay)",)}
 """The rows that a search fits. The same starts show what the others are."""
@@ -229,9 +229,10 @@ class FittedStarts(Findings):
     def lines(self, width: int) -> Iterator[Table | str]:
         for row in self._compared():
             title = f"{row['row']}, {row['seconds']:g} s, {len(self.plan.seeds)} searched starts"
-            table = table_of(title, ["", *COLUMNS.values()])
+            table = table_of(title, ["", *COLUMNS.values(), *BESIDE.values()])
             for key, heading in _SHOWN.items():
-                table.add_row(heading, *(f"{row[column][key]:.2f}" for column in COLUMNS))
+                values = [row[column][key] for column in (*COLUMNS, *BESIDE)]
+                table.add_row(heading, *("–" if it is None else f"{it:.2f}" for it in values))
             yield table
 
     def _compared(self) -> list[dict[str, Any]]:
@@ -245,6 +246,7 @@ class FittedStarts(Findings):
                 continue
             figures = [figures_of(row, it, seconds / whole_s) for it in flown]
             columns = {it: beside(getattr(row, it), [each[it] for each in figures]) for it in COLUMNS}
+            columns |= {it: beside(None, [each[it] for each in flown]) for it in BESIDE}
             found.append({"row": row.name, "seconds": seconds} | columns)
         return found
 

@@ -7,6 +7,7 @@ its whole known length obeys Active = N * Avg / 100. In the two Greedy rows the 
 
 from __future__ import annotations
 
+import itertools
 import statistics
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
@@ -27,6 +28,10 @@ _APAD_WH = 230.0
 """The battery of the scenarios' aPad."""
 _BATTERY_FACTOR = 10
 """At another theta the aPad's battery is so much larger, because it would not last as long as the aMussels' 20 hours."""
+CHARGES = {"charges of 0.6 to 1": [0.6, 1.0], "charges as without charging": [0.709, 0.996]}
+"""Intervals of the starting charges: the paper's words (section V-A), and what its row without charging implies.
+
+There uptime is charge over drain: the least charge is 0.709, the greatest 0.996 and the mean 0.843."""
 _AGREES = 0.01
 """A ratio of Active to N * Avg / 100 farther than this from 1 is no rounding."""
 
@@ -62,7 +67,7 @@ PAPER = (
     PaperRow("Greedy (bay)", "bay-24", "greedy", 24, 71.98, 90.31, 31.18, 186.4318, 16.2368),
     PaperRow("No charging", "pool-12", "none", 12, 67.36, 79.56, 56.64, 0.0, 8.0837),
 )
-COLUMNS = {"mean": "Avg %", "max": "Max %", "min": "Min %", "cost_m": "Cost [m]", "active_mean": "Active"}
+COLUMNS = {"mean": "Avg %", "max": "Max %", "min": "Min %", "cost_m": "Cost m", "active_mean": "Active"}
 FIGURES = {
     "mean": "uptime_paper_mean",
     "max": "uptime_paper_max",
@@ -70,10 +75,12 @@ FIGURES = {
     "cost_m": "metres",  # the paper adds up straight legs
     "active_mean": "active_mean",
 }
+BESIDE = {"dead_time_h": "Dead h", "longest_gap_h": "Gap h"}
+"""Columns of ours beside the paper's: uptime hides an aMussel that stands empty, or that took no sample for long."""
 
 
 def table_two_study(seeds: int = 200, theta: int = THETA) -> StudyPlan:
-    """The study of Table II: the pool and the bay with each strategy; at any theta 20 hours of the aMussels' time.
+    """The study of Table II: the pool and the bay with each strategy and each of `CHARGES`; 20 hours of the aMussels' time.
 
     Another theta than the paper's is part of its name, so the two have directories of their own.
     """
@@ -90,42 +97,48 @@ def table_two_study(seeds: int = 200, theta: int = THETA) -> StudyPlan:
         "strategies": ["cautious", "greedy", "none"],
         "seeds": seeds,
         "parameters": parameters,
+        "cells": {name: {"fleet.start.charge": charges} for name, charges in CHARGES.items()},
     }
     return plan_of(data, "table2", SHIPPED)
 
 
 def table_two(plan: StudyPlan, rows: Sequence[Row]) -> list[dict[str, Any]]:
-    """A row for each row and column of the paper's table: its value, ours, and the percentile of its value among ours.
+    """For each of `CHARGES`, row and column of the paper's table: its value, ours, and the percentile of its among ours.
 
-    `percentile` is None at another theta than the paper's, and where all of ours are equal.
+    `percentile` is None at another theta than the paper's, where all of ours are equal, and for columns of ours alone.
     """
     found = []
-    for paper in PAPER:
+    for charges, paper in itertools.product(CHARGES, PAPER):
         ours = [
             row
             for row in rows
             if plan.settings[row["setting"]].scenario == paper.scenario
+            and dict(plan.settings[row["setting"]].parameters)["cell"] == charges
             and row["strategy"] == paper.collection
         ]
         is_papers = plan.settings[ours[0]["setting"]].theta == THETA
-        for column, figure in FIGURES.items():
+        for column, figure in (FIGURES | dict(zip(BESIDE, BESIDE, strict=True))).items():
             values = [row[figure] for row in ours]
-            compared = {"row": paper.name, "column": column} | beside(getattr(paper, column), values)
+            compared: dict[str, Any] = {"charges": charges, "row": paper.name, "column": column}
+            compared |= beside(getattr(paper, column, None), values)
             if not is_papers or min(values) == max(values):
                 compared["percentile"] = None
             found.append({**compared, "paper_recorded": paper.recorded})
     return found
 
 
-def beside(papers: float, ours: Sequence[float]) -> dict[str, Any]:
-    """The paper's value, our median and central 90 %, and the percentile of the paper's value among ours."""
+def beside(papers: float | None, ours: Sequence[float]) -> dict[str, Any]:
+    """The paper's value, our median and central 90 %, and the percentile of the paper's value among ours.
+
+    The value and the percentile are None for a column that the paper does not have.
+    """
     values = sorted(ours)
     return {
         "paper": papers,
         "median": statistics.median(values),
         "p5": values[int(0.05 * len(values))],
         "p95": values[min(len(values) - 1, int(0.95 * len(values)))],
-        "percentile": percentile_of(papers, values),
+        "percentile": None if papers is None else percentile_of(papers, values),
     }
 
 
@@ -168,18 +181,21 @@ class TableTwo(Findings):
         title = "the paper's Table II beside ours, and the percentile of each of its values among ours"
         if not is_papers:
             title = f"Table II at another theta: the paper's figures are at {THETA}, so these do not compare"
-        table = table_of(title, ["", *COLUMNS.values()])
         shown = {"median": "ours, median", "p5": "ours, 5 %", "p95": "ours, 95 %"}
         if is_papers:
-            shown = {"paper": "paper", **shown, "percentile": "percentile of the paper"}
-        for row in PAPER:
-            mark = " *" if row.recorded != 1 and is_papers else ""
-            table.add_row(f"{row.name}{mark}", style="bold")
-            cells = {it["column"]: it for it in compared if it["row"] == row.name}
-            for key, heading in shown.items():
-                values = [cells[column][key] for column in COLUMNS]
-                table.add_row(f"  {heading}", *("–" if it is None else f"{it:.2f}" for it in values))
-        yield table
+            shown = {"paper": "paper", **shown, "percentile": "percentile"}
+        for charges in CHARGES:
+            table = table_of(f"{title}; {charges}", ["", *COLUMNS.values(), *BESIDE.values()])
+            for row in PAPER:
+                mark = " *" if row.recorded != 1 and is_papers else ""
+                table.add_row(f"{row.name}{mark}", style="bold")
+                cells = {
+                    it["column"]: it for it in compared if (it["charges"], it["row"]) == (charges, row.name)
+                }
+                for key, heading in shown.items():
+                    values = [cells[column][key] for column in (*COLUMNS, *BESIDE)]
+                    table.add_row(f"  {heading}", *("–" if it is None else f"{it:.2f}" for it in values))
+            yield table
         for note in notes() if is_papers else ():
             yield f"* {note}"
         if (energy := apad_energy(self.plan, self.rows)) is not None:

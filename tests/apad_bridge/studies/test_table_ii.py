@@ -13,7 +13,10 @@ from apad_bridge.studies.fitted_starts import TOLERANCES, FittedStarts, fitted_s
 from apad_bridge.studies.models import Model, fly
 from apad_bridge.studies.runner import AnotherStudy, fly_study
 from apad_bridge.studies.table_two import (
+    BESIDE,
+    CHARGES,
     COLUMNS,
+    FIGURES,
     PAPER,
     TableTwo,
     notes,
@@ -60,13 +63,15 @@ def test_cautious_on_random_configurations_has_the_paper_s_row_inside_its_centra
     findings = TableTwo(plan, fly_study(plan, tmp_path, 2))
     assert [it for it in findings.lines(80) if str(it).startswith("* ")] == [f"* {it}" for it in notes()]
     data = findings.as_data()
-    assert [it["setting"] for it in data["settings"]] == ["pool-12, theta 30", "bay-24, theta 30"]
+    assert [it["setting"] for it in data["settings"]] == [
+        f"{name}, cell {charges}, theta 30" for name in ("pool-12", "bay-24") for charges in CHARGES
+    ]
     compared = data["table2"]
-    assert [(it["row"], it["column"]) for it in compared] == [
-        (row.name, column) for row in PAPER for column in COLUMNS
+    assert [(it["charges"], it["row"], it["column"]) for it in compared] == [
+        (charges, row.name, column) for charges in CHARGES for row in PAPER for column in (*COLUMNS, *BESIDE)
     ]
     for it in compared:
-        if it["row"] == "Cautious":
+        if it["row"] == "Cautious" and it["column"] in COLUMNS:
             assert 5 <= it["percentile"] <= 95, it["column"]
 
 
@@ -139,11 +144,9 @@ def test_at_theta_1_nothing_is_compared_with_the_paper(tmp_path: Path) -> None:
             "setting": index,
             "strategy": strategy,
             "seed": 1,
-            **dict.fromkeys(
-                ("uptime_paper_mean", "uptime_paper_max", "uptime_paper_min", "metres", "active_mean"), 1.0
-            ),
+            **dict.fromkeys((*FIGURES.values(), *BESIDE), 1.0),
         }
-        for index in (0, 1)
+        for index in range(len(plan.settings))
         for strategy in plan.strategies
     ]
     assert {it["percentile"] for it in table_two(plan, rows)} == {None}
