@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import pytest
@@ -78,8 +80,127 @@ def test_a_go_to_succeeds_when_its_own_arrival_is_heard(port):
     assert port.dropped == {"arrived: not of the running primitive": 1}
 
 
-def test_a_go_to_that_the_vehicle_gives_up_fails_with_its_reason(port):
-    assert played(port, (0, GO), CommandFailed(70, 1, "no GPS"))[1:] == [PrimitiveFailed(70, 1, "no GPS")]
+CLOSE = CloseDock(1, 2, 9)
+"""The first command of `dock`."""
+STORIES: dict[str, tuple[Callable[[], DockingPort], list[Any], list[Any], dict[str, int]]] = {
+    "a go-to that the vehicle gives up fails with its reason": (
+        partial(DockingPort, VIRTUAL),
+        [(0, GO), CommandFailed(70, 1, "no GPS")],
+        [GO, PrimitiveFailed(70, 1, "no GPS")],
+        {},
+    ),
+    "slow and steady never stalls": (
+        partial(DockingPort, VIRTUAL, stall_s=20),
+        [(0, GO), *(pose(n * 1000, n * 0.03) for n in range(330))],
+        [GO],
+        {},
+    ),
+    "a port that follows another numbers its commands beyond the other's": (
+        partial(DockingPort, VIRTUAL, first_command_id=1001),
+        [(0, GO), Arrived(5, 1)],
+        [replace(GO, command_id=1001)],
+        {"arrived: not of the running primitive": 1},
+    ),
+    "the vehicle's report of the dock wins": (
+        partial(DockingPort, VISUAL),
+        [dock(0), DockClosed(10, 0, 9), (20, OpenDock(5, 2, 9))],
+        [CLOSE, DockChanged(10, 0, 9, True, ((0, 9),)), PrimitiveSucceeded(10, 4), OpenDock(2, 0, 9)],
+        {},
+    ),
+    "an aMussel that is held already is not asked for twice": (
+        partial(DockingPort, VIRTUAL),
+        [DockClosed(0, 3, 9), dock(1000)],
+        [DockChanged(0, 3, 9, True, ((3, 9),)), PrimitiveSucceeded(1000, 4)],
+        {},
+    ),
+    "one is docked by hand while the port still waits": (
+        partial(DockingPort, VIRTUAL),
+        [dock(0), DockClosed(3000, 1, 9), 100_000],
+        [DockChanged(3000, 1, 9, True, ((1, 9),)), PrimitiveSucceeded(3000, 4)],
+        {},
+    ),
+    "a refused mechanism fails with the vehicle's reason": (
+        partial(DockingPort, VISUAL),
+        [dock(0), CommandFailed(5, 1, "dock 2 holds aMussel 3")],
+        [CLOSE, PrimitiveFailed(5, 4, "dock 2 holds aMussel 3")],
+        {},
+    ),
+    "a late report after the time-out still tells of the dock": (
+        partial(DockingPort, VISUAL),
+        [dock(0), 60_000, DockClosed(61_000, 2, 9), CommandFailed(61_001, 1, "?")],
+        [
+            CLOSE,
+            PrimitiveFailed(60_000, 4, "the vehicle did not answer within 60 s"),
+            DockChanged(61_000, 2, 9, True, ((2, 9),)),
+        ],
+        {"command_failed: not of the running primitive": 1},
+    ),
+    "a dock on the way pre-empts the go-to and holds where it is": (
+        partial(DockingPort, VIRTUAL),
+        [(0, GO), pose(500, 1.5, 0.5), dock(1000), Arrived(1500, 1)],
+        [GO, PrimitiveFailed(1000, 1, "pre-empted"), Hold(2, 1.5, 0.5)],
+        {"arrived: not of the running primitive": 1},
+    ),
+    "without a pose there is nowhere to hold, and that is counted": (
+        partial(DockingPort, VIRTUAL),
+        [(0, GO), dock(1000)],
+        [GO, PrimitiveFailed(1000, 1, "pre-empted")],
+        {"hold: the vehicle never sent a pose": 1},
+    ),
+    "a go-to pre-empts a dock that still waits": (
+        partial(DockingPort, VIRTUAL),
+        [dock(0), (14_999, GO)],
+        [PrimitiveFailed(14_999, 4, "pre-empted"), GO],
+        {},
+    ),
+    **{
+        f"a vehicle without {what} docks virtually": (
+            partial(DockingPort, docking),
+            [dock(0), 14_999, 15_000],
+            [CLOSE],
+            {},
+        )
+        for what, docking in (
+            ("arms", replace(VIRTUAL, arm=ArmUse.MOVED)),
+            ("a camera", replace(VIRTUAL, camera_ids=(9,))),
+        )
+    },
+    **{
+        f"a report of a dock that a vehicle of {docks} has not is dropped": (
+            partial(DockingPort, VIRTUAL, capabilities=of_simulated_apad(docks)),
+            [DockClosed(0, docks - 1, 9), DockClosed(0, docks, 8)],
+            [DockChanged(0, docks - 1, 9, True, ((docks - 1, 9),))],
+            {"dock: no such dock": 1},
+        )
+        for docks in (1, 4, 6)
+    },
+    "a vehicle that docks by its own eyes is not asked what the radius holds": (
+        partial(DockingPort, VISUAL, capabilities=OF_B, distance_m=lambda *place: math.inf),
+        [pose(0, 1.0, 2.0), dock(0)],
+        [CLOSE],
+        {},
+    ),
+    "what drifted away after a miss is not caught by the next try": (
+        lambda: DockingPort(
+            replace(VIRTUAL, attempts=2), distance_m=partial(lambda left, *_: left.pop(), [2.0, 0.0])
+        ),
+        [pose(0, 1.0, 2.0), dock(0), 15_000, CommandFailed(15_000, 1, "missed")],
+        [CLOSE, NothingCaught(15_000, 4)],
+        {"a dock was tried again: missed": 1},
+    ),
+    "battery reports are none of its business": (
+        partial(DockingPort, VISUAL),
+        [BatteryReported(0, 12.0, 0.4)],
+        [],
+        {},
+    ),
+}
+
+
+@pytest.mark.parametrize(("make", "story", "told", "dropped"), STORIES.values(), ids=STORIES)
+def test_a_story_has_commands_and_outcomes(make, story, told, dropped):
+    port = make()
+    assert played(port, *story) == told and port.dropped == dropped
 
 
 def test_virtual_docking_waits_then_closes_and_hears(port):
@@ -108,25 +229,6 @@ def test_visual_docking_adds_no_time(visual):
     assert played(visual, (50_000, OpenDock(5, 2, 9))) == [OpenDock(2, 2, 9)]
 
 
-def test_the_vehicles_report_of_the_dock_wins(visual):
-    assert played(visual, dock(0), DockClosed(10, 0, 9), (20, OpenDock(5, 2, 9)))[1:] == [
-        DockChanged(10, 0, 9, True, ((0, 9),)),
-        PrimitiveSucceeded(10, 4),
-        OpenDock(2, 0, 9),
-    ]
-
-
-def test_an_aMussel_that_is_held_already_is_not_asked_for_twice(port):
-    assert played(port, DockClosed(0, 3, 9), dock(1000))[1:] == [PrimitiveSucceeded(1000, 4)]
-
-
-def test_docked_by_hand_while_the_port_still_waits(port):
-    assert played(port, dock(0), DockClosed(3000, 1, 9), 100_000) == [
-        DockChanged(3000, 1, 9, True, ((1, 9),)),
-        PrimitiveSucceeded(3000, 4),
-    ]
-
-
 def test_another_aMussel_in_the_dock_is_passed_on_and_is_not_the_one_asked_for(visual):
     assert played(visual, dock(0), DockClosed(10, 2, 8), DockOpened(20, 2, 9))[1:] == [
         DockChanged(10, 2, 8, True, ((2, 8),)),
@@ -143,19 +245,6 @@ def test_a_silent_vehicle_ends_a_docking_at_the_time_out(docking, primitive):
     [failure] = port.advance(61_000)
     assert isinstance(failure, PrimitiveFailed) and "within 60 s" in failure.reason
     assert (failure.at_ms, failure.primitive_id, port.next_due_ms) == (61_000, 4, None)
-
-
-def test_a_late_report_after_the_time_out_still_tells_of_the_dock(visual):
-    played(visual, dock(0), 60_000)
-    assert played(visual, DockClosed(61_000, 2, 9), CommandFailed(61_001, 1, "?")) == [
-        DockChanged(61_000, 2, 9, True, ((2, 9),))
-    ]
-    assert visual.dropped == {"command_failed: not of the running primitive": 1}
-
-
-def test_a_refused_mechanism_fails_with_the_vehicles_reason(visual):
-    refused = CommandFailed(5, 1, "dock 2 holds aMussel 3")
-    assert played(visual, dock(0), refused)[1:] == [PrimitiveFailed(5, 4, "dock 2 holds aMussel 3")]
 
 
 ACCEPTED = CommandAccepted(0, 1)
@@ -185,26 +274,6 @@ def test_a_vehicle_that_gets_no_nearer_stalls_and_is_told_to_hold_where_it_is(st
     failure, hold = stalling.advance(39_000)
     assert isinstance(failure, PrimitiveFailed) and "9.5 m to go" in failure.reason
     assert hold == Hold(2, 0.9, 0.0)
-
-
-def test_slow_and_steady_never_stalls(stalling):
-    assert played(stalling, (0, GO), *(pose(n * 1000, n * 0.03) for n in range(330))) == [GO]
-
-
-def test_a_dock_on_the_way_pre_empts_the_go_to_and_holds_where_it_is(port):
-    assert played(port, (0, GO), pose(500, 1.5, 0.5), dock(1000), Arrived(1500, 1))[1:] == [
-        PrimitiveFailed(1000, 1, "pre-empted"),
-        Hold(2, 1.5, 0.5),
-    ]
-
-
-def test_without_a_pose_there_is_nowhere_to_hold_and_that_is_counted(port):
-    assert played(port, (0, GO), dock(1000))[1:] == [PrimitiveFailed(1000, 1, "pre-empted")]
-    assert port.dropped == {"hold: the vehicle never sent a pose": 1}
-
-
-def test_a_go_to_pre_empts_a_dock_that_still_waits(port):
-    assert played(port, dock(0), (14_999, GO)) == [PrimitiveFailed(14_999, 4, "pre-empted"), GO]
 
 
 @pytest.mark.parametrize("closed", [True, False])
@@ -251,15 +320,6 @@ def test_a_report_that_makes_no_sense_is_dropped_and_counted(visual, fact, reaso
     assert (visual.dropped, visual.running) == ({reason: 1}, CloseDock(4, 2, 9))
 
 
-def test_battery_reports_are_none_of_its_business(visual):
-    assert played(visual, BatteryReported(0, 12.0, 0.4)) == [] and not visual.dropped
-
-
-def test_a_port_that_follows_another_numbers_its_commands_beyond_the_others():
-    port = DockingPort(VIRTUAL, first_command_id=1001)
-    assert played(port, (0, GO), Arrived(5, 1)) == [replace(GO, command_id=1001)]
-
-
 def test_time_going_back_and_a_stall_time_of_nothing_are_refused(port):
     port.advance(10)
     with pytest.raises(ValueError, match="back"):
@@ -301,11 +361,6 @@ def test_a_virtual_docking_may_open_the_arm_meanwhile() -> None:
     assert (done, back) == (PrimitiveSucceeded(15_000, 4), MoveArm(3, 2, False))
 
 
-@pytest.mark.parametrize("docking", [replace(VIRTUAL, arm=ArmUse.MOVED), replace(VIRTUAL, camera_ids=(9,))])
-def test_a_vehicle_without_arms_or_a_camera_docks_virtually(docking: Docking) -> None:
-    assert played(DockingPort(docking), dock(0), 14_999, 15_000) == [CloseDock(1, 2, 9)]
-
-
 @pytest.mark.parametrize(("stack", "counted"), [(Generation.A, 2), (Generation.B, 0)])
 def test_a_speed_or_radius_that_a_stack_cannot_be_told_is_counted(stack: Generation, counted: int) -> None:
     port = DockingPort(VIRTUAL, capabilities=stack_of(stack).capabilities(4), usual_go_to=(0.5, 0.5))
@@ -314,15 +369,6 @@ def test_a_speed_or_radius_that_a_stack_cannot_be_told_is_counted(stack: Generat
     sent = played(port, *((0, it) for it in orders))
     assert [it for it in sent if isinstance(it, GoTo)] == orders
     assert port.dropped["speed or victory radius of a go-to: the aPad uses its own"] == counted
-
-
-@pytest.mark.parametrize("docks", [1, 4, 6])
-def test_a_report_of_a_dock_that_the_vehicle_has_not_is_dropped(docks: int) -> None:
-    port = DockingPort(VIRTUAL, capabilities=of_simulated_apad(docks))
-    last = docks - 1
-    changed = DockChanged(0, last, 9, True, ((last, 9),))
-    assert played(port, DockClosed(0, last, 9), DockClosed(0, docks, 8)) == [changed]
-    assert port.dropped == {"dock: no such dock": 1}
 
 
 def test_a_single_amussel_may_be_docked_visually() -> None:
@@ -345,15 +391,3 @@ def test_a_single_amussel_may_be_docked_visually() -> None:
 def test_a_virtual_docking_catches_what_floats_within_its_radius(distance_m, told):
     port = DockingPort(replace(VIRTUAL, catch_radius_m=0.5), distance_m=lambda *place: distance_m)
     assert played(port, pose(0, 1.0, 2.0), dock(0), 15_000) == told and port.first_failure is None
-
-
-def test_a_vehicle_that_docks_by_its_own_eyes_is_not_asked_what_the_radius_holds():
-    port = DockingPort(VISUAL, capabilities=OF_B, distance_m=lambda *place: math.inf)
-    assert played(port, pose(0, 1.0, 2.0), dock(0)) == [CloseDock(1, 2, 9)]
-
-
-def test_what_drifted_away_after_a_miss_is_not_caught_by_the_next_try():
-    distances_m = iter([0.0, 2.0])
-    port = DockingPort(replace(VIRTUAL, attempts=2), distance_m=lambda *place: next(distances_m))
-    missed = CommandFailed(15_000, 1, "missed")
-    assert played(port, pose(0, 1.0, 2.0), dock(0), 15_000, missed)[1:] == [NothingCaught(15_000, 4)]

@@ -123,10 +123,115 @@ def sent(goal: Cleared[GoalOrder] | None) -> GoalOrder | None:
     return None if goal is None else goal.order
 
 
-def test_a_go_to_that_succeeds_has_arrived_once(core: GenerationACore) -> None:
-    assert played(core, (0, THERE), statuses(1_000, run_1=GoalCode.ACTIVE)) == []
-    arrival = status(9_000, "run-1", GoalCode.SUCCEEDED), statuses(9_000, run_1=GoalCode.SUCCEEDED)
-    assert played(core, *arrival) == [Arrived(9_000, 1)]
+OTHERS = [statuses(at_ms, others=GoalCode.ACTIVE) for at_ms in range(3_000, 9_000, 1_000)]
+REPLACED = "the aPad's action server reports PREEMPTED: another client's goal replaced it"
+HOLDS_NOTHING = "the aPad reports a perch, but holds nothing: is a dock free?"
+STORIES: dict[str, tuple[list[Any], list[LinkFact]]] = {
+    "a go-to that succeeds has arrived once": (
+        [
+            *((0, THERE), statuses(1_000, run_1=GoalCode.ACTIVE)),
+            *(status(9_000, "run-1", GoalCode.SUCCEEDED), statuses(9_000, run_1=GoalCode.SUCCEEDED)),
+        ],
+        [Arrived(9_000, 1)],
+    ),
+    "the result of a hold is no news": (
+        [(0, Hold(1, 5.0, 6.0)), status(1_000, "run-1", GoalCode.SUCCEEDED), 20_000],
+        [],
+    ),
+    **{
+        f"a goal that ends as {code.name} has failed": (
+            [(0, THERE), status(2_000, "run-1", code, "because")],
+            [CommandFailed(2_000, 1, f"the aPad's action server says {code.name}: because")],
+        )
+        for code in (GoalCode.ABORTED, GoalCode.REJECTED, GoalCode.RECALLED)
+    },
+    "a goal that another party's pre-empted fails when that one has ended": (
+        [
+            *((0, THERE), status(2_000, "run-1", GoalCode.PREEMPTED)),
+            *(*OTHERS, statuses(9_000, others=GoalCode.SUCCEEDED)),
+        ],
+        [CommandFailed(9_000, 1, REPLACED)],
+    ),
+    "a goal pre-empted by our next one has not failed": (
+        [
+            *((0, THERE), (2_000, Hold(2, 1.0, 1.0)), status(2_000, "run-1", GoalCode.PREEMPTED)),
+            *(status(2_000, "run-2", GoalCode.ACTIVE), 20_000),
+        ],
+        [],
+    ),
+    "a perch that succeeds and does nothing, since all docks are taken, has failed": (
+        [
+            *(shown(0, agent_id) for agent_id in range(1, 5)),
+            *((0, CloseDock(1, 0, 7)), status(0, "run-1", GoalCode.SUCCEEDED), 999, 1_000),
+        ],
+        [
+            *(it for n in range(4) for it in docked(0, n + 1, n)),
+            CommandFailed(1_000, 1, HOLDS_NOTHING),
+        ],
+    ),
+    "a perch of one already held is answered": (
+        [shown(0, 7), (0, CloseDock(1, 3, 7)), status(100, "run-1", GoalCode.SUCCEEDED)],
+        [*docked(0, 7), DockClosed(100, 0, 7)],
+    ),
+    "a perch that missed is none": (
+        [
+            *((0, CloseDock(1, 0, 7)), status(100, "run-1", GoalCode.ABORTED, "missed")),
+            *((1_000, CloseDock(2, 0, 7)), shown(1_050, 7)),
+            *((5_000, OpenDock(3, 0, 7)), shown(5_050, 7, True), shown(5_100, 7)),
+        ],
+        [
+            CommandFailed(100, 1, "the aPad's action server says ABORTED: missed"),
+            *(*docked(1_050, 7), *released(5_050, 7), *docked(5_100, 7)),
+        ],
+    ),
+    "the last message opens the dock": (
+        [
+            *(shown(0, 7), (1_000, OpenDock(1, 0, 7)), shown(1_000, 7, True)),
+            *(status(1_000, "run-1", GoalCode.SUCCEEDED), 20_000),
+        ],
+        [*docked(0, 7), *released(1_000, 7)],
+    ),
+    "a release that was accepted and never answers is one after two seconds of silence": (
+        [
+            *(shown(0, 7), (0, OpenDock(1, 0, 7)), status(0, "run-1", GoalCode.ACTIVE)),
+            *(there(at_ms) for at_ms in (1_900, 2_000, 60_000)),
+        ],
+        [*docked(0, 7), *released(2_000, 7)],
+    ),
+    "a release before whose acceptance the server crashes is one after five": (
+        [shown(0, 7), (0, OpenDock(1, 0, 7)), *(there(at_ms) for at_ms in (4_900, 5_000, 60_000))],
+        [*docked(0, 7), *released(5_000, 7)],
+    ),
+    "a release on its way is none while position_static stalls": (
+        [
+            *(shown(0, 7), (0, OpenDock(1, 0, 7)), there(3_000), shown(3_500, 7)),
+            *(statuses(4_000, run_1=GoalCode.ACTIVE), there(5_900), there(6_000)),
+        ],
+        [*docked(0, 7), Carried(3_500, 7, 2.0, 3.0), *released(6_000, 7)],
+    ),
+    "a refused release leaves the dock closed": (
+        [
+            *(shown(0, 7), (0, OpenDock(1, 0, 7)), status(0, "run-1", GoalCode.ABORTED)),
+            *(shown(4_000, 7), there(7_000)),
+        ],
+        [
+            *docked(0, 7),
+            CommandFailed(0, 1, "the aPad's action server says ABORTED"),
+            Carried(4_000, 7, 2.0, 3.0),
+        ],
+    ),
+    "a release of one never heard to be held is answered": (
+        [(0, OpenDock(1, 2, 7)), status(0, "run-1", GoalCode.SUCCEEDED)],
+        [DockOpened(0, 2, 7)],
+    ),
+    "silence of the whole vehicle is no release": ([shown(0, 7), there(1_000), 600_000], docked(0, 7)),
+}
+
+
+@pytest.mark.parametrize(("story", "told"), STORIES.values(), ids=STORIES)
+def test_a_story_tells(core: GenerationACore, story: list[Any], told: list[LinkFact]) -> None:
+    """Each fact bears the time of the step that tells it."""
+    assert played(core, *story) == told
 
 
 @pytest.mark.parametrize("command", [THERE, Hold(1, 5.0, 6.0)])
@@ -137,35 +242,10 @@ def test_a_goal_is_accepted_once_when_the_server_runs_it(core: GenerationACore, 
     assert core.advance(3_000) == [CommandAccepted(2_000, 1)]
 
 
-def test_the_result_of_a_hold_is_no_news(core: GenerationACore) -> None:
-    assert played(core, (0, Hold(1, 5.0, 6.0)), status(1_000, "run-1", GoalCode.SUCCEEDED), 20_000) == []
-
-
-@pytest.mark.parametrize("code", [GoalCode.ABORTED, GoalCode.REJECTED, GoalCode.RECALLED])
-def test_a_goal_that_ends_otherwise_has_failed(core: GenerationACore, code: GoalCode) -> None:
-    failed = CommandFailed(2_000, 1, f"the aPad's action server says {code.name}: because")
-    assert played(core, (0, THERE), status(2_000, "run-1", code, "because")) == [failed]
-
-
-def test_a_goal_that_another_partys_pre_empted_fails_when_that_one_has_ended(core: GenerationACore) -> None:
-    others = [statuses(at_ms, others=GoalCode.ACTIVE) for at_ms in range(3_000, 9_000, 1_000)]
-    ended = statuses(9_000, others=GoalCode.SUCCEEDED)
-    assert played(core, (0, THERE), status(2_000, "run-1", GoalCode.PREEMPTED), *others, ended) == [
-        CommandFailed(
-            9_000, 1, "the aPad's action server reports PREEMPTED: another client's goal replaced it"
-        )
-    ]
-
-
 def test_a_goal_that_somebody_cancelled_fails_with_the_next_status(core: GenerationACore) -> None:
     cancelled = status(2_000, "run-1", GoalCode.PREEMPTED), statuses(3_000, run_1=GoalCode.PREEMPTED)
     (failed,) = played(core, (0, THERE), *cancelled)
     assert isinstance(failed, CommandFailed) and failed.at_ms == 3_000
-
-
-def test_a_goal_pre_empted_by_our_next_one_has_not_failed(core: GenerationACore) -> None:
-    ended, runs = status(2_000, "run-1", GoalCode.PREEMPTED), status(2_000, "run-2", GoalCode.ACTIVE)
-    assert played(core, (0, THERE), (2_000, Hold(2, 1.0, 1.0)), ended, runs, 20_000) == []
 
 
 def test_a_goal_that_nobody_takes_fails_after_five_seconds(core: GenerationACore) -> None:
@@ -187,19 +267,6 @@ def test_the_first_position_static_is_the_contact_and_the_vehicle_chooses_the_do
     perched = status(0, "run-1", GoalCode.SUCCEEDED)
     assert played(core, (0, CloseDock(1, 3, 7)), perched, shown(50, 7)) == docked(50, 7)
     assert not core.awaited_mechanisms
-
-
-def test_a_perch_that_succeeds_and_does_nothing_has_failed(core: GenerationACore) -> None:
-    played(core, *(shown(0, agent_id) for agent_id in range(1, 5)))
-    perched = (0, CloseDock(1, 0, 7)), status(0, "run-1", GoalCode.SUCCEEDED)
-    assert played(core, *perched, 999, 1_000) == [
-        CommandFailed(1_000, 1, "the aPad reports a perch, but holds nothing: is a dock free?")
-    ]
-
-
-def test_a_perch_of_one_already_held_is_answered(holds_7: GenerationACore) -> None:
-    perched = status(100, "run-1", GoalCode.SUCCEEDED)
-    assert played(holds_7, (0, CloseDock(1, 3, 7)), perched) == [DockClosed(100, 0, 7)]
 
 
 @pytest.fixture
@@ -224,40 +291,10 @@ def test_a_person_may_dock_one_again_that_seemed_to_be_perched_twice(perched_twi
     assert played(perched_twice, shown(71_000, 7)) == docked(71_000, 7)
 
 
-def test_a_perch_that_missed_is_none(core: GenerationACore) -> None:
-    missed = (0, CloseDock(1, 0, 7)), status(100, "run-1", GoalCode.ABORTED, "missed")
-    perch, release = ((1_000, CloseDock(2, 0, 7)), shown(1_050, 7)), ((5_000, OpenDock(3, 0, 7)),)
-    played(core, *missed, *perch, *release, shown(5_050, 7, True))
-    assert played(core, shown(5_100, 7)) == docked(5_100, 7)
-
-
 def test_of_places_only_the_newest_is_told(holds_7: GenerationACore) -> None:
     for at_ms in range(50, 1_050, 50):
         holds_7.receive(HeldPositionReceived(at_ms, 7, at_ms / 1000, 0.0, False), at_ms)
     assert played(holds_7, 1_000, 1_000) == [Carried(1_000, 7, 1.0, 0.0)]
-
-
-def test_the_last_message_opens_the_dock(holds_7: GenerationACore) -> None:
-    last = shown(1_000, 7, True), status(1_000, "run-1", GoalCode.SUCCEEDED)
-    assert played(holds_7, (1_000, OpenDock(1, 0, 7)), *last, 20_000) == released(1_000, 7)
-
-
-@pytest.mark.parametrize(
-    ("words", "opens_ms"),
-    [([status(0, "run-1", GoalCode.ACTIVE)], 2_000), ([], 5_000)],
-    ids=["accepted", "the server crashes before it accepts"],
-)
-def test_a_release_that_never_answers_is_one_after_some_seconds_of_silence(
-    holds_7: GenerationACore, words: list[GoalStatusReceived], opens_ms: int
-) -> None:
-    heard = [there(at_ms) for at_ms in (opens_ms - 100, opens_ms, 60_000)]
-    assert played(holds_7, (0, OpenDock(1, 0, 7)), *words, *heard) == released(opens_ms, 7)
-
-
-def test_a_release_on_its_way_is_none_while_position_static_stalls(holds_7: GenerationACore) -> None:
-    stalls = there(3_000), shown(3_500, 7), statuses(4_000, run_1=GoalCode.ACTIVE), there(5_900)
-    assert played(holds_7, (0, OpenDock(1, 0, 7)), *stalls) == [Carried(3_500, 7, 2.0, 3.0)]
-    assert played(holds_7, there(6_000)) == released(6_000, 7)
 
 
 def test_without_an_order_the_vehicle_is_asked_after_ten_seconds_of_silence(holds_7: GenerationACore) -> None:
@@ -380,23 +417,6 @@ def test_after_a_gap_in_the_wifi_the_silence_is_counted_anew(holds_7: Generation
     assert played(holds_7, there(1_000), there(60_000)) == [] and not holds_7.take_question()
     played(holds_7, there(64_000), shown(64_000, 7))
     assert not holds_7.take_question()
-
-
-def test_silence_of_the_whole_vehicle_is_no_release(holds_7: GenerationACore) -> None:
-    assert played(holds_7, there(1_000), 600_000) == []
-
-
-def test_a_refused_release_leaves_the_dock_closed(holds_7: GenerationACore) -> None:
-    refused = status(0, "run-1", GoalCode.ABORTED)
-    assert played(holds_7, (0, OpenDock(1, 0, 7)), refused, shown(4_000, 7), there(7_000)) == [
-        CommandFailed(0, 1, "the aPad's action server says ABORTED"),
-        Carried(4_000, 7, 2.0, 3.0),
-    ]
-
-
-def test_a_release_of_one_never_heard_to_be_held_is_answered(core: GenerationACore) -> None:
-    opened = status(0, "run-1", GoalCode.SUCCEEDED)
-    assert played(core, (0, OpenDock(1, 2, 7)), opened) == [DockOpened(0, 2, 7)]
 
 
 def test_after_a_resume_the_docks_are_as_they_were() -> None:

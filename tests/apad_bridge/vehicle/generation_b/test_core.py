@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import pytest
@@ -128,11 +129,92 @@ def apad() -> Apad:
     return Apad()
 
 
-def test_a_go_to_arrives_by_its_status_and_is_then_held(apad: Apad) -> None:
-    """A primitive's end leaves the controllers off."""
-    story = (0, THERE), goes(0, RUNNING), 1_000, at(9_000, 4.8, 6.0), goes(9_000, DONE)
-    assert apad.played(*story) == [Arrived(9_000, 1)]
-    assert apad.orders() == [GoTo(0, 5.0, 6.0, 0.5, 0.5), Hold(0, 5.0, 6.0)]
+OURS = GoTo(0, 5.0, 6.0, 0.5, 0.5)
+"""THERE, as the vehicle gets it."""
+STORIES: dict[str, tuple[Callable[[], Apad], list[Any], list[LinkFact], list[ServiceOrder]]] = {
+    "a go-to arrives by its status and is then held: a primitive's end leaves the controllers off": (
+        Apad,
+        [(0, THERE), goes(0, RUNNING), 1_000, at(9_000, 4.8, 6.0), goes(9_000, DONE)],
+        [Arrived(9_000, 1)],
+        [OURS, Hold(0, 5.0, 6.0)],
+    ),
+    "a go-to that was so short that nobody saw it run has arrived": (
+        Apad,
+        [(0, GoTo(1, 2.1, 3.0, 0.5, 0.5)), goes(1_000, DONE)],
+        [Arrived(1_000, 1)],
+        [GoTo(0, 2.1, 3.0, 0.5, 0.5), Hold(0, 2.1, 3.0)],
+    ),
+    "a go-to that the vehicle drops fails after three seconds": (
+        Apad,
+        [(0, THERE), goes(0, RUNNING), goes(2_000, PREEMPTED), 4_999, 5_000],
+        [CommandFailed(5_000, 1, "the aPad ended the go-to by itself: its status says PREEMPTED")],
+        [OURS, Hold(0, 2.0, 3.0)],
+    ),
+    "a go-to said to be done far from its goal has failed": (
+        Apad,
+        [(0, THERE), goes(0, RUNNING), goes(2_000, DONE)],
+        [CommandFailed(2_000, 1, "the aPad reports an arrival, 4.2 m from the goal")],
+        [OURS, Hold(0, 2.0, 3.0)],
+    ),
+    "an earlier goal of ours that is shown late is nobody else's": (
+        partial(Apad, takes_back=False),
+        [
+            *((0, THERE), (1_000, Hold(2, 2.0, 3.0, pre_empts=True))),
+            *(GoalOfOthers(1_500, "/apad1/commander", THERE.north_m, THERE.east_m), 2_000),
+        ],
+        [],
+        [OURS, Hold(0, 2.0, 3.0, pre_empts=True)],
+    ),
+    "a person who says that the pilot has left is not asked again": (
+        partial(Apad, takes_back=False),
+        [ManualReceived(1_000, True), (2_000, PilotLeft(1)), (3_000, THERE)],
+        [PilotReported(1_000, True), CommandedByOthers(1_000)],
+        [OURS],
+    ),
+    "a docking can miss": (
+        partial(Apad, probability=1.0),
+        [(0, CloseDock(1, 1, 7))],
+        [CommandFailed(0, 1, MISSED)],
+        [],
+    ),
+    "a virtual docking from afar fails": (
+        partial(Apad, {7: (2.0, 13.0)}),
+        [(0, CloseDock(1, 0, 7))],
+        [CommandFailed(0, 1, "aMussel 7 floats 10.0 m away: go nearer than 5 m before docking it")],
+        [],
+    ),
+    "an arm that is moved for people to see releases nobody that is docked virtually": (
+        Apad,
+        [(0, CloseDock(1, 2, 7)), ArmReceived(1_000, 2)],
+        [DockClosed(0, 2, 7)],
+        [],
+    ),
+    "a search that finds nothing is given up": (
+        Apad,
+        [(0, CloseDock(1, 2, 8)), docks(0, RUNNING), 89_000, 90_000],
+        [CommandFailed(90_000, 1, "the aPad's docking did not come to an end within 90 s")],
+        [BY_EYE, Hold(0, 2.0, 3.0)],
+    ),
+    "a docking by hand takes the simulated aMussel that is there": (
+        partial(Apad, {5: (2.2, 3.5), 6: (9.0, 9.0)}),
+        [
+            *(ArmReceived(0, 1), docks(0, RUNNING), docks(40_000, DONE)),
+            *(ArmReceived(50_000, 1), docks(50_000, RUNNING), docks(90_000, DONE)),
+        ],
+        [DockClosed(40_000, 1, 5), DockOpened(90_000, 1, 5), LetGo(90_000, 5)],
+        [],
+    ),
+}
+
+
+@pytest.mark.parametrize(("vehicle", "story", "told", "orders"), STORIES.values(), ids=STORIES)
+def test_a_story_tells_and_orders(
+    vehicle: Callable[[], Apad], story: list[Any], told: list[LinkFact], orders: list[ServiceOrder]
+) -> None:
+    """Each fact bears the time of the step that tells it."""
+    apad = vehicle()
+    assert apad.played(*story) == told
+    assert apad.orders() == orders
 
 
 @pytest.mark.parametrize("command", [THERE, Hold(1, 5.0, 6.0)])
@@ -163,22 +245,6 @@ def test_the_end_of_the_go_to_before_is_not_the_end_of_this_one(apad: Apad) -> N
     runs = goes(1_000, PREEMPTED), 2_000, goes(2_000, RUNNING), 10_000, at(30_000, -5.0, -6.0)
     assert apad.played(1_000, *runs) == []
     assert apad.played(goes(30_000, DONE)) == [Arrived(30_000, 2)]
-
-
-def test_a_go_to_that_was_so_short_that_nobody_saw_it_run_has_arrived() -> None:
-    assert Apad().played((0, GoTo(1, 2.1, 3.0, 0.5, 0.5)), goes(1_000, DONE)) == [Arrived(1_000, 1)]
-
-
-def test_a_go_to_that_the_vehicle_drops_fails_after_three_seconds(apad: Apad) -> None:
-    assert apad.played((0, THERE), goes(0, RUNNING), goes(2_000, PREEMPTED), 4_999, 5_000) == [
-        CommandFailed(5_000, 1, "the aPad ended the go-to by itself: its status says PREEMPTED")
-    ]
-    assert apad.orders()[1:] == [Hold(0, 2.0, 3.0)]
-
-
-def test_a_go_to_said_to_be_done_far_from_its_goal_has_failed() -> None:
-    failed = CommandFailed(2_000, 1, "the aPad reports an arrival, 4.2 m from the goal")
-    assert Apad().played((0, THERE), goes(0, RUNNING), goes(2_000, DONE)) == [failed]
 
 
 def test_without_any_message_on_goto_status_the_position_decides(apad: Apad) -> None:
@@ -254,12 +320,6 @@ def test_a_go_to_that_runs_where_ours_was_pre_empted_is_anothers(
     assert (real.played(goes(9_000 + ran_ms, DONE)) == []) is is_anothers
 
 
-def test_an_earlier_goal_of_ours_that_is_shown_late_is_nobody_elses() -> None:
-    ours = GoalOfOthers(1_500, "/apad1/commander", THERE.north_m, THERE.east_m)
-    stop = Hold(2, 2.0, 3.0, pre_empts=True)
-    assert Apad(takes_back=False).played((0, THERE), (1_000, stop), ours, 2_000) == []
-
-
 @pytest.mark.parametrize("north_m", (math.nan, math.inf, 1e12))
 def test_a_goal_at_no_place_is_counted(real: Apad, north_m: float) -> None:
     assert real.played(GoalOfOthers(1_000, "/planner", north_m, 0.0)) == []
@@ -297,10 +357,6 @@ def test_a_virtual_docking_is_the_benchs_contact_and_is_carried_along() -> None:
     assert core.advance(2_000) == [DockOpened(2_000, 1, 7), LetGo(2_000, 7)] and core.take_calls() == []
 
 
-def test_a_docking_can_miss() -> None:
-    assert Apad(probability=1.0).played((0, CloseDock(1, 1, 7))) == [CommandFailed(0, 1, MISSED)]
-
-
 def test_visual_docking_stands_off_orders_and_ends_by_its_status(apad: Apad) -> None:
     """The aMussel is believed at (2, 4), the boat is west of it: two metres west, with dock 2, the stern, towards it."""
     apad.played(
@@ -314,10 +370,6 @@ def test_visual_docking_stands_off_orders_and_ends_by_its_status(apad: Apad) -> 
     assert apad.orders() == [Hold(0, 2.0, 2.1)]
 
 
-def test_an_arm_that_is_moved_for_people_to_see_releases_nobody_that_is_docked_virtually() -> None:
-    assert Apad().played((0, CloseDock(1, 2, 7)), ArmReceived(1_000, 2)) == [DockClosed(0, 2, 7)]
-
-
 def test_an_undocking_lets_go_when_the_arm_opens_and_the_next_order_waits_until_the_vehicle_has_pulled_back(
     apad: Apad,
 ) -> None:
@@ -329,27 +381,12 @@ def test_an_undocking_lets_go_when_the_arm_opens_and_the_next_order_waits_until_
     assert apad.played(docks(85_000, DONE)) == [] and apad.orders() == [GoTo(0, 5.0, 6.0, 0.5, 0.5)]
 
 
-def test_a_search_that_finds_nothing_is_given_up(apad: Apad) -> None:
-    assert apad.played((0, CloseDock(1, 2, 8)), docks(0, RUNNING), 89_000, 90_000) == [
-        CommandFailed(90_000, 1, "the aPad's docking did not come to an end within 90 s")
-    ]
-    assert apad.orders() == [BY_EYE, Hold(0, 2.0, 3.0)]
-
-
 def test_a_real_amussel_takes_a_dock_and_no_simulated_one_does_then(apad: Apad) -> None:
     by_eye = (0, CloseDock(1, 2, 20)), docks(0, RUNNING), docks(40_000, DONE)
     assert apad.played(*by_eye) == [DockClosed(40_000, 2, 20)]
     assert not any(isinstance(it, Carried) for it in apad.core.advance(41_000))
     failed = CommandFailed(42_000, 2, "dock 3 holds aMussel 20")
     assert apad.played((42_000, CloseDock(2, 2, 7))) == [failed]
-
-
-def test_a_docking_by_hand_takes_the_simulated_amussel_that_is_there() -> None:
-    apad = Apad({5: (2.2, 3.5), 6: (9.0, 9.0)})
-    by_hand = ArmReceived(0, 1), docks(0, RUNNING), docks(40_000, DONE)
-    assert apad.played(*by_hand) == [DockClosed(40_000, 1, 5)]
-    undocking = ArmReceived(50_000, 1), docks(50_000, RUNNING), docks(90_000, DONE)
-    assert apad.played(*undocking) == [DockOpened(90_000, 1, 5), LetGo(90_000, 5)]
 
 
 def test_a_docking_by_hand_far_from_all_is_counted() -> None:
@@ -383,12 +420,6 @@ def test_a_real_vehicle_stays_with_its_pilot_when_the_pilot_lets_go(real: Apad) 
     assert real.orders() == [GoTo(0, 7.0, 8.0, 0.5, 0.5)]
 
 
-def test_a_person_who_says_that_the_pilot_has_left_is_not_asked_again(real: Apad) -> None:
-    real.played(ManualReceived(1_000, True))
-    assert real.played((2_000, PilotLeft(1)), (3_000, THERE)) == []
-    assert real.orders() == [GoTo(0, 5.0, 6.0, 0.5, 0.5)]
-
-
 def test_an_answer_to_an_order_that_was_replaced_changes_nothing() -> None:
     core = Apad().core
     core.command(cleared(THERE), 0)
@@ -404,8 +435,3 @@ def test_a_vehicle_that_is_heard_again_after_a_silence_is_told_again(apad: Apad)
     assert len(apad.orders()) == 1
     assert apad.played(at(8_000, 2.0, 3.0), at(9_000, 2.0, 3.0)) == []
     assert apad.orders() == [GoTo(0, 5.0, 6.0, 0.5, 0.5)]
-
-
-def test_a_virtual_docking_from_afar_fails() -> None:
-    failed = CommandFailed(0, 1, "aMussel 7 floats 10.0 m away: go nearer than 5 m before docking it")
-    assert Apad({7: (2.0, 13.0)}).played((0, CloseDock(1, 0, 7))) == [failed]
