@@ -1,6 +1,7 @@
 """Stories of one board of the worst case as golden traces."""
 
 from dataclasses import replace
+from functools import partial
 
 import pytest
 from hypothesis import given
@@ -25,7 +26,7 @@ from firmware_model.stimuli import (
     SurfaceReached,
     WifiReceived,
 )
-from tests.firmware_model.conftest import lives
+from tests.firmware_model.conftest import lines_of, lives
 
 MODEL = ChargeModel.from_minutes(0.0010427134, ((0.16197, 0.001045), (0.5634, 0.00223), (1.0, 0.002911)))
 CONFIG = BoardConfig(
@@ -52,17 +53,7 @@ def board(charge: float = 0.9, config: BoardConfig = CONFIG) -> Board:
     )
 
 
-def told(actions: list[Action]) -> list[str]:
-    lines = []
-    for action in actions:
-        match action:
-            case StateChanged(at_ms, old, trigger, new):
-                lines.append(f"{at_ms} {old.name} -{trigger.name}-> {new.name}")
-            case RunBuoyancy(at_ms, to):
-                lines.append(f"{at_ms} motors {to.name}")
-            case Dropped(at_ms, reason):
-                lines.append(f"{at_ms} dropped: {reason}")
-    return lines
+told = partial(lines_of, kinds=(StateChanged, RunBuoyancy, Dropped))
 
 
 def story(mu: Board, facts: list[tuple[int, Stimulus]], until_ms: int) -> list[str]:

@@ -14,19 +14,13 @@ from firmware_model.settings import Settings
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
 from firmware_model.table_one import FIELD, HOURLY, board, power
+from tests.firmware_model.conftest import lines_of
 
-NOT_SENT = "a status: no beacon came, and the clock may be off by more than the guard"
+NOT_SENT = "dropped: a status: no beacon came, and the clock may be off by more than the guard"
 
 
 def told(actions: list[Action], since_ms: int = 0) -> list[str]:
-    lines = []
-    for action in actions:
-        match action:
-            case StateChanged(at_ms, old, trigger, new) if at_ms >= since_ms:
-                lines.append(f"{at_ms} {old.name} -{trigger.name}-> {new.name}")
-            case Dropped(at_ms, reason) if at_ms >= since_ms:
-                lines.append(f"{at_ms} {reason}")
-    return lines
+    return lines_of((it for it in actions if it.at_ms >= since_ms), (StateChanged, Dropped))
 
 
 def config(

@@ -1,13 +1,14 @@
 """Stories of a board that sleeps, as golden traces; and the laws of its time and its energy."""
 
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from firmware_model.actions import Action, FeedFrom, LogSample, RunBuoyancy, SendStatus, StateChanged
+from firmware_model.actions import FeedFrom, LogSample, RunBuoyancy, SendStatus, StateChanged
 from firmware_model.bench import Bench
 from firmware_model.board import Board
 from firmware_model.config import BoardConfig, Cycle, LastResort, Metering, Timekeeping
@@ -40,38 +41,10 @@ from firmware_model.stimuli import (
     WifiReceived,
 )
 from firmware_model.table_one import FIELD, HOURLY, LOADS, METERING, MODEL, board, power, worst_case_board
-from tests.firmware_model.conftest import lives
+from tests.firmware_model.conftest import asleep, lines_of, lives
 
-
-def told(actions: list[Action]) -> list[str]:
-    """The trace without the rails."""
-    lines = []
-    for action in actions:
-        match action:
-            case StateChanged(at_ms, old, trigger, new):
-                lines.append(f"{at_ms} {old.name} -{trigger.name}-> {new.name}")
-            case RunBuoyancy(at_ms, to):
-                lines.append(f"{at_ms} motors {to.name}")
-            case FeedFrom(at_ms, feed):
-                lines.append(f"{at_ms} feed {feed.name}")
-            case LogSample(at_ms):
-                lines.append(f"{at_ms} sample")
-            case SendStatus(at_ms, by):
-                lines.append(f"{at_ms} send by {by.name}")
-    return lines
-
-
-def asleep(cycle: Cycle = HOURLY, last_resort: LastResort = LastResort.WAIT, **start: float) -> Bench:
-    """A bench after its boot, asleep after its minute of listening."""
-    bench = Bench(board(cycle, power(last_resort)), **start)  # type: ignore[arg-type]
-    bench.run(minutes=2)
-    bench.trace.clear()
-    return bench
-
-
-@pytest.fixture
-def bench() -> Bench:
-    return asleep()
+told = partial(lines_of, kinds=(StateChanged, RunBuoyancy, FeedFrom, LogSample, SendStatus))
+"""The trace without the rails."""
 
 
 def test_a_short_wake_samples_for_ten_seconds_every_hour(bench: Bench) -> None:

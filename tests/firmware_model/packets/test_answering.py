@@ -1,6 +1,7 @@
 """Answers to pings: their states and times, their cost, and that the board continues its work afterwards."""
 
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 
 import pytest
@@ -15,15 +16,11 @@ from firmware_model.power.rails import Rail
 from firmware_model.states import State
 from firmware_model.stimuli import ModemSpoke
 from firmware_model.table_one import FIELD, HOURLY, LOADS, WORST_CASE, board, power
+from tests.firmware_model.conftest import asleep as after_boot
 from tests.firmware_model.conftest import lives
 
-
-def asleep(primary: float = 1.0, secondary: float = 1.0) -> Bench:
-    """Half an hour after power-on, between two wakes."""
-    bench = Bench(board(HOURLY, power()), primary=primary, secondary=secondary)
-    bench.run(minutes=30)
-    bench.trace.clear()
-    return bench
+asleep = partial(after_boot, minutes=30)
+"""Between two wakes."""
 
 
 @pytest.fixture

@@ -1,12 +1,13 @@
 """The effects of an aPad's commands on a board, and the commands that it refuses."""
 
 from dataclasses import replace
+from functools import partial
 
 import pytest
 
 from firmware_model.actions import Action, Buoyancy, Dropped, RunBuoyancy, SendStatus, StateChanged
 from firmware_model.bench import Bench
-from firmware_model.config import BoardConfig, Cycle, LastResort
+from firmware_model.config import BoardConfig, LastResort
 from firmware_model.packets import (
     PLAIN_KINDS,
     Beacon,
@@ -26,30 +27,12 @@ from firmware_model.packets.commands import parse_command
 from firmware_model.power.active_battery import ActiveBattery
 from firmware_model.states import State, Trigger
 from firmware_model.table_one import FIELD, HOURLY, WORST_CASE, board, power
-from tests.firmware_model.conftest import lives
+from tests.firmware_model.conftest import asleep, lines_of, lives
 
 HOUR = 3_600_000
 
 
-def asleep(cycle: Cycle | None = HOURLY, last_resort: LastResort = LastResort.WAIT, **start: float) -> Bench:
-    """A bench 2 min after power-on."""
-    bench = Bench(board(cycle, power(last_resort)), **start)  # type: ignore[arg-type]
-    bench.run(minutes=2)
-    bench.trace.clear()
-    return bench
-
-
-def changes(actions: list[Action]) -> list[str]:
-    return [
-        f"{action.at_ms} {action.old.name} -{action.trigger.name}-> {action.new.name}"
-        for action in actions
-        if isinstance(action, StateChanged)
-    ]
-
-
-@pytest.fixture
-def bench() -> Bench:
-    return asleep()
+changes = partial(lines_of, kinds=(StateChanged,))
 
 
 def test_a_sleep_schedule_moves_the_alarm_and_the_length_of_a_wake(bench: Bench) -> None:

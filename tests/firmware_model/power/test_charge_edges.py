@@ -1,35 +1,29 @@
 """Stories of a charger's pin that bounces, chatters, or has a missed edge, on a board that sleeps."""
 
+from functools import partial
+
 import pytest
 
-from firmware_model.actions import Action, Dropped, StateChanged
+from firmware_model.actions import Dropped, StateChanged
 from firmware_model.bench import Bench
 from firmware_model.power.charge import Flow
 from firmware_model.states import State
 from firmware_model.table_one import FIELD, HOURLY, board, power
-from tests.firmware_model.conftest import lives
+from tests.firmware_model.conftest import asleep as after_boot
+from tests.firmware_model.conftest import lines_of, lives
 
-MISSED = "an edge of the charger's pin was missed: its level told"
-CHATTER = "the charger's pin chatters: the greater part of the time decided"
+MISSED = "dropped: an edge of the charger's pin was missed: its level told"
+CHATTER = "dropped: the charger's pin chatters: the greater part of the time decided"
 
 
-def told(actions: list[Action]) -> list[str]:
-    lines = []
-    for action in actions:
-        match action:
-            case StateChanged(at_ms, old, trigger, new):
-                lines.append(f"{at_ms} {old.name} -{trigger.name}-> {new.name}")
-            case Dropped(at_ms, reason):
-                lines.append(f"{at_ms} {reason}")
-    return lines
+told = partial(lines_of, kinds=(StateChanged, Dropped))
 
 
 def asleep(**start: float) -> Bench:
     """A sleeping board at 2 min and 1 ms."""
-    bench = Bench(board(HOURLY, power()), **start)  # type: ignore[arg-type]
-    bench.run(minutes=2, ms=1)
+    bench = after_boot(**start)  # type: ignore[arg-type]
+    bench.run(ms=1)
     assert bench.state is State.SLEEPING
-    bench.trace.clear()
     return bench
 
 
