@@ -172,7 +172,7 @@ class TriggerRefused(ValueError):
 
 
 def next_state(state: State, trigger: Trigger) -> State:
-    """The next state by `TABLE`; raises Refused before anything has changed."""
+    """The next state by `TABLE`; raises TriggerRefused before anything has changed."""
     if (found := TABLE.get((state, trigger))) is None:
         raise TriggerRefused(f"{state.name} does not take {trigger.name}")
     return found

@@ -32,8 +32,8 @@ from apad_bridge.field.field_log.facts import (
     WorkBegan,
     WorkEnded,
 )
+from apad_bridge.mission.believed_dispatch import BelievedDispatch, fullest_first
 from apad_bridge.mission.charging_watch import ChargingWatch
-from apad_bridge.mission.dispatch import BelievedDispatch, fullest_first
 from apad_bridge.mission.home_places import with_exchanged_homes, with_new_homes
 from apad_bridge.mission.plans import checked_plan
 from apad_bridge.mission.pool import ChargingPool, placeholder_belief, situation_of

@@ -15,18 +15,19 @@ from agents.time_scale import MissionMs
 from apad_bridge.events.mission import MissionEnd, MissionState, Phase, StandsDown, StepGivenUp, Stuck
 from apad_bridge.events.persons import Steering
 from apad_bridge.events.run import EndReason
+from apad_bridge.mission.believed_dispatch import Docked, Due
 from apad_bridge.mission.breakdown import Breakdown
-from apad_bridge.mission.dispatch import Docked, Due
 from apad_bridge.mission.docking_routine import NOT_FOUND, DockingRoutine, Progress
 from apad_bridge.mission.end_by import EndBy
 from apad_bridge.mission.home_stays import NO_HOME, HomeStays
-from apad_bridge.mission.order_book import OrderBook, SinkReminders
+from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.orders import MissionAction, TellClear
 from apad_bridge.mission.phases import Collecting, GoingHome, PhaseAct, PhaseBehaviour
 from apad_bridge.mission.planner import Planner, PlanRules
 from apad_bridge.mission.plans import Planning, StrategyFailed, untold
 from apad_bridge.mission.pool import floats
 from apad_bridge.mission.reach import Reach
+from apad_bridge.mission.sink_reminders import SinkReminders
 from apad_bridge.mission.sources import BeliefSource
 from apad_bridge.planning.solution import StepKind
 from apad_bridge.scenario.surface import LegForecast

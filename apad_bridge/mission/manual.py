@@ -18,8 +18,9 @@ from apad_bridge.events.mission import PRE_EMPTED, MissionEnd, MissionState, Pha
 from apad_bridge.mission.charging_watch import is_full
 from apad_bridge.mission.docking_routine import NOT_FOUND, DockingRoutine, GivenUp, OutOfReach, Progress
 from apad_bridge.mission.home_places import HomePlaces
-from apad_bridge.mission.order_book import OrderBook, SinkReminders
+from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.orders import MissionAction, TellClear
+from apad_bridge.mission.sink_reminders import SinkReminders
 from apad_bridge.mission.sources import PredictingBeliefSource
 from apad_bridge.mission.values import EventLog, Refused, ScriptEventKind, Status, dock_of
 from apad_bridge.scenario.schema import Mission

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Container, Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 
 from agents.time_scale import MissionMs
-from apad_bridge.beliefs.belief import Belief
 from apad_bridge.events.event import Event
 from apad_bridge.events.mission import (
     DockSwitched,
@@ -23,53 +22,6 @@ from apad_bridge.planning.solution import Step
 from apad_bridge.scenario.schema import Mission
 from apad_bridge.vehicle.commands import GoTo, Hold, Primitive
 from apad_bridge.vehicle.outcomes import DockChanged, Outcome, PrimitiveFailed, PrimitiveSucceeded
-from firmware_model.state_groups import UP_AND_UNDOCKED
-
-
-# Repeats to aMussels that nobody comes for that they may sink: at the surface one spends most of its charge.
-class SinkReminders:
-    """Selects aMussels at the surface that nobody comes for, to be told every `repeat_ms` that they may sink."""
-
-    def __init__(self, repeat_ms: int) -> None:
-        self._repeat_ms = repeat_ms
-        self._reminded_ms: dict[int, int] = {}
-
-    def take_due(
-        self,
-        beliefs: Iterable[Belief],
-        expected: Container[int],
-        called_up: Container[int],
-        now_ms: MissionMs,
-    ) -> list[int]:
-        """The ids of `due`, which are told now."""
-        due_ids = self.due(beliefs, expected, called_up, now_ms)
-        self._reminded_ms.update(dict.fromkeys(due_ids, now_ms))
-        return due_ids
-
-    def due(
-        self,
-        beliefs: Iterable[Belief],
-        expected: Container[int],
-        called_up: Container[int],
-        now_ms: MissionMs,
-    ) -> list[int]:
-        """The ids to tell now: heard at the surface at this very time, not `expected` there, not told of late.
-
-        An aMussel that was told at its release and is still at the surface did not get the message, because a
-        board asleep in its dock has its Wi-Fi off.
-
-        An empty aMussel is told only if it was `called_up`. Any other came up to survive, and can be fetched there.
-        """
-        return [
-            belief.agent_id
-            for belief in beliefs
-            if belief.state in UP_AND_UNDOCKED
-            and (belief.primary > 0 or belief.agent_id in called_up)
-            and belief.agent_id not in expected
-            and belief.heard_ms == now_ms
-            and now_ms - self._reminded_ms.get(belief.agent_id, now_ms - self._repeat_ms) >= self._repeat_ms
-        ]
-
 
 CHORD_M = 0.5
 """The driven way is counted in chords of at least this, so that a standing vehicle's scattered fixes count nothing."""

@@ -29,7 +29,7 @@ from apad_bridge.studies.report import (
 )
 from apad_bridge.studies.runner import Row
 from apad_bridge.studies.specification import StudyPlan
-from apad_bridge.studies.sweep import draw, sweep_of
+from apad_bridge.studies.sweep_figure import draw, sweep_of
 
 _PAGE_MM = 160.0
 """The width of the figure over a parameter, on the page."""

@@ -105,7 +105,7 @@ def run(arguments: argparse.Namespace) -> int:
     # Imported here: a study's parts are many, and the other commands start without them.
     from apad_bridge.studies.report import RESULTS, write_parquet
     from apad_bridge.studies.runner import StudyFailed, fly_study
-    from apad_bridge.studies.sweep import as_table, write_figure
+    from apad_bridge.studies.sweep_figure import as_table, write_figure
 
     if find_spec("pyarrow") is None:
         raise UserError("pyarrow, which writes the results, is missing: run launch_scripts/install")
@@ -150,7 +150,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _check_outputs(arguments: argparse.Namespace, plan: StudyPlan) -> None:
     """UserError, before anything is flown, for a figure or table that this study cannot give."""
-    from apad_bridge.studies.sweep import FIGURE_FORMATS, swept_key
+    from apad_bridge.studies.sweep_figure import FIGURE_FORMATS, swept_key
 
     figure, width_mm = arguments.figure, arguments.width_mm
     if width_mm is not None and figure is None:

@@ -9,12 +9,12 @@ from scenario_files import WHOLE_FILE
 
 from apad_bridge.beliefs.belief import Belief, Suspicion
 from apad_bridge.events.mission import MissionState
+from apad_bridge.mission.believed_dispatch import BelievedDispatch
 from apad_bridge.mission.charging_watch import ChargingWatch
-from apad_bridge.mission.dispatch import BelievedDispatch
 from apad_bridge.mission.energy_exchange import EnergyExchange
-from apad_bridge.mission.order_book import SinkReminders
 from apad_bridge.mission.planner import PlanRules
 from apad_bridge.mission.pool import ChargingPool, situation_of
+from apad_bridge.mission.sink_reminders import SinkReminders
 from apad_bridge.planning import registry
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Dispatch, FullWhen, Mission, Suspects

@@ -15,7 +15,7 @@ from apad_bridge.commands.main import main
 from apad_bridge.studies.figures import COLUMNS
 from apad_bridge.studies.findings import Findings
 from apad_bridge.studies.specification import StudyPlan, plan_of
-from apad_bridge.studies.sweep import Sweep, as_table, sweep_of, write_figure
+from apad_bridge.studies.sweep_figure import Sweep, as_table, sweep_of, write_figure
 
 STUDY: dict[str, Any] = {
     "name": "swept",
