@@ -307,9 +307,9 @@ def _graph_events(
 
     def take(now_ms: int) -> list[Event]:
         events: list[Event] = [*master.take(), *refused(now_ms)]
-        if not isinstance(vehicle, ContactsLink) and (changed := silence.look(vehicle.heard_ms, now_ms)):
-            kind = VehicleSilent if changed.is_silent else VehicleHeard
-            events.append(kind(name, changed.since_ms))
+        if not isinstance(vehicle, ContactsLink) and silence.look(vehicle.heard_ms, now_ms):
+            kind = VehicleSilent if silence.is_silent else VehicleHeard
+            events.append(kind(name, silence.since_ms))
             master.request_registration()
         return events
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Generic, Protocol, TypeVar
 
 from apad_bridge.beliefs.input_ranges import out_of_range
@@ -96,14 +96,6 @@ class Readings:
         return newest
 
 
-@dataclass(frozen=True, slots=True)
-class Silence:
-    """A silence began or, with `is_silent` false, ended. `since_ms`: the last position before the silence."""
-
-    is_silent: bool
-    since_ms: int
-
-
 class SilenceWatch:
     """Notices that a vehicle falls silent, and that it is back after a loss of Wi-Fi or a reboot.
 
@@ -111,18 +103,16 @@ class SilenceWatch:
     """
 
     def __init__(self) -> None:
-        self._since_ms: int | None = None
+        self.is_silent = False
+        self.since_ms = -1
+        """The time of the last position before the newest silence."""
 
-    def look(self, heard_ms: int, now_ms: int) -> Silence | None:
-        """The change up to `now_ms`, or None; `heard_ms` is the time of the last position."""
-        is_silent = now_ms - heard_ms >= SILENT_MS
-        if is_silent and self._since_ms is None:
-            self._since_ms = heard_ms
-            return Silence(True, heard_ms)
-        if not is_silent and self._since_ms is not None:
-            since_ms, self._since_ms = self._since_ms, None
-            return Silence(False, since_ms)
-        return None
+    def look(self, heard_ms: int, now_ms: int) -> bool:
+        """True when a silence has begun or ended up to `now_ms`; `heard_ms` is the time of the last position."""
+        was_silent, self.is_silent = self.is_silent, now_ms - heard_ms >= SILENT_MS
+        if self.is_silent and not was_silent:
+            self.since_ms = heard_ms
+        return self.is_silent is not was_silent
 
 
 class Stamped(Protocol):

@@ -139,7 +139,6 @@ class GenerationACore:
         self._goals: dict[str, _SentGoal] = {}
         self._latest_key = ""
         self._silence = SilenceWatch()
-        self._is_silent = False
         self._orders: list[_SentGoal] = []
         self._own_orders = 0
         self._post: GoTo | Hold | None = None
@@ -289,13 +288,11 @@ class GenerationACore:
 
     def _watch_silence(self, now_ms: int) -> None:
         position_ms = self.readings.position_ms
-        changed = self._silence.look(position_ms, now_ms) if position_ms >= 0 else None
-        if changed is None:
+        if position_ms < 0 or not self._silence.look(position_ms, now_ms):
             return
-        self._is_silent = changed.is_silent
         latest = self._goals.get(self._latest_key)
         # A real vehicle that was silent waits for a person; the simulated one goes on.
-        if not changed.is_silent and latest is not None and not latest.is_taken and self._takes_back:
+        if not self._silence.is_silent and latest is not None and not latest.is_taken and self._takes_back:
             latest.sent_ms = now_ms
             self._orders.append(latest)
 
@@ -432,7 +429,7 @@ class GenerationACore:
             if sent.progress is not None and self.readings.pose is not None:
                 self._watch_way(sent, self.readings.pose, now_ms)
             silent_ms = self._server.silent_for_ms(self.readings, sent.sent_ms)
-            if not sent.is_taken and not self._is_silent and now_ms - sent.sent_ms >= TAKEN_MS:
+            if not sent.is_taken and not self._silence.is_silent and now_ms - sent.sent_ms >= TAKEN_MS:
                 reason = f"no action server took the goal within {TAKEN_MS / 1000:g} s"
             elif sent.is_taken and silent_ms >= ARRIVED_MS and _has_come(sent, now_ms):
                 self._server.dropped["the action server was silent: arrival by position"] += 1

@@ -146,8 +146,7 @@ class GenerationBCore:
         for message in self._deferred.advance(now_ms):
             self.receive(message, now_ms)
         if not self._tasks.pilot_steers:
-            changed = self._silence.look(self.readings.position_ms, now_ms)
-            if changed is not None and not changed.is_silent:
+            if self._silence.look(self.readings.position_ms, now_ms) and not self._silence.is_silent:
                 self._tasks.resend(now_ms)
             self._tasks.watch(now_ms)
         readings = self.readings.take(self._gate)
