@@ -74,17 +74,22 @@ def carry_out(
     The vehicle's `gate` judges a go-to or a hold before the mission loses the aPad to it. `speed` is that of a flight whose
     time a person may change.
     """
+    try:
+        return _carried_out(request, calls, gate, amussels, speed)
+    except Refused as refused:
+        return Answer(False, str(refused))
+
+
+def _carried_out(
+    request: AnyRequest, calls: CallQueue, gate: Gate, amussels: AMusselOrders, speed: FlightSpeed | None
+) -> Answer:
     if isinstance(request, Request) and request.act is Act.SPEED:
         return _change_speed(request, calls, speed)
     stands = speed is not None and speed.stands
     if stands and not (isinstance(request, Request) and request.act in (Act.STOP, Act.HANDS)):
-        return Answer(False, _STANDS)
+        raise Refused(_STANDS)
     if isinstance(request, AMusselRequest):
-        try:
-            return Answer(True, amussels.carry_out(request, calls))
-        except Refused as refused:
-            return Answer(False, str(refused))
-
+        return Answer(True, amussels.carry_out(request, calls))
     if request.act in (Act.STOP, Act.HANDS):
         # A simulated hull stands with the time: its stop goes out with the next tick, before it moves.
         return _stop(request, calls, gate, _STANDS_S if stands else TICK_S)
@@ -109,19 +114,16 @@ def carry_out(
         mission.finish(MissionEnd(EndReason.CALL, f"{EndReason.CALL}: abort by {request.by}"))
         return ""
 
-    try:
-        return calls.call_mission(told)
-    except Refused as refused:
-        return Answer(False, str(refused))
+    return calls.call_mission(told)
 
 
 def _change_speed(request: Request, calls: CallQueue, speed: FlightSpeed | None) -> Answer:
     """A change is journaled in the tick before it, or in the next one if time stands."""
     if speed is None:
-        return Answer(False, _NO_SPEED)
+        raise Refused(_NO_SPEED)
     steps, times = request.times is None, 0.0 if request.times is None else request.times
     if steps and not speed.stands:
-        return Answer(False, "a step takes `musselbed speed RUN 0` first")
+        raise Refused("a step takes `musselbed speed RUN 0` first")
     note = SpeedChanged(times, request.by)
 
     def change() -> None:
@@ -134,15 +136,12 @@ def _change_speed(request: Request, calls: CallQueue, speed: FlightSpeed | None)
         mission.tell(note)
         change()
 
-    try:
-        if not speed.stands:
-            calls.call_mission(act)
-        else:
-            change()
-            if times or steps:
-                calls.call_mission(lambda mission: mission.tell(note))
-    except Refused as refused:
-        return Answer(False, str(refused))
+    if not speed.stands:
+        calls.call_mission(act)
+    else:
+        change()
+        if times or steps:
+            calls.call_mission(lambda mission: mission.tell(note))
     return Answer(
         True, f"the flight's speed is {times:g} times real time" if times else "mission time stands still"
     )
@@ -159,10 +158,7 @@ def _stop(request: Request, calls: CallQueue, gate: Gate, patience_s: float) -> 
             mission.stop()
         return before, mission.steers
 
-    try:
-        before, steers = calls.call_mission(act, patience_s, stays=True)
-    except Refused as refused:
-        return Answer(False, str(refused))
+    before, steers = calls.call_mission(act, patience_s, stays=True)
     until_s = time.monotonic() + TOLD_S
     while (stop := gate.stops.newest) is None or stop.number <= before or not _is_decided(stop):
         left_s = until_s - time.monotonic()
@@ -170,9 +166,7 @@ def _stop(request: Request, calls: CallQueue, gate: Gate, patience_s: float) -> 
             break
         calls.wait(min(left_s, LOOK_S))
     if stop is None or stop.number <= before:
-        return Answer(
-            False, "the stop did not reach the vehicle: no mission tick came, or the mission has ended"
-        )
+        raise Refused("the stop did not reach the vehicle: no mission tick came, or the mission has ended")
     return _told(stop, steers)
 
 
