@@ -58,7 +58,8 @@ from apad_bridge.assembly.energy_model import drain_per_min_of
 from apad_bridge.assembly.estimator import schedules
 from apad_bridge.scenario.firmware_config import board_config, sinking_of, spread_of, takes_samples
 from apad_bridge.scenario.schema import DockingProfile, Scenario
-from apad_bridge.scenario.starts import Start, starts_of
+from apad_bridge.scenario.starts import starts_of
+from apad_bridge.scenario.starts_table import Start
 from firmware_model.config import PATH_UNIT, BoardConfig, FullFirmware
 from firmware_model.power.charge import FULL, MS_PER_MIN
 from firmware_model.power.rails import Rail, rails_of

@@ -11,7 +11,7 @@ from apad_bridge.scenario.another_apad import AnotherAPad
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import with_values
 from apad_bridge.scenario.schema import APad, Scenario
-from apad_bridge.scenario.starts import Start
+from apad_bridge.scenario.starts_table import Start
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,7 +20,7 @@ from apad_bridge.assembly.water import waters_config
 from apad_bridge.planning.registry import Trust
 from apad_bridge.scenario.firmware_config import clock_drift_ppb, spread_of
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.scenario.starts import Start
+from apad_bridge.scenario.starts_table import Start
 from apad_bridge.scenario.surface import current_config
 from apad_bridge.world.fleet import FlightFleet, LinksFile, WithoutWater
 

@@ -15,7 +15,7 @@ from apad_bridge.events.guards import Reaction
 from apad_bridge.scenario.area.fence import fence_of
 from apad_bridge.scenario.guard_options import GuardOptions, WhenOutside, WhenUnwatched
 from apad_bridge.scenario.schema import APad, DockingProfile, Scenario
-from apad_bridge.scenario.starts import Start
+from apad_bridge.scenario.starts_table import Start
 from apad_bridge.scenario.surface import (
     LegForecast,
     fastest_drift_m_s,

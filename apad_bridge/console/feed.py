@@ -25,8 +25,6 @@ from apad_bridge.events.run import RunResumed
 from apad_bridge.records.journal import JournalContents, JournalTail
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.records.sample_file import SampleTail
-from apad_bridge.scenario.errors import ScenarioError
-from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.run_options import BenchPart, RunOptions, TimeSource
 from apad_bridge.scenario.timed_faults import TABLE
 from apad_bridge.supervisor.control_client import listens
@@ -51,8 +49,8 @@ class Feed:
     def __init__(self, run_dir: Path) -> None:
         """RunDirectoryError, one line, when the directory holds no run that has begun and can be shown."""
         self._directory = RunDirectory.open(run_dir)
+        scenario = self._directory.load_scenario()
         try:
-            scenario = load(self._directory.scenario)
             options = RunOptions.load(run_dir)
             self._has_water = scenario.water is not None and options.part is not BenchPart.MISSION
             self._takes_faults = not options.has_real_vehicle
@@ -64,8 +62,6 @@ class Feed:
             self._view = RunView(scenario, self._read_new(), scenario.duration_ms)
             self._samples = SampleTail(self._directory.samples)
             self._view.take_samples(self._samples.new_samples())
-        except ScenarioError as error:
-            raise RunDirectoryError(error.lines[0]) from error
         except (OSError, KeyError, TypeError, ValueError) as error:
             raise RunDirectoryError(f"{self._directory.journal}: cannot be shown: {error}") from error
         for now_ms in sample_times(self._view.end_ms, self._view.agent_count):

@@ -18,7 +18,7 @@ from agents.hosting.descriptors import raise_descriptor_limit
 from agents.hosting.interrupts import received_by
 from agents.hosting.link_protocol import readable
 from apad_bridge.console.server import ConsoleEnding, app_of
-from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
+from apad_bridge.records.run_directory import RunDirectory
 
 TOKEN_VARIABLE = "MUSSELBED_CONSOLE_TOKEN"
 """The token of a console that is started again, for pages that are open. Only this user reads a process's variables."""
@@ -55,8 +55,7 @@ def serve(
 
     RunDirectoryError when the directory holds no run that can be shown; OSError when the address cannot be used.
     """
-    if not RunDirectory(run_dir).scenario.is_file():
-        raise RunDirectoryError(f"{run_dir}: no run: it has no scenario.yaml")
+    RunDirectory.created(run_dir)
     os.nice(_NICE)
     most = min(_MOST_CONNECTIONS, raise_descriptor_limit() // 4)
     token = os.environ.pop(TOKEN_VARIABLE, "") or secrets.token_urlsafe(16)

@@ -35,7 +35,7 @@ from apad_bridge.scenario.area.fence import fence_of
 from apad_bridge.scenario.choices import Generation
 from apad_bridge.scenario.guard_options import GuardOptions
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.scenario.starts import Start
+from apad_bridge.scenario.starts_table import Start
 from apad_bridge.scenario.surface import fastest_drift_m_s, hardest_metre
 from apad_bridge.vehicle.stack import Stack
 

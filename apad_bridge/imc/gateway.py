@@ -23,9 +23,8 @@ from apad_bridge.imc.protocol import Message
 from apad_bridge.imc.systems import RunNumber, System
 from apad_bridge.imc.wire import Address, ImcConsole, ReceivedMessage, Wire
 from apad_bridge.records.journal import await_beginning
-from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
+from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.scenario.area.local_frame import LocalFrame
-from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor import control_client
@@ -347,12 +346,7 @@ def serve(
     Returns why the run ended, None where it flies on, and the counts of what was dropped. `listening` is called once the
     gateway listens. RunDirectoryError for no run; OSError for an address that cannot be used.
     """
-    if not RunDirectory(run_dir).scenario.is_file():
-        raise RunDirectoryError(f"{run_dir}: no run: there is no scenario.yaml in it")
-    try:
-        scenario = load(RunDirectory(run_dir).scenario)
-    except ScenarioError as error:
-        raise RunDirectoryError(error.lines[0]) from error
+    scenario = RunDirectory.created(run_dir).load_scenario()
     asked_to_end = threading.Event()
     with received_by(asked_to_end.set):
         gateway = ImcGateway(run_dir, scenario, settings, tell)

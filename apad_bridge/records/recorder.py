@@ -40,7 +40,8 @@ from apad_bridge.records.summary import (
 from apad_bridge.records.truth_lines import truth_event
 from apad_bridge.scenario.firmware_config import takes_samples
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.scenario.starts import Start, save_starts
+from apad_bridge.scenario.starts import save_starts
+from apad_bridge.scenario.starts_table import Start
 from apad_bridge.supervisor.core import LearnedState
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
 from apad_bridge.vehicle.errors import PeerFailed

@@ -18,11 +18,11 @@ from pathlib import Path
 from typing import Any
 
 from apad_bridge.planning.registry import digest_of_file, label
-from apad_bridge.scenario.errors import UserError
+from apad_bridge.scenario.errors import ScenarioError, UserError
 from apad_bridge.scenario.loader import load, with_strategy_copies, with_values, write_resolved
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.scenario.starts import Start, save_starts
-from apad_bridge.scenario.starts_table import ENDS_NAME, STARTS_NAME
+from apad_bridge.scenario.starts import save_starts
+from apad_bridge.scenario.starts_table import ENDS_NAME, STARTS_NAME, Start
 from apad_bridge.scenario.text_file import write_atomically
 from firmware_model.entry_points import parts_of_others
 
@@ -74,6 +74,13 @@ class RunDirectory:
             apad_runs = sorted(str(journal.parent) for journal in path.glob("*/journal.jsonl"))
             mend = f"; a run of several aPads has one for each: {', '.join(apad_runs)}" if apad_runs else ""
             raise RunDirectoryError(f"{path}: no run: it has no journal.jsonl{mend}")
+        return cls(path)
+
+    @classmethod
+    def created(cls, path: Path) -> RunDirectory:
+        """Opens the directory of a run that may not have begun; RunDirectoryError when there is no scenario in it."""
+        if not (path / "scenario.yaml").is_file():
+            raise RunDirectoryError(f"{path}: no run: it has no scenario.yaml")
         return cls(path)
 
     def of_apad(self, name: str, apads: int) -> RunDirectory:
@@ -144,6 +151,13 @@ class RunDirectory:
         if not isinstance(summary, dict):
             raise RunDirectoryError(f"{self.summary} is damaged: it is no mapping")
         return summary
+
+    def load_scenario(self) -> Scenario:
+        """The run's scenario. RunDirectoryError, one line, for one that this version does not take."""
+        try:
+            return load(self.scenario)
+        except ScenarioError as error:
+            raise RunDirectoryError(error.lines[0]) from error
 
     def scenario_as_flown(self) -> Scenario:
         """The run's scenario; starts from a file are those of the run, because that file may have changed since.

@@ -20,8 +20,7 @@ from apad_bridge.records.journal import await_beginning
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.ros2.followed_run import FollowedRun
 from apad_bridge.ros2.topics import EVENTS_KEPT, Publication, RunTopics, hash_of
-from apad_bridge.scenario.errors import ScenarioError, UserError
-from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.errors import UserError
 
 ENVIRONMENT = Path(sys.prefix).with_name(".venv-ros2")
 """launch_scripts/install --ros2 makes it, beside that of musselbed, and writes the file `installed` once it is whole."""
@@ -118,20 +117,16 @@ def serve(run_dir: Path, began: Callable[[RunTopics], None], tell: Callable[[str
 
     `tell` takes lines for a person. RunDirectoryError for no run, or one that cannot be shown; Ros2Gone.
     """
-    directory = RunDirectory(run_dir)
+    directory = RunDirectory.created(run_dir)
+    scenario = directory.load_scenario()
     asked = threading.Event()
     os.nice(_NICE)
-    if not directory.scenario.is_file():
-        raise RunDirectoryError(f"{run_dir}: no run: it has no scenario.yaml")
     with received_by(asked.set):
         if not await_beginning(directory, asked.is_set, tell):
             return
         RunDirectory.open(run_dir)
         try:
-            scenario = load(directory.scenario)
             run = FollowedRun(directory, scenario)
-        except ScenarioError as error:
-            raise RunDirectoryError(error.lines[0]) from error
         except (OSError, ValueError) as error:
             raise RunDirectoryError(f"{run_dir}: cannot be shown: {error}") from error
         topics = RunTopics(scenario, run)

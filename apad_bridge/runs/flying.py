@@ -41,7 +41,7 @@ from apad_bridge.runs.nurseries import FOLDER, begin_nursery
 from apad_bridge.runs.status import RunStatus
 from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.scenario.starts import Start
+from apad_bridge.scenario.starts_table import Start
 from apad_bridge.supervisor.clock import AsFastAsPossible, ClockLost
 from apad_bridge.supervisor.context import Announce, FlightContext
 from apad_bridge.supervisor.core import Supervisor

@@ -22,7 +22,7 @@ from apad_bridge.planning.registry import Trust
 from apad_bridge.records.run_directory import PRIVATE, RunDirectory
 from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.scenario.starts import Start
+from apad_bridge.scenario.starts_table import Start
 from apad_bridge.vehicle.errors import PeerFailed
 from apad_bridge.world.fleet import FlightFleet
 

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Callable, Collection, Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import replace
 from hashlib import blake2b
 from pathlib import Path
 from struct import Struct
@@ -19,26 +19,13 @@ from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.area.polygon import Point, bounding_box, contains
 from apad_bridge.scenario.errors import ScenarioError, in_ranges
 from apad_bridge.scenario.schema import Area, Origin, RandomStart, Scenario
-from apad_bridge.scenario.starts_table import StartRow, read_table, table_of
+from apad_bridge.scenario.starts_table import Start, read_table, table_of
 from apad_bridge.scenario.text_file import write_atomically
 
 _KEY = Struct("<QQQ")
 _DIGEST = Struct("<QQ")
 _UNIT = 2.0**-53
 _CHARGE_DRAW = 0  # draws of a place count from 1
-
-
-@dataclass(frozen=True, slots=True)
-class Start:
-    """Place in local NED metres; primary and secondary charge on the paper's scaled voltage, [0, 1]."""
-
-    agent_id: int
-    north_m: float
-    east_m: float
-    primary: float
-    secondary: float = 1.0
-    further: tuple[tuple[str, str], ...] = ()
-    """(column, text) of each further column of the file that it comes from."""
 
 
 def starts_of(scenario: Scenario) -> tuple[Start, ...]:
@@ -89,13 +76,13 @@ def read_starts(
     """
     former_run = path.is_dir()
     table = table_of(path)
-    rows = read_table(table, LocalFrame.about(area.origin))
+    rows = read_table(table, LocalFrame.about(area.origin), secondary_of)
     if not former_run:
         _refuse_far_rows(table, rows, area)
     wanted = set(ids)
-    chosen = sorted((row for row in rows if row.agent_id in wanted), key=lambda row: row.agent_id)
-    if missing := wanted - {row.agent_id for row in chosen}:
-        there = in_ranges(row.agent_id for row in rows) or "none"
+    chosen = sorted((it for it in rows.values() if it.agent_id in wanted), key=lambda it: it.agent_id)
+    if missing := wanted - {it.agent_id for it in chosen}:
+        there = in_ranges(it.agent_id for it in rows.values()) or "none"
         raise ScenarioError(
             [
                 f"{table}: no row for {in_ranges(missing)}; its ids are {there}: "
@@ -103,17 +90,7 @@ def read_starts(
                 "start: {charge: [0.7, 1.0]}"
             ]
         )
-    return tuple(
-        Start(
-            row.agent_id,
-            row.north_m,
-            row.east_m,
-            row.primary,
-            secondary_of(row.agent_id) if row.secondary is None else row.secondary,
-            row.further,
-        )
-        for row in chosen
-    )
+    return tuple(chosen)
 
 
 def save_starts(path: Path, starts: Iterable[Start], origin: Origin) -> None:
@@ -139,17 +116,17 @@ def further_columns(starts: Iterable[Start]) -> list[str]:
     return list(dict.fromkeys(column for start in starts for column, _ in start.further))
 
 
-def _refuse_far_rows(table: Path, rows: Iterable[StartRow], area: Area) -> None:
+def _refuse_far_rows(table: Path, rows: Mapping[int, Start], area: Area) -> None:
     """Refuses places outside the bounding box grown by a tenth on each side: lat and lon swapped, or another origin."""
     (south, west), (north, east) = bounding_box(area.polygon_m)
     margin_north, margin_east = (north - south) / 10, (east - west) / 10
     lines = [
-        f"{table}:{row.line}: aMussel {row.agent_id} lies outside of the area: "
-        f"north {row.north_m:.1f} m, east {row.east_m:.1f} m"
-        for row in rows
+        f"{table}:{line}: aMussel {it.agent_id} lies outside of the area: "
+        f"north {it.north_m:.1f} m, east {it.east_m:.1f} m"
+        for line, it in rows.items()
         if not (
-            south - margin_north <= row.north_m <= north + margin_north
-            and west - margin_east <= row.east_m <= east + margin_east
+            south - margin_north <= it.north_m <= north + margin_north
+            and west - margin_east <= it.east_m <= east + margin_east
         )
     ]
     if lines:

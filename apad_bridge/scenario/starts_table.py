@@ -48,18 +48,16 @@ _AGREE_M = 0.01  # lat and lon are written to 9 decimals, 0.1 mm
 
 
 @dataclass(frozen=True, slots=True)
-class StartRow:
-    """One aMussel of the file: local NED metres, charges in [0, 1], and the line's number."""
+class Start:
+    """Place in local NED metres; primary and secondary charge on the paper's scaled voltage, [0, 1]."""
 
-    line: int
     agent_id: int
     north_m: float
     east_m: float
     primary: float
-    secondary: float | None
-    """None if the file does not state it."""
+    secondary: float = 1.0
     further: tuple[tuple[str, str], ...] = ()
-    """(column, text) of each column that is none of ours."""
+    """(column, text) of each column of the file that is none of ours."""
 
 
 def table_of(start: Path) -> Path:
@@ -85,22 +83,27 @@ def read_ids(path: Path) -> list[int]:
     return sorted(ids)
 
 
-def read_table(path: Path, frame: LocalFrame) -> list[StartRow]:
-    """Reads all rows in the order of the file. Raises ScenarioError with a `FILE:LINE: message` for each wrong row."""
+def read_table(path: Path, frame: LocalFrame, secondary_of: Callable[[int], float]) -> dict[int, Start]:
+    """Reads all rows, by the number of their line, in the order of the file.
+
+    `secondary_of` returns the charge of a secondary battery, by id, where the file has no such column. Raises ScenarioError
+    with a `FILE:LINE: message` for each wrong row.
+    """
     columns, lines = _read(path)
-    rows: dict[int, StartRow] = {}
+    rows: dict[int, Start] = {}
+    first_lines: dict[int, int] = {}
     problems: list[str] = []
     for number, line in lines:
         try:
-            row = _row(number, columns, _cells(line), frame)
-            if row.agent_id in rows:
-                raise ValueError(f"id {row.agent_id} is in line {rows[row.agent_id].line} already")
-            rows[row.agent_id] = row
+            row = _row(columns, _cells(line), frame, secondary_of)
+            if (first := first_lines.setdefault(row.agent_id, number)) != number:
+                raise ValueError(f"id {row.agent_id} is in line {first} already")
+            rows[number] = row
         except ValueError as error:
             problems.append(f"{path}:{number}: {error}")
     if problems:
         raise ScenarioError(problems)
-    return list(rows.values())
+    return rows
 
 
 def completed(path: Path, draw_charge: Callable[[], float]) -> str | None:
@@ -178,18 +181,18 @@ def _refuse_misspelled(columns: Sequence[str]) -> None:
             raise ValueError(f"unknown column {column!r}; did you mean {near[0]}?")
 
 
-def _row(line: int, columns: list[str], cells: list[str], frame: LocalFrame) -> StartRow:
+def _row(
+    columns: list[str], cells: list[str], frame: LocalFrame, secondary_of: Callable[[int], float]
+) -> Start:
     if len(cells) != len(columns):
         raise ValueError(f"{len(cells)} values for {len(columns)} columns")
     texts = dict(zip(columns, cells, strict=True))
-    north_m, east_m = _place(texts, frame)
-    return StartRow(
-        line,
-        _agent_id(texts["id"]),
-        north_m,
-        east_m,
+    agent_id, place_m = _agent_id(texts["id"]), _place(texts, frame)
+    return Start(
+        agent_id,
+        *place_m,
         _charge("battery", texts["battery"]),
-        _charge("secondary", texts["secondary"]) if "secondary" in texts else None,
+        _charge("secondary", texts["secondary"]) if "secondary" in texts else secondary_of(agent_id),
         tuple((column, text) for column, text in texts.items() if column not in _OURS),
     )
 

@@ -29,7 +29,8 @@ from rich.table import Table
 from apad_bridge.scenario.area.polygon import bounding_box, contains
 from apad_bridge.scenario.loader import SHIPPED, load, with_values
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.scenario.starts import Start, save_starts, starts_of
+from apad_bridge.scenario.starts import save_starts, starts_of
+from apad_bridge.scenario.starts_table import Start
 from apad_bridge.studies.event_driven import fly_event_driven
 from apad_bridge.studies.findings import Findings, table_of
 from apad_bridge.studies.runner import Block, Fly, Row

@@ -22,7 +22,7 @@ from packaging.requirements import Requirement
 from apad_bridge.planning.registry import GROUP as STRATEGIES
 from apad_bridge.records.run_directory import RunDirectory, versions
 from apad_bridge.runs.children import supervisor_of
-from apad_bridge.scenario.errors import ScenarioError, UserError
+from apad_bridge.scenario.errors import UserError
 from apad_bridge.scenario.loader import launch_scripts, write_with_files
 from apad_bridge.scenario.run_options import RunOptions, TimeSource
 from apad_bridge.studies.runner import JOURNAL, is_flying
@@ -103,7 +103,7 @@ def _pack_run(source: Path, folder: Path) -> _Repeat:
         raise NotPacked(f"{source}: has no summary.json: the run did not end")
     try:
         options, scenario = RunOptions.load(source), RunDirectory(source).scenario_as_flown()
-    except (ScenarioError, OSError, ValueError) as error:
+    except (OSError, ValueError) as error:
         raise NotPacked(str(error)) from error
     _copy(source, folder, _NOT_PACKED)
     write_with_files(folder / "scenario.yaml", scenario)

@@ -34,7 +34,8 @@ from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.flying import journal_start
 from apad_bridge.scenario.loader import load
-from apad_bridge.scenario.starts import Start, starts_of
+from apad_bridge.scenario.starts import starts_of
+from apad_bridge.scenario.starts_table import Start
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
 from firmware_model.actions import Buoyancy
 from firmware_model.power.charge import Battery, Flow, grains

@@ -20,8 +20,6 @@ from apad_bridge.records.bag_samples import BagUnreadable, Instant, instants, wh
 from apad_bridge.records.journal import read_journal
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.records.samples import BeliefSample, TruthExtrapolator, TruthSample
-from apad_bridge.scenario.errors import ScenarioError
-from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Scenario
 from firmware_model.states import State
 
@@ -101,10 +99,7 @@ def comparisons_in(run_dir: Path, period_ms: int, record: Record) -> Iterator[Be
         except BagUnreadable as error:
             raise RunDirectoryError(f"{error}; try --from journal") from error
         return
-    try:
-        scenario = load(directory.scenario)
-    except ScenarioError as error:
-        raise RunDirectoryError(error.lines[0]) from error
+    scenario = directory.load_scenario()
     history = History(read_journal(directory.journal), scenario)
     water = TruthExtrapolator(scenario)
     for now_ms in map(MissionMs, range(0, history.end_ms + 1, period_ms)):

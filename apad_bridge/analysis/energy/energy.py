@@ -23,9 +23,7 @@ from apad_bridge.events.fleet import ProcessDied, Stimulated, TruthChanged
 from apad_bridge.records.journal import JournalContents, read_journal
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.records.truth_lines import truth_of
-from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.firmware_config import codec_of
-from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from firmware_model.actions import Action, RunBuoyancy, SetRail
@@ -61,11 +59,9 @@ def energy_of(directory: RunDirectory, agent_ids: Sequence[int] = ()) -> list[Ag
     RunDirectoryError, one line, for a directory without a scenario that can be read, for a codec that is not installed, and
     for an id that its fleet has not.
     """
+    scenario = directory.load_scenario()
     try:
-        scenario = load(directory.scenario)
         fleet, codec = fleet_config(flight_config(scenario)), codec_of(scenario)
-    except ScenarioError as error:
-        raise RunDirectoryError(error.lines[0]) from error
     except ValueError as error:
         raise RunDirectoryError(f"{directory.scenario}: {error}") from error
     starts = initial_states(scenario, starts_of(scenario))

@@ -17,8 +17,6 @@ from apad_bridge.records.journal import JournalContents, read_journal
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.records.run_state import RunState
 from apad_bridge.records.sample_file import read_samples
-from apad_bridge.scenario.errors import ScenarioError
-from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.run_options import RunOptions
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.text_file import write_atomically
@@ -111,13 +109,11 @@ class ShownRun(NamedTuple):
 def read_run(directory: RunDirectory) -> ShownRun:
     """RunDirectoryError, one line, when the directory holds no run that can be shown."""
     try:
-        scenario, journal = load(directory.scenario), read_journal(directory.journal)
+        scenario, journal = directory.load_scenario(), read_journal(directory.journal)
         summary = directory.read_summary()
         view = whole_view(scenario, journal, read_samples(directory.samples))
         data = {**view.data(summary), "is_real": _is_real(directory)}
         return ShownRun(scenario, journal, summary, view.state, data)
-    except ScenarioError as error:
-        raise RunDirectoryError(error.lines[0]) from error
     except RunDirectoryError:
         raise
     except (KeyError, TypeError, ValueError) as error:

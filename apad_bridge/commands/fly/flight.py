@@ -28,7 +28,8 @@ from apad_bridge.scenario.errors import ScenarioError, UserError
 from apad_bridge.scenario.loader import load, with_overrides, with_values
 from apad_bridge.scenario.run_options import APadKind, BenchPart, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.scenario.starts import Start, read_starts, save_starts, starts_of
+from apad_bridge.scenario.starts import read_starts, save_starts, starts_of
+from apad_bridge.scenario.starts_table import Start
 from apad_bridge.vehicle.errors import PeerFailed
 
 if TYPE_CHECKING:

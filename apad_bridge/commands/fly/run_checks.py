@@ -19,7 +19,7 @@ from apad_bridge.scenario.cross_checks import problems_with_real_vehicle, warnin
 from apad_bridge.scenario.errors import UserError, in_ranges
 from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.scenario.starts import Start
+from apad_bridge.scenario.starts_table import Start
 from apad_bridge.vehicle.errors import PeerFailed
 
 if TYPE_CHECKING:

@@ -23,7 +23,7 @@ from apad_bridge.ros_names.names import in_full, is_one_of_several, plain
 from apad_bridge.scenario.errors import UserError
 from apad_bridge.scenario.run_options import BenchPart, RunOptions
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.scenario.starts import Start
+from apad_bridge.scenario.starts_table import Start
 from apad_bridge.scenario.text_file import write_atomically
 
 PROVEN_FOR = timedelta(hours=24)

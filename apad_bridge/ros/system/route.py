@@ -93,9 +93,7 @@ def enter_graph_of(run_dir: Path, asked_to_end: Callable[[float], bool]) -> bool
     `asked_to_end` waits for so many wall seconds, and returns True when a person ends the program.
     RunDirectoryError for a directory without a run, or with one that flies without ROS.
     """
-    directory = RunDirectory(run_dir)
-    if not directory.scenario.is_file():
-        raise RunDirectoryError(f"{run_dir}: no run: it has no scenario.yaml")
+    RunDirectory.created(run_dir)
     while True:
         # A run of several aPads has its options in a directory for each.
         for path in (run_dir, *(it.parent for it in sorted(run_dir.glob(f"*/{OPTIONS_NAME}")))):

@@ -11,7 +11,7 @@ from apad_bridge.ros_names.frames import Frames
 from apad_bridge.ros_names.names import below_apad, is_one_of_several, of_amussel, ours
 from apad_bridge.scenario.area.polygon import bounding_box
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.scenario.starts import Start
+from apad_bridge.scenario.starts_table import Start
 
 _GOLDEN = 0.618033988749895
 """The step between hues on the circle of 1: any number of hues stay apart."""

@@ -204,7 +204,7 @@ def test_a_mistake_is_one_line(
 
 def test_what_is_no_run_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main.main(["imc", str(tmp_path)]) == 2
-    assert "no run: there is no scenario.yaml in it" in capsys.readouterr().err
+    assert "no run: it has no scenario.yaml" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

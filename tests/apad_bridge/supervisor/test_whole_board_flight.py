@@ -18,7 +18,8 @@ from apad_bridge.records.summary import uptime_figures
 from apad_bridge.runs.in_memory import MemoryRecorder
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.scenario.starts import Start, starts_of
+from apad_bridge.scenario.starts import starts_of
+from apad_bridge.scenario.starts_table import Start
 from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.loop import Flight
