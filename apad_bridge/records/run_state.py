@@ -37,7 +37,6 @@ from apad_bridge.records.journal import Entry, JournalContents
 from apad_bridge.records.summary import FailureCounts, Interruptions
 from apad_bridge.records.truth_lines import truth_of
 from apad_bridge.records.uptime import UptimeMeter
-from apad_bridge.scenario.firmware_config import charge_models, works_on_secondary
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.core import PRIMITIVE_NAMES
 from apad_bridge.vehicle.commands import Hold
@@ -68,9 +67,7 @@ class RunState:
 
     def __init__(self, scenario: Scenario) -> None:
         self._scale = scenario.time_scale
-        self.meter = UptimeMeter(
-            self._scale, charge_models(scenario), secondary_in_use=works_on_secondary(scenario.board)
-        )
+        self.meter = UptimeMeter.for_scenario(scenario)
         self.failures = FailureCounts()
         self.interruptions = Interruptions()
         self.services: Counter[int] = Counter()

@@ -23,6 +23,8 @@ from dataclasses import dataclass, replace
 from agents.mussel.outputs import Truth
 from agents.time_scale import MissionMs, TimeScale
 from apad_bridge.events.fleet import Presence
+from apad_bridge.scenario.firmware_config import charge_models, works_on_secondary
+from apad_bridge.scenario.schema import Scenario
 from firmware_model.power.charge import Battery, ChargeModel
 from firmware_model.state_groups import AT_WORK, BEYOND_HELP
 
@@ -84,6 +86,12 @@ class UptimeMeter:
         self._step_ms = scale.agent_span(tick_ms)
         self._ledgers: dict[int, _Ledger] = {}
         self._presences: dict[int, Presence] = {}
+
+    @classmethod
+    def for_scenario(cls, scenario: Scenario) -> UptimeMeter:
+        """The meter of a flight of this scenario."""
+        in_use = works_on_secondary(scenario.board)
+        return cls(scenario.time_scale, charge_models(scenario), secondary_in_use=in_use)
 
     @property
     def ticks_per_agent_min(self) -> float:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 from agents.hosting.in_process import InProcessHost
@@ -16,7 +15,6 @@ from agents.water.sea_client import RemoteSea
 from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.capacity import battery_worth_min
 from apad_bridge.assembly.division import Member
-from apad_bridge.assembly.fleet_parts import shared_sea
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.events.event import Event
@@ -28,10 +26,8 @@ from apad_bridge.records.journal import Entry, JournalContents
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.records.uptime import UptimeMeter
 from apad_bridge.runs.flying import in_process_context
-from apad_bridge.runs.several.assignment import Assignment
-from apad_bridge.runs.several.lockstep import Exchange, LockstepRunner, MemberFlight
+from apad_bridge.runs.several.lockstep import Join, LockstepRunner, MemberFlight
 from apad_bridge.scenario.another_apad import Sharing
-from apad_bridge.scenario.firmware_config import charge_models, works_on_secondary
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.context import FlightContext
@@ -45,11 +41,9 @@ from firmware_model.packets.sample_record import SampleRecord
 class MemoryRecorder:
     """Keeps the events and the uploaded samples, and counts uptimes from the truths."""
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(self, scenario: Scenario, meter: UptimeMeter | None = None) -> None:
         self._scale = scenario.time_scale
-        self.meter = UptimeMeter(
-            self._scale, charge_models(scenario), secondary_in_use=works_on_secondary(scenario.board)
-        )
+        self.meter = meter or UptimeMeter.for_scenario(scenario)
         self.battery_min = battery_worth_min(scenario)
         """The parameter of `uptime_figures`."""
         self.journal = JournalContents([], 0)
@@ -112,8 +106,12 @@ def fly_in_memory(scenario: Scenario) -> tuple[dict[str, Any], MemoryRecorder]:
     """Returns the summary's figures (those of `uptime_figures`, and the mission's), and the recorder."""
     flight, recorder = open_flight(scenario)
     flight.run()
+    return _figures(flight, recorder), recorder
+
+
+def _figures(flight: Flight, recorder: MemoryRecorder) -> dict[str, Any]:
     figures = uptime_figures(recorder.meter, flight.now_ms, battery_min=recorder.battery_min)
-    return {**figures, **mission_figures(flight.supervisor.mission.state)}, recorder
+    return {**figures, **mission_figures(flight.supervisor.mission.state)}
 
 
 def mission_figures(state: MissionState) -> dict[str, Any]:
@@ -127,19 +125,15 @@ class OpenedLockstep:
     """A runner that is ready to `run`, and each aPad's recorder."""
 
     runner: LockstepRunner
-    assignment: Assignment
     recorders: dict[str, MemoryRecorder]
-    flights: dict[str, MemberFlight]
+
+    @property
+    def flights(self) -> Mapping[str, MemberFlight]:
+        return self.runner.flights
 
     def figures(self) -> dict[str, dict[str, Any]]:
         """The figures of `uptime_figures` and of the mission, by aPad."""
-        figures_of = {}
-        for name, it in self.flights.items():
-            state = it.flight.supervisor.mission.state
-            recorder = self.recorders[name]
-            figures = uptime_figures(recorder.meter, it.flight.now_ms, battery_min=recorder.battery_min)
-            figures_of[name] = {**figures, **mission_figures(state)}
-        return figures_of
+        return {name: _figures(it.flight, self.recorders[name]) for name, it in self.flights.items()}
 
 
 def open_lockstep(
@@ -149,23 +143,13 @@ def open_lockstep(
     trust: Trust | None = None,
 ) -> OpenedLockstep:
     """Opens the flights of several aPads that reach each other, or the one flight of a single aPad."""
-    served = {member.name: member.scenario.fleet.ids for member in members}
-    exchange, assignment = Exchange(served), Assignment(served)
-    recorders, flights = {}, {}
-    is_alone, sea = len(members) == 1, shared_sea(members[0].scenario, len(members))
-    for member in members:
-        join = partial(exchange.join, member.name, sharing)
-        flight, recorders[member.name] = open_flight(
-            member.scenario,
-            join=_unchanged if is_alone else join,
-            recorder_of=recorder_of,
-            sea=sea,
-            trust=trust,
+    recorders: dict[str, MemoryRecorder] = {}
+
+    def open_member(member: Member, join: Join, sea: Sea | None) -> MemberFlight:
+        flight, recorder = open_flight(
+            member.scenario, join=join, recorder_of=recorder_of, sea=sea, trust=trust
         )
-        flights[member.name] = MemberFlight(member.scenario.apad.start_m, flight, recorders[member.name])
-    runner = LockstepRunner(flights, exchange, assignment if sharing.transfers and not is_alone else None)
-    return OpenedLockstep(runner, assignment, recorders, flights)
+        recorders[member.name] = recorder
+        return MemberFlight(member.scenario.apad.start_m, flight, recorder)
 
-
-def _unchanged(context: FlightContext) -> FlightContext:
-    return context
+    return OpenedLockstep(LockstepRunner.of(members, sharing, open_member), recorders)

@@ -32,7 +32,7 @@ from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.facts import SoundHeard, StandDownRequested, WifiHeard
 from apad_bridge.planning import registry
 from apad_bridge.records.journal import JournalContents, read_journal
-from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
+from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.run_state import RunState
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.records.uptime import UptimeMeter
@@ -42,7 +42,7 @@ from apad_bridge.runs.several.lockstep import Exchange, LockstepRunner, MemberFl
 from apad_bridge.runs.start_state import find_resume_point, with_apad_as_seen
 from apad_bridge.scenario.cross_checks import check_code
 from apad_bridge.scenario.errors import ScenarioError, UserError
-from apad_bridge.scenario.firmware_config import charge_models, takes_samples, works_on_secondary
+from apad_bridge.scenario.firmware_config import takes_samples
 from apad_bridge.scenario.loader import with_values
 from apad_bridge.scenario.run_options import RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
@@ -123,19 +123,17 @@ class Branches:
 class _Opened:
     """The flights of a run at the moment of the branch."""
 
+    scenario: Scenario
     runner: LockstepRunner
-    flights: Mapping[str, MemberFlight]
     meter: UptimeMeter
-    logs_samples: bool
-    battery_min: float
-    """The parameter of `uptime_figures`."""
+    """It counts the uptimes of all aPads' flights together."""
 
     def figures(self) -> dict[str, float | None]:
-        now_ms = max(it.flight.now_ms for it in self.flights.values())
-        figures = uptime_figures(self.meter, now_ms, battery_min=self.battery_min)
-        if not self.logs_samples:
+        now_ms = max(it.flight.now_ms for it in self.runner.flights.values())
+        figures = uptime_figures(self.meter, now_ms, battery_min=battery_worth_min(self.scenario))
+        if not takes_samples(self.scenario.board):
             figures["samples_taken"] = None
-        for it in self.flights.values():
+        for it in self.runner.flights.values():
             for key, value in mission_figures(it.flight.supervisor.mission.state).items():
                 figures[key] = figures.get(key, 0) + value
         return _compared(figures)
@@ -150,14 +148,6 @@ class _Relived:
     docked: tuple[int, ...]
 
 
-class _Recorder(MemoryRecorder):
-    """Counts the uptimes of all aPads' flights together."""
-
-    def __init__(self, scenario: Scenario, meter: UptimeMeter) -> None:
-        super().__init__(scenario)
-        self.meter = meter
-
-
 def branch(path: Path, turn: Turn, trust: registry.Trust | None = None) -> Branches:
     """Flies both branches of the run in this directory. NoBranch for a run or a moment that has none.
 
@@ -169,7 +159,7 @@ def branch(path: Path, turn: Turn, trust: registry.Trust | None = None) -> Branc
         summary = directory.read_summary() or {}
         names = [member.name for member in members(scenario, starts_of(scenario))]
         journals = {name: read_journal(directory.of_apad(name, len(names)).journal) for name in names}
-    except (ScenarioError, RunDirectoryError, OSError, ValueError) as error:
+    except (OSError, ValueError) as error:
         raise NoBranch(f"{path}: no run: {str(error).splitlines()[0]}") from error
     if any(supervisor_of(directory.of_apad(name, len(names)).path) is not None for name in names):
         raise NoBranch(f"{path}: the run flies still: musselbed abort {path} ends it")
@@ -212,7 +202,7 @@ def _checked(scenario: Scenario, turn: Turn, names: Sequence[str], trust: regist
 
 
 def _turn(opened: _Opened, changed: Scenario, turn: Turn, trust: registry.Trust | None) -> None:
-    for name, it in opened.flights.items():
+    for name, it in opened.runner.flights.items():
         supervisor = it.flight.supervisor
         assert isinstance(supervisor.mission, EnergyExchange)
         supervisor.mission.change_planning(parts.plan_rules(changed, trust))
@@ -227,23 +217,15 @@ def _again(
     trust: registry.Trust | None,
 ) -> _Opened | None:
     """The flights of a run in virtual time, flown again up to the moment; None if their stimuli are not those recorded."""
-    meter = UptimeMeter(
-        scenario.time_scale, charge_models(scenario), secondary_in_use=works_on_secondary(scenario.board)
-    )
+    meter = UptimeMeter.for_scenario(scenario)
     opened = open_lockstep(
-        members(scenario, starts_of(scenario)), scenario.sharing, lambda it: _Recorder(it, meter), trust
+        members(scenario, starts_of(scenario)), scenario.sharing, lambda it: MemoryRecorder(it, meter), trust
     )
     opened.runner.run(at_ms)
     for name, recorder in opened.recorders.items():
         if _stimuli(recorder.journal, at_ms) != _stimuli(journals[name], at_ms):
             return None
-    return _Opened(
-        opened.runner,
-        opened.flights,
-        meter,
-        takes_samples(scenario.board),
-        battery_worth_min(scenario),
-    )
+    return _Opened(scenario, opened.runner, meter)
 
 
 def _stimuli(journal: JournalContents, at_ms: MissionMs) -> list[tuple[int, int, int, str]]:
@@ -277,10 +259,7 @@ def _from_records(
         raise NoBranch(
             f"at {at_ms / 1000:g} s no strategy planned: the mission was {point.state.phase.value}"
         )
-    meter = UptimeMeter(
-        scenario.time_scale, charge_models(scenario), secondary_in_use=works_on_secondary(scenario.board)
-    )
-    recorder, config = _Recorder(scenario, meter), flight_config(scenario, trust)
+    recorder, config = MemoryRecorder(scenario), flight_config(scenario, trust)
     relived = _relive(scenario, config, journal, at_ms, recorder)
     vehicle = InProcessVehicle(_apad_at(scenario, state, at_ms))
     context = FlightContext(
@@ -298,11 +277,15 @@ def _from_records(
     )
     flights = {name: MemberFlight(scenario.apad.start_m, flight, recorder)}
     runner = LockstepRunner(flights, Exchange({name: config.ids}), None)
-    return _Opened(runner, flights, meter, takes_samples(scenario.board), battery_worth_min(scenario))
+    return _Opened(scenario, runner, recorder.meter)
 
 
 def _relive(
-    scenario: Scenario, config: FlightConfig, journal: JournalContents, at_ms: MissionMs, recorder: _Recorder
+    scenario: Scenario,
+    config: FlightConfig,
+    journal: JournalContents,
+    at_ms: MissionMs,
+    recorder: MemoryRecorder,
 ) -> _Relived:
     """Has each aMussel live through its recorded stimuli, tick by tick up to the moment, and hears what they send."""
     initial_states = fleet_parts.initial_states(scenario, starts_of(scenario))

@@ -11,7 +11,7 @@ from apad_bridge.events.mission import MissionState
 from apad_bridge.events.run import EndReason
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.records.uptime import UptimeMeter
-from apad_bridge.scenario.firmware_config import charge_models, takes_samples, works_on_secondary
+from apad_bridge.scenario.firmware_config import takes_samples
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.world.apad.power import Ledger
 from firmware_model.power.charge import MS_PER_HOUR
@@ -131,9 +131,7 @@ class FigureMeter:
     def __init__(self, scenario: Scenario) -> None:
         self._scenario = scenario
         self._logs_samples = takes_samples(scenario.board)
-        self.uptimes = UptimeMeter(
-            scenario.time_scale, charge_models(scenario), secondary_in_use=works_on_secondary(scenario.board)
-        )
+        self.uptimes = UptimeMeter.for_scenario(scenario)
         self._gaps = SamplingGaps(logs_samples=self._logs_samples)
         self._late_ms = MissionMs(round(1000 * (1 - _LATE) * scenario.duration_s))
         self._dead_before: dict[int, int] = {}

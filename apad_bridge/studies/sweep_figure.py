@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from apad_bridge.scenario.errors import UserError
 from apad_bridge.studies.report import HEADINGS, difference_text, estimate_text
 from apad_bridge.studies.runner import Row
 from apad_bridge.studies.specification import StudyPlan
@@ -155,15 +154,12 @@ def _draw_lines(axis: Any, sweep: Sweep) -> None:
 
 
 def write_figure(sweep: Sweep, path: Path, width_mm: float) -> None:
-    """Writes a PDF or SVG of this width. UserError if it cannot be written."""
+    """Writes a PDF or SVG of this width."""
     import matplotlib
 
     dated = {"CreationDate": None} if path.suffix == ".pdf" else {"Date": None}
-    try:
-        with matplotlib.rc_context(_EMBEDDED):
-            draw(sweep, width_mm).savefig(path, metadata=dated)
-    except OSError as error:
-        raise UserError(f"--figure {path}: {error.strerror}") from error
+    with matplotlib.rc_context(_EMBEDDED):
+        draw(sweep, width_mm).savefig(path, metadata=dated)
 
 
 def as_table(sweep: Sweep, form: str) -> str:

@@ -10,14 +10,16 @@ exchange passes Wi-Fi and contacts alone.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from functools import partial
 from types import MappingProxyType
 
 from agents.hosting import interrupts
 from agents.nursery.launch import StartedNursery
 from agents.time_scale import MissionMs
+from agents.water.sea import Sea
 from apad_bridge.assembly.division import Member
 from apad_bridge.assembly.fleet_parts import shared_sea
 from apad_bridge.assembly.flight_config import flight_config
@@ -121,17 +123,37 @@ class MemberFlight:
     recorder: recorder_interface.FlightRecorder
 
 
+Join = Callable[[FlightContext], FlightContext]
+"""Joins a flight's context to the exchange, before the flight is built."""
+
+
 class LockstepRunner:
     """Runs the flights. Without an `assignment` each aPad serves its own aMussels to the end."""
 
     def __init__(
         self, flights: Mapping[str, MemberFlight], exchange: Exchange, assignment: Assignment | None
     ) -> None:
-        self._flights = dict(flights)
+        self.flights = dict(flights)
         self._exchange = exchange
-        self._assignment = assignment
+        self.assignment = assignment
         self.moves: list[tuple[int, Move]] = []
         """(mission ms, move), in the order in which they were made."""
+
+    @classmethod
+    def of(
+        cls,
+        members: Sequence[Member],
+        sharing: Sharing,
+        open_member: Callable[[Member, Join, Sea | None], MemberFlight],
+    ) -> LockstepRunner:
+        """Opens each member's flight, in the sea that they share; only several aPads join an exchange."""
+        served = {member.name: member.scenario.fleet.ids for member in members}
+        exchange, is_alone = Exchange(served), len(members) == 1
+        sea, flights = shared_sea(members[0].scenario, len(members)), {}
+        for member in members:
+            join: Join = _unchanged if is_alone else partial(exchange.join, member.name, sharing)
+            flights[member.name] = open_member(member, join, sea)
+        return cls(flights, exchange, Assignment(served) if sharing.transfers and not is_alone else None)
 
     @property
     def handed_on_count(self) -> int:
@@ -140,7 +162,7 @@ class LockstepRunner:
 
     def run(self, until_ms: int | None = None) -> None:
         """Runs to the end of every mission, or up to the last tick before `until_ms`: another call goes on from there."""
-        running = {name: it for name, it in self._flights.items() if not it.flight.supervisor.has_ended}
+        running = {name: it for name, it in self.flights.items() if not it.flight.supervisor.has_ended}
         while running:
             now_ms = min(it.flight.now_ms for it in running.values())
             if until_ms is not None and now_ms >= until_ms:
@@ -148,15 +170,15 @@ class LockstepRunner:
             ended = [name for name, it in running.items() if it.flight.step()]
             for name in ended:
                 del running[name]
-            if self._assignment is not None and now_ms % ASSIGNMENT_PERIOD_MS == 0:
-                self._reassign(self._assignment, running, now_ms)
+            if self.assignment is not None and now_ms % ASSIGNMENT_PERIOD_MS == 0:
+                self._reassign(self.assignment, running, now_ms)
 
     def _reassign(
         self, assignment: Assignment, running: Mapping[str, MemberFlight], now_ms: MissionMs
     ) -> None:
         views = [view_of(name, it.start_m, it.flight.supervisor) for name, it in running.items()]
         for move in assignment.plan_moves(views):
-            giver, taker = self._flights[move.giver], self._flights[move.taker]
+            giver, taker = self.flights[move.giver], self.flights[move.taker]
             belief = giver.flight.supervisor.beliefs.get(move.agent_id)
             giver.flight.stop_serving(move.agent_id)
             taker.flight.supervisor.start_serving(move.agent_id, belief)
@@ -165,6 +187,10 @@ class LockstepRunner:
             self.moves.append((now_ms, move))
             giver.recorder.event(now_ms, HandedOn(move.agent_id, move.taker))
             taker.recorder.event(now_ms, TookOn(move.agent_id, move.giver))
+
+
+def _unchanged(context: FlightContext) -> FlightContext:
+    return context
 
 
 def fly_in_step(
@@ -181,24 +207,20 @@ def fly_in_step(
     `nurseries` were begun for the aPads' fleets; a fleet without one begins its own. SIGINT, SIGTERM and SIGHUP end all
     flights in order. PeerFailed when a fleet does not start.
     """
-    served = {member.name: member.scenario.fleet.ids for member in members}
-    exchange, display = Exchange(served), JointDisplay(list(served), progress)
-    is_alone, sea = len(members) == 1, shared_sea(members[0].scenario, len(members))
+    display, opened = JointDisplay([member.name for member in members], progress), {}
+    spec = RunSpec(command_sources=None if command_sources is None else tuple(command_sources))
     with interrupts.held_back(), ExitStack() as stack:
-        opened, flights = {}, {}
-        spec = RunSpec(command_sources=None if command_sources is None else tuple(command_sources))
-        for member in members:
+
+        def open_member(member: Member, join: Join, sea: Sea | None) -> MemberFlight:
             name, scenario = member.name, member.scenario
             config, directory = flight_config(scenario, trust), whole.of_apad(name, len(members))
             context, recorder = flying.open_in_process(
                 stack, config, member.starts, directory, sea, nurseries.get(name)
             )
-            if not is_alone:
-                context = exchange.join(name, sharing, context)
-            opened[name] = flying.prepare(config, context, recorder, display.of(name), spec)
-            flights[name] = MemberFlight(scenario.apad.start_m, opened[name].flight, opened[name].recorder)
-        assignment = Assignment(served) if sharing.transfers and not is_alone else None
-        runner = LockstepRunner(flights, exchange, assignment)
-        with flying.stopped_by_signals(*(it.flight for it in flights.values())):
+            opened[name] = flying.prepare(config, join(context), recorder, display.of(name), spec)
+            return MemberFlight(scenario.apad.start_m, opened[name].flight, opened[name].recorder)
+
+        runner = LockstepRunner.of(members, sharing, open_member)
+        with flying.stopped_by_signals(*(it.flight for it in runner.flights.values())):
             runner.run()
         return Flown({name: it.finish() for name, it in opened.items()}, handed_on=runner.handed_on_count)

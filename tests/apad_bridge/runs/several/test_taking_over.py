@@ -13,7 +13,8 @@ from apad_bridge.assembly.division import members
 from apad_bridge.runs.in_memory import OpenedLockstep, open_lockstep
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.scenario.starts import Start, save_starts, starts_of
+from apad_bridge.scenario.starts import save_starts, starts_of
+from apad_bridge.scenario.starts_table import Start
 
 NEEDY = (5, 6, 7)
 """These lie in the north, where apad2 fetches them."""
@@ -92,7 +93,8 @@ def test_a_guest_is_handed_on_again_when_its_server_fails(tmp_path: Path) -> Non
     assert served_for_others and all(
         then[it].giver == "apad3" and then[it].taker == "apad1" for it in served_for_others
     )
-    assert opened.assignment.shares == {
+    assert opened.runner.assignment is not None
+    assert opened.runner.assignment.shares == {
         "apad1": frozenset(range(1, 9)),
         "apad2": frozenset(),
         "apad3": frozenset(),
@@ -114,7 +116,8 @@ def test_whom_its_docks_hold_stay_with_it(tmp_path: Path) -> None:
     ]
     assert sorted(docked) == list(NEEDY)
     assert [it["id"] for it in events_of(opened, "apad2", "handed_on")] == [8]
-    assert opened.assignment.shares["apad2"] == frozenset(NEEDY)
+    assert opened.runner.assignment is not None
+    assert opened.runner.assignment.shares["apad2"] == frozenset(NEEDY)
     assert opened.figures()["apad2"]["amussels_lost"] == 0
 
 
