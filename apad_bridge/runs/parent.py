@@ -25,8 +25,8 @@ from agents.water.sea_link import SOCKET_NAME
 from apad_bridge.assembly.division import Member
 from apad_bridge.planning.registry import Trust
 from apad_bridge.records.run_directory import RunDirectory
-from apad_bridge.ros.simulated_node.apad_process import APadNodeFailed, start_apad_node, stop_apad_node
-from apad_bridge.ros.system.master import MasterFailed, start_master
+from apad_bridge.ros.simulated_node.apad_process import APadNodeFailed, start_apad_node
+from apad_bridge.ros.system.master import MasterFailed, end_process, start_master
 from apad_bridge.ros.system.route import environment_for, free_port, somebodys_master
 from apad_bridge.runs.beside import watched_master
 from apad_bridge.runs.children import (
@@ -152,7 +152,7 @@ def _open_ros(
             nodes[member.name] = start_apad_node(
                 directory.scenario, master.uri, directory.path / "apad.log", namespace=options.namespace
             )
-            stack.callback(stop_apad_node, nodes[member.name], 1.0)
+            stack.callback(end_process, nodes[member.name], 1.0)
     except (MasterFailed, APadNodeFailed) as error:
         raise PeerFailed(f"{error}; see {whole.path}") from error
     if len(members) == 1:

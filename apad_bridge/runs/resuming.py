@@ -10,8 +10,8 @@ from pathlib import Path
 from agents.hosting.interrupts import held_back
 from apad_bridge.planning.registry import Trust
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
-from apad_bridge.ros.simulated_node.apad_process import APadNodeFailed, start_apad_node, stop_apad_node
-from apad_bridge.ros.system.master import MasterFailed, start_master, why_gone_of
+from apad_bridge.ros.simulated_node.apad_process import APadNodeFailed, start_apad_node
+from apad_bridge.ros.system.master import MasterFailed, end_process, start_master, why_gone_of
 from apad_bridge.runs.beside import watched_master
 from apad_bridge.runs.children import not_suspended, supervisor_of
 from apad_bridge.runs.display import ProgressDisplay
@@ -63,7 +63,7 @@ def _open_ros_again(
         node = start_apad_node(scenario, master.uri, log, namespace=options.namespace, held=held)
     except (MasterFailed, APadNodeFailed, RunDirectoryError) as error:
         raise PeerFailed(f"{error}; see {run_dir}") from error
-    stack.callback(stop_apad_node, node, 1.0)
+    stack.callback(end_process, node, 1.0)
     return options.on_own_master(master.uri), node
 
 

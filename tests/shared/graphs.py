@@ -15,8 +15,8 @@ import yaml
 from programs import begun, done
 from scenario_files import write_scenario
 
-from apad_bridge.ros.simulated_node.apad_process import start_apad_node, stop_apad_node
-from apad_bridge.ros.system.master import loopback_environment, start_master
+from apad_bridge.ros.simulated_node.apad_process import start_apad_node
+from apad_bridge.ros.system.master import end_process, loopback_environment, start_master
 
 
 def served_pool(path: Path, side_m: float, duration_s: float) -> Path:
@@ -47,7 +47,7 @@ def somebodys_graph(
         environment = {**os.environ, **loopback_environment(folder / "ros", master.uri)}
         clock = [sys.executable, "-m", "apad_bridge.ros.system.clock_node", "--speed", str(speed)]
         if not boat:
-            stack.callback(stop_apad_node, start_apad_node(scenario, master.uri, folder / "apad.log"))
+            stack.callback(end_process, start_apad_node(scenario, master.uri, folder / "apad.log"))
         for command in filter(None, (clock, boat)):
             process = subprocess.Popen(command, env=environment)
             stack.callback(process.wait, 180)

@@ -10,8 +10,8 @@ import pytest
 from programs import done, with_helpers
 from scenario_files import POOL_FILE
 
-from apad_bridge.ros.simulated_node.apad_process import start_apad_node, stop_apad_node
-from apad_bridge.ros.system.master import Master, loopback_environment
+from apad_bridge.ros.simulated_node.apad_process import start_apad_node
+from apad_bridge.ros.system.master import Master, end_process, loopback_environment
 
 pytestmark = pytest.mark.system
 
@@ -22,7 +22,7 @@ def test_it_is_asked_configured_charged_and_drained(tmp_path: Path, master: Mast
         asked = (sys.executable, "-m", "tests.system.ask_generation_a")
         said = done(*asked, env=with_helpers(loopback_environment(tmp_path / "ros", master.uri))).stdout
     finally:
-        stop_apad_node(node)
+        end_process(node)
     told = json.loads(said.splitlines()[-1])
     assert told["enabled"] == 3 and told["anchored"]
     # The first free slot, whatever the number of the aMussel; there is no fifth coil.

@@ -11,8 +11,8 @@ import pytest
 from programs import done, with_helpers
 from scenario_files import write_scenario
 
-from apad_bridge.ros.simulated_node.apad_process import start_apad_node, stop_apad_node
-from apad_bridge.ros.system.master import loopback_environment, start_master
+from apad_bridge.ros.simulated_node.apad_process import start_apad_node
+from apad_bridge.ros.system.master import end_process, loopback_environment, start_master
 
 pytestmark = pytest.mark.system
 DRIFT_M_S = (0.05, -0.1)
@@ -28,7 +28,7 @@ def told(tmp_path_factory: pytest.TempPathFactory) -> Any:
     with ExitStack() as stack:
         master = start_master(folder / "ros", timeout_s=120, orphan_s=60)
         stack.callback(master.stop)
-        stack.callback(stop_apad_node, start_apad_node(scenario, master.uri, folder / "apad.log"))
+        stack.callback(end_process, start_apad_node(scenario, master.uri, folder / "apad.log"))
         command = (sys.executable, "-m", "tests.system.order_by_every_road", scenario)
         said = done(*command, env=with_helpers(loopback_environment(folder / "ros", master.uri))).stdout
     return {"start_m": [14, 10.5], **json.loads(said.splitlines()[-1])}

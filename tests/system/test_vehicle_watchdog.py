@@ -16,8 +16,8 @@ from older_pythons import NoOlderPython, older_python
 from programs import ROOT, Begin, done, ended_well, line_of, with_helpers
 from scenario_files import write_scenario
 
-from apad_bridge.ros.simulated_node.apad_process import start_apad_node, stop_apad_node
-from apad_bridge.ros.system.master import Master, loopback_environment
+from apad_bridge.ros.simulated_node.apad_process import start_apad_node
+from apad_bridge.ros.system.master import Master, end_process, loopback_environment
 
 pytestmark = pytest.mark.system
 WATCHDOG = ROOT / "launch_scripts" / "vehicle_watchdog"
@@ -35,7 +35,7 @@ def told_by(tmp_path: Path, master: Master, begin: Begin) -> Iterator[Play]:
         def play(generation: str, name: str, python: str = "/usr/bin/python3") -> dict[str, Any]:
             apad = {"generation": generation, "drift_m_s": list(DRIFT_M_S)}
             scenario = write_scenario(tmp_path / "silent.yaml", apad=apad)
-            stack.callback(stop_apad_node, start_apad_node(scenario, master.uri, tmp_path / "apad.log"))
+            stack.callback(end_process, start_apad_node(scenario, master.uri, tmp_path / "apad.log"))
             command = (sys.executable, "-m", "tests.system.fall_silent", WATCHDOG, generation, name, python)
             environment = with_helpers(loopback_environment(tmp_path / "ros", master.uri))
             mission = begin(*command, env=environment, stdin=subprocess.PIPE, ends_by=signal.SIGKILL)

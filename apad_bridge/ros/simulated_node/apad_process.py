@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import os
 import select
-import signal
 import subprocess
 import time
 import xmlrpc.client
@@ -16,11 +15,8 @@ from types import MappingProxyType
 
 from agents.hosting import started
 from agents.hosting.interrupts import held_back, let_in
-from apad_bridge.ros.system.master import loopback_environment
+from apad_bridge.ros.system.master import end_process, loopback_environment
 from apad_bridge.ros_names.names import USE_SIM_TIME
-
-_KILLED_S = 60.0
-"""The longest time that a killed process may take to be gone: on a busy machine more than a second."""
 
 
 class APadNodeFailed(Exception):
@@ -78,26 +74,12 @@ def start_apad_node(
             status = child.poll()
         finally:
             if not is_ready:
-                stop_apad_node(child, patience_s=1.0)
+                end_process(child, patience_s=1.0)
     if is_ready:
         return child
     lines = log.read_text(errors="replace").strip().splitlines()
     how = f"ended with status {status}" if status is not None else f"was not ready within {ready_s:g} s"
     raise APadNodeFailed(f"the simulated aPad's node {how}: {lines[-1] if lines else 'it said nothing'}")
-
-
-def stop_apad_node(child: subprocess.Popen[bytes], patience_s: float = 3.0) -> int:
-    """Asks the child to end, kills it after `patience_s`, and returns its status. A child that has ended is reaped."""
-    if child.poll() is None:
-        with contextlib.suppress(ProcessLookupError):
-            os.kill(child.pid, signal.SIGTERM)
-        try:
-            child.wait(patience_s)
-        except subprocess.TimeoutExpired:
-            child.kill()
-    if child.stdout is not None:
-        child.stdout.close()
-    return child.wait(_KILLED_S)
 
 
 def _is_ready(child: subprocess.Popen[bytes], ready_s: float) -> bool:

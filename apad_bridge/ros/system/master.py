@@ -29,6 +29,8 @@ run's nodes alive."""
 _PROGRAM = Path(__file__).with_name("master_process.py")
 _LOG = "master.log"
 _ANSWER_S = 3.0
+_KILLED_S = 60.0
+"""The longest time that a killed process may take to be gone: on a busy machine more than a second."""
 
 
 class MasterFailed(Exception):
@@ -52,7 +54,7 @@ class Master:
 
     def stop(self, timeout_s: float = 3.0) -> None:
         """Ends the master by its pid: by SIGTERM, and after `timeout_s` by SIGKILL. Does nothing when it is gone."""
-        _end(self.process, timeout_s)
+        end_process(self.process, timeout_s)
 
 
 def start_master(home: Path, timeout_s: float, orphan_s: float = ORPHAN_S) -> Master:
@@ -82,12 +84,12 @@ def start_master(home: Path, timeout_s: float, orphan_s: float = ORPHAN_S) -> Ma
                 _check_answer(uri, process.pid, deadline_s)
             _let_it_outlive_us(process)
         except MasterFailed as error:
-            _end(process, 1.0)
+            end_process(process, 1.0)
             raise MasterFailed(
                 f"the embedded ROS master {error}: no node was started; see {home / 'master.err'}"
             ) from None
         except BaseException:
-            _end(process, 1.0)
+            end_process(process, 1.0)
             raise
     return Master(uri, process)
 
@@ -162,13 +164,14 @@ def _check_answer(uri: str, pid: int, deadline_s: float) -> None:
         raise MasterFailed(f"at {uri} is not the process {pid} that was started (it says {answer!r})")
 
 
-def _end(process: subprocess.Popen[bytes], timeout_s: float) -> None:
+def end_process(process: subprocess.Popen[bytes], patience_s: float = 3.0) -> int:
+    """Asks a process to end, kills it after `patience_s`, and returns its status. One that has ended is reaped."""
     process.terminate()
     try:
-        process.wait(timeout=timeout_s)
+        process.wait(patience_s)
     except subprocess.TimeoutExpired:
         process.kill()
-        process.wait(timeout=60)
     for pipe in (process.stdin, process.stdout):
         if pipe is not None:
             pipe.close()
+    return process.wait(_KILLED_S)

@@ -6,7 +6,7 @@ import signal
 import subprocess
 import sys
 
-from apad_bridge.ros.simulated_node.apad_process import stop_apad_node
+from apad_bridge.ros.system.master import end_process
 
 DEAF = "import signal, sys; signal.signal(signal.SIGTERM, signal.SIG_IGN); print('ready', flush=True); sys.stdin.read()"
 
@@ -15,5 +15,5 @@ def test_one_that_takes_no_word_is_killed_and_may_take_longer_to_be_gone_than_th
     child = subprocess.Popen([sys.executable, "-c", DEAF], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
     assert child.stdin is not None and child.stdout is not None
     assert child.stdout.readline() == b"ready\n"
-    assert stop_apad_node(child, patience_s=0.0) == -signal.SIGKILL
+    assert end_process(child, patience_s=0.0) == -signal.SIGKILL
     child.stdin.close()
