@@ -134,7 +134,10 @@ def parser(arguments: Sequence[str] = ()) -> argparse.ArgumentParser:
     commands = top.add_subparsers(dest="command", metavar="COMMAND", prog="musselbed", help=argparse.SUPPRESS)
     if named is not None and module is not None:
         try:
-            import_module(module).add_parser(commands)
+            command = import_module(module)
+            # Subcommands name a function each.
+            top.set_defaults(run=vars(command).get("run"))
+            command.add_parser(commands)
         except ImportError as error:
             # A package that shadows ours must not keep the doctor from reporting it.
             _add_unloadable(commands, named, error)

@@ -39,7 +39,6 @@ def add_parser(commands: Any) -> None:
         default="wall",
         help="wall: real time; clock: the master's /clock; the aPad ends when that is silent for 10 min (default: wall)",
     )
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:

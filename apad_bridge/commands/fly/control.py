@@ -138,7 +138,7 @@ def _add_orders(commands: Any, program: str) -> None:
             "--by", default=None, metavar="NAME", help="your name for the records (default: the user's name)"
         )
         parser.add_argument("--json", action="store_true", help="print the answers by aPad as JSON on stdout")
-        parser.set_defaults(run=run, act=act)
+        parser.set_defaults(act=act)
 
 
 def _times(text: str) -> float | None:

@@ -53,7 +53,7 @@ def add_parser(commands: Any) -> None:
         help="at the end, check that the records obey the rules that hold in every run (musselbed check)",
     )
     bringers = [console, *(it.load() for it in entry_points("musselbed.run_options"))]
-    parser.set_defaults(run=run, part=BenchPart.WHOLE, beside=[it.add_run_options(parser) for it in bringers])
+    parser.set_defaults(part=BenchPart.WHOLE, beside=[it.add_run_options(parser) for it in bringers])
 
 
 def add_manual_argument(parser: argparse.ArgumentParser) -> None:

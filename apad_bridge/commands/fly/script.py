@@ -45,7 +45,6 @@ def add_parser(commands: Any) -> None:
         default=BenchPart.WHOLE,
         help="with --apad ros: simulate none, for real aMussels or another fleet, as `musselbed mission`",
     )
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -31,7 +31,6 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--count", type=int, default=2, metavar="N", help=f"the number of modems, 2 to {_MOST} (default: 2)"
     )
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -50,7 +50,6 @@ def add_parser(commands: Any) -> None:
     )
     parser.add_argument("--figure", type=Path, metavar="FILE", help="draw the result, as .png, .svg or .pdf")
     parser.add_argument("--json", action="store_true", help="print the result as JSON on stdout")
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -46,7 +46,6 @@ def add_parser(commands: Any) -> None:
         help="name the first event in which RUN differs from this run; exit code 1 if there is one",
     )
     parser.add_argument("--json", action="store_true", help="print the broken rules as JSON, by directory")
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -56,7 +56,6 @@ def add_parser(commands: Any) -> None:
         action="store_true",
         help="print the page's address and the line of an order as JSON on stdout",
     )
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -37,7 +37,6 @@ def add_parser(commands: Any) -> None:
         help=f"{MISSION_TIME} (default: the end, which shows the newest plan)",
     )
     parser.add_argument("--json", action="store_true", help="print the journal's line of the plan")
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:

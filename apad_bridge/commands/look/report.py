@@ -35,7 +35,6 @@ def add_parser(commands: Any) -> None:
         "--data", choices=(*_DATA, "none"), default="csv", help="the form of every series (default: csv)"
     )
     parser.add_argument("--json", action="store_true", help="print the paths as JSON on stdout")
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:

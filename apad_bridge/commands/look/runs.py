@@ -59,7 +59,6 @@ def add_parser(commands: Any) -> None:
         help=f"the folder of the runs (default: {RUNS}/)",
     )
     parser.add_argument("--json", action="store_true", help="print the runs as a JSON list on stdout")
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:

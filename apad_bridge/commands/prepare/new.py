@@ -81,7 +81,6 @@ def add_parser(commands: Any) -> None:
         help="the aMussels' places, with the columns lat and lon; a file without id or battery gets them in a copy "
         f"(1, 2, 3...; by chance in {_CHARGES[0]} to {_CHARGES[1]})",
     )
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -34,7 +34,6 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "file", nargs=argparse.REMAINDER, metavar="FILE.py", help="the file, and its arguments"
     )
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> NoReturn:

@@ -62,7 +62,6 @@ def add_parser(commands: Any) -> None:
     )
     parser.add_argument("--out", type=Path, metavar="FILE", help="write the calibrated scenario, a new file")
     parser.add_argument("--json", action="store_true", help="print a JSON object")
-    parser.set_defaults(run=run)
 
 
 def _span(text: str) -> tuple[float, float]:

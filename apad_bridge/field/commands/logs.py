@@ -44,7 +44,6 @@ def add_parser(commands: Any) -> None:
         help="the merged bag, a new file (default: beside A, A-merged.bag)",
     )
     merging.add_argument("--json", action="store_true", help="print a JSON object")
-    merging.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -60,7 +60,6 @@ def add_parser(commands: Any) -> None:
     )
     add_trust_argument(parser)
     parser.add_argument("--json", action="store_true", help="print a JSON object at the end")
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -44,7 +44,6 @@ def add_parser(commands: Any) -> None:
         action="store_true",
         help="print the address, the log and the end as JSON on stdout, a line each",
     )
-    parser.set_defaults(run=run)
 
 
 def add_run_options(parser: argparse.ArgumentParser) -> Callable[[argparse.Namespace], Service | None]:

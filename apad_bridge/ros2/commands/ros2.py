@@ -30,7 +30,6 @@ def add_parser(commands: Any) -> None:
     )
     add_run_arguments(parser)
     parser.add_argument("--json", action="store_true", help="print the node's name as JSON on stdout")
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -50,7 +50,6 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--lose-apad", metavar="NAME", help="this aPad does nothing from then on")
     add_trust_argument(parser)
     parser.add_argument("--json", action="store_true", help="print the figures as JSON on stdout")
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:

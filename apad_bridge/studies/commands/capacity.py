@@ -54,7 +54,6 @@ def add_parser(commands: Any) -> None:
         help="fly ten days of the aMussels' time from seven mean start charges, by the scenario's own rules: a minute",
     )
     add_trust_argument(parser)
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:

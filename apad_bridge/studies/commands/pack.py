@@ -29,7 +29,6 @@ def add_parser(commands: Any) -> None:
         "--out", type=Path, metavar="FILE.tar.gz", help="the archive (default: NAME.tar.gz, here)"
     )
     parser.add_argument("--json", action="store_true", help="print the archive's path and size as JSON")
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:

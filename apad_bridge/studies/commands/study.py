@@ -98,7 +98,6 @@ def add_parser(commands: Any) -> None:
         choices=("latex", "csv"),
         help="print its differences to the first value as a table on stdout, nothing else",
     )
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -57,7 +57,6 @@ def add_parser(commands: Any) -> None:
         help=f"listen on this port; 0: a free one (default: {_PORT})",
     )
     parser.add_argument("--json", action="store_true", help="print the address as JSON on stdout")
-    parser.set_defaults(run=run)
 
 
 def add_run_options(parser: argparse.ArgumentParser) -> Callable[[argparse.Namespace], Service | None]:

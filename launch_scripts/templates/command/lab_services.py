@@ -9,7 +9,6 @@ from apad_bridge.scenario.errors import UserError
 def add_parser(commands):
     parser = commands.add_parser("services", description="Prints the number of services of a run.")
     parser.add_argument("directory", type=Path, metavar="RUN")
-    parser.set_defaults(run=run)
 
 
 def run(arguments):

@@ -29,8 +29,7 @@ def command(*words: object) -> int:
     parser = argparse.ArgumentParser()
     explain.add_parser(parser.add_subparsers())
     arguments = parser.parse_args(["explain", *map(str, words)])
-    code: int = arguments.run(arguments)
-    return code
+    return explain.run(arguments)
 
 
 def run_with(directory: Path, *plans: tuple[int, object]) -> Path:

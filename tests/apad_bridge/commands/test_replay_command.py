@@ -21,7 +21,7 @@ def command(*words):
     parser = argparse.ArgumentParser()
     replay.add_parser(parser.add_subparsers())
     arguments = parser.parse_args(["replay", *map(str, words)])
-    return arguments.run(arguments)
+    return replay.run(arguments)
 
 
 @pytest.fixture
