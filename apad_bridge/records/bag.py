@@ -23,13 +23,13 @@ import lz4.frame
 from rosbags.interfaces import Connection
 from rosbags.rosbag1.reader import Header, ReaderError, RecordType, decompressors, read_bytes, read_uint32
 from rosbags.rosbag1.writer import MAXSIZE, WriteChunk, Writer, WriterError
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
 from agents.time_scale import MissionMs, TimeScale
 from apad_bridge.events.run import RepairedBag
 from apad_bridge.records.bag_messages import APAD, BELIEFS, EVENT, SOUND, TRUTH, Messages, definition
-from apad_bridge.records.bag_samples import BagUnreadable
+from apad_bridge.records.bag_samples import BagUnreadable, add_definition
 from apad_bridge.records.packet_lines import SoundRow
 from apad_bridge.records.samples import APadSample, BeliefSample, TruthSample
 from apad_bridge.ros_names.names import in_full, ours
@@ -405,21 +405,12 @@ class RecordedTypes:
         connection = message.connection
         key = connection.kind, connection.md5
         if key not in self._stores:
-            self._stores[key] = self._store(connection)
+            store = get_typestore(Stores.EMPTY)  # a standard name may have another text there, too
+            add_definition(store, self._source, connection.definition, connection.kind)
+            self._stores[key] = store
         try:
             return self._stores[key].deserialize_ros1(message.data, connection.kind)
         except Exception as error:
             raise BagUnreadable(
                 f"{self._source}: a message of {connection.topic} is not of its own definition"
             ) from error
-
-    def _store(self, connection: RecordedConnection) -> Typestore:
-        store = get_typestore(Stores.EMPTY)  # a standard name may have another text there, too
-        try:
-            types = get_types_from_msg(connection.definition, connection.kind)
-            store.register({name: fields for name, fields in types.items() if name not in store.types})
-        except Exception as error:
-            raise BagUnreadable(
-                f"{self._source}: its definition of {connection.kind} makes no sense"
-            ) from error
-        return store

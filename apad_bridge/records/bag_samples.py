@@ -144,12 +144,17 @@ def definitions_in(path: Path, connections: list[Connection]) -> Typestore:
     """The message types as the bag itself defines them. BagUnreadable for definitions that make no sense."""
     store = get_typestore(Stores.ROS1_NOETIC)
     for connection in connections:
-        try:
-            types = get_types_from_msg(connection.msgdef.data, connection.msgtype)
-        except Exception as error:
-            raise BagUnreadable(f"{path}: its definition of {connection.msgtype} makes no sense") from error
-        store.register({name: fields for name, fields in types.items() if name not in store.types})
+        add_definition(store, path, connection.msgdef.data, connection.msgtype)
     return store
+
+
+def add_definition(store: Typestore, source: object, text: str, kind: str) -> None:
+    """Adds the types of a definition that the store lacks. BagUnreadable, with the source, where it makes no sense."""
+    try:
+        types = get_types_from_msg(text, kind)
+        store.register({name: fields for name, fields in types.items() if name not in store.types})
+    except Exception as error:
+        raise BagUnreadable(f"{source}: its definition of {kind} makes no sense") from error
 
 
 def _truth(row: Any) -> TruthSample:

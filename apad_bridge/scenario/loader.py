@@ -33,7 +33,7 @@ from apad_bridge.scenario.quantities import FILE, VALUES
 from apad_bridge.scenario.run_options import OPTIONS_NAME
 from apad_bridge.scenario.schema import Origin, Scenario
 from apad_bridge.scenario.starts_table import read_ids, table_of
-from apad_bridge.scenario.text_file import read_text, write_atomically
+from apad_bridge.scenario.text_file import text_of, write_atomically
 from apad_bridge.scenario.yaml_text import parse_yaml
 from firmware_model.sampling.sensors import BROUGHT
 
@@ -75,11 +75,7 @@ def load(path: Path) -> Scenario:
     with a line for each mistake, also if there is no such file.
     """
     path = file_of(path)
-    try:
-        text = read_text(path)
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "is not UTF-8 text"
-        raise ScenarioError([f"{path}: {reason}"]) from error
+    text = text_of(path)
     try:
         data = parse_yaml(text)
     except ValueError as error:

@@ -18,7 +18,7 @@ from pathlib import Path
 from agents.water.table import number_of
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.errors import ScenarioError
-from apad_bridge.scenario.text_file import read_text
+from apad_bridge.scenario.text_file import text_of
 
 STARTS_NAME = "starts.csv"
 ENDS_NAME = "ends.csv"
@@ -125,11 +125,7 @@ def completed(path: Path, draw_charge: Callable[[], float]) -> str | None:
 
 def _read(path: Path, needed: Sequence[str] = ("id", "battery")) -> tuple[list[str], list[tuple[int, str]]]:
     """Returns the columns, and the lines below them with their numbers."""
-    try:
-        text = read_text(path, "utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "is not UTF-8 text"
-        raise ScenarioError([f"{path}: {reason}"]) from error
+    text = text_of(path, "utf-8-sig")
     lines = [
         (number, line)
         for number, line in enumerate(text.splitlines(), start=1)

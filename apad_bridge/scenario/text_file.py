@@ -1,4 +1,4 @@
-"""Reads a user's text file whole, and writes one whole or not at all.
+"""Reads a user's text file whole, and writes a file whole or not at all.
 
 A device, which would never end, is refused, and so is a pipe into which nobody writes.
 """
@@ -9,7 +9,11 @@ import errno
 import os
 import select
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+
+from apad_bridge.scenario.errors import ScenarioError
 
 PIPE_S = 10.0
 """Wall seconds: a pipe that gives nothing for so long is refused."""
@@ -38,20 +42,36 @@ def _read_pipe(path: Path) -> bytes:
     raise OSError(errno.ETIMEDOUT, f"is a pipe, and nobody writes into it within {PIPE_S:g} s", str(path))
 
 
-def write_atomically(path: Path, text: str) -> None:
-    """Writes a text file under a temporary name in the same directory, then renames it. OSError with the file's name."""
+def text_of(path: Path, encoding: str = "utf-8") -> str:
+    """The file's text; ScenarioError, one line, for one that cannot be read."""
     try:
-        descriptor, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        return read_text(path, encoding)
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "is not UTF-8 text"
+        raise ScenarioError([f"{path}: {reason}"]) from error
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A new file beside `path`, which takes its place when this is left without an error. OSError names `path`."""
+    try:
+        descriptor, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     except OSError as error:
         error.filename = str(path)
         raise
     try:
-        with open(descriptor, "w", encoding="utf-8", newline="\n") as file:
-            os.fchmod(descriptor, 0o644)
-            file.write(text)
-            file.flush()
-            os.fsync(descriptor)
-        os.replace(temporary, path)
+        os.fchmod(descriptor, 0o644)
+        os.close(descriptor)
+        yield Path(name)
+        os.replace(name, path)
     except BaseException:
-        os.unlink(temporary)
+        os.unlink(name)
         raise
+
+
+def write_atomically(path: Path, text: str) -> None:
+    """Writes a text file whole or not at all, and to the disk."""
+    with replacing(path) as fresh, fresh.open("w", encoding="utf-8", newline="\n") as file:
+        file.write(text)
+        file.flush()
+        os.fsync(file.fileno())

@@ -7,8 +7,6 @@ from __future__ import annotations
 
 import io
 import math
-import os
-import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from html import escape
@@ -16,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from apad_bridge.assembly.capacity import Bounds, bounds_of
-from apad_bridge.scenario.text_file import write_atomically
+from apad_bridge.scenario.text_file import replacing, write_atomically
 from apad_bridge.studies.figures import COLUMNS
 from apad_bridge.studies.runner import Row
 from apad_bridge.studies.specification import Setting, StudyPlan
@@ -128,14 +126,8 @@ def write_parquet(path: Path, plan: StudyPlan, rows: Sequence[Row]) -> None:
     from pyarrow import parquet
 
     table = pyarrow.Table.from_pylist([_record(plan, row) for row in rows])
-    descriptor, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    os.close(descriptor)
-    try:
-        parquet.write_table(table, temporary)
-        os.replace(temporary, path)
-    except BaseException:
-        os.unlink(temporary)
-        raise
+    with replacing(path) as fresh:
+        parquet.write_table(table, fresh)
 
 
 def _record(plan: StudyPlan, row: Row) -> dict[str, Any]:

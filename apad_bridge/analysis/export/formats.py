@@ -11,9 +11,10 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
-from apad_bridge.analysis.export.mcap import replacing, write_mcap, write_ros2_mcap
+from apad_bridge.analysis.export.mcap import write_mcap, write_ros2_mcap
 from apad_bridge.analysis.export.tables import SeriesTable, tables_of
 from apad_bridge.records.run_directory import RunDirectory
+from apad_bridge.scenario.text_file import replacing
 
 _LONGEST_NAME = 63
 """Characters of a name in MATLAB."""
@@ -57,6 +58,7 @@ def _write_each(
     tables: Iterable[SeriesTable], folder: Path, ending: str, write: Callable[[SeriesTable, Path], None]
 ) -> dict[str, int]:
     rows = {}
+    folder.mkdir(parents=True, exist_ok=True)
     for table in tables:
         with replacing(folder / f"{table.name}{ending}") as path:
             write(table, path)
@@ -101,6 +103,7 @@ def _write_mat(tables: Iterable[SeriesTable], path: Path) -> dict[str, int]:
     for table in tables:
         structs[table.name] = {name[:_LONGEST_NAME]: column(it) for name, it in table.columns.items()}
         rows[table.name] = table.rows
+    path.parent.mkdir(parents=True, exist_ok=True)
     with replacing(path) as temporary, temporary.open("wb") as file:
         savemat(file, structs, long_field_names=True, do_compression=True, oned_as="column")
     return rows

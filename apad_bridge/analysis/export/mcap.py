@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,20 +16,9 @@ from apad_bridge.analysis.export.tables import closed_bags
 from apad_bridge.records.bag_samples import BagUnreadable, messages_in, open_bag
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.sample_file import read_samples
+from apad_bridge.scenario.text_file import replacing
 
 SAMPLES_TOPIC = "/musselbed/samples"
-
-
-@contextmanager
-def replacing(path: Path) -> Iterator[Path]:
-    """A new file beside `path`, in a folder made for it, which takes its place when this is left without an error."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.new")
-    try:
-        yield temporary
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def write_mcap(directory: RunDirectory, path: Path) -> dict[str, int]:
@@ -127,6 +115,7 @@ class _McapFile:
 def _open(path: Path, profile: str) -> Iterator[_McapFile]:
     from mcap.writer import CompressionType, Writer
 
+    path.parent.mkdir(parents=True, exist_ok=True)
     with replacing(path) as temporary, temporary.open("wb") as file:
         writer = Writer(file, compression=CompressionType.LZ4)
         writer.start(profile=profile, library="musselbed")
