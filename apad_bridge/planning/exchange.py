@@ -10,10 +10,11 @@ its own place, and names other redeployments as possible (section V).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import islice
 
 from apad_bridge.planning.candidates import Situation
 from apad_bridge.planning.solution import Solution, Step, StepKind
-from apad_bridge.planning.strategy import nearest
+from apad_bridge.planning.strategy import nearest_first
 
 
 def tour(collection: Solution, situation: Situation) -> Solution:
@@ -69,11 +70,8 @@ def nearest_places(
     `homes_m` has the places of the docked ones by id, in m; one that leaves without a place is left out. The first place is
     the nearest to `from_m`, the second the nearest to the first, and so on. Whoever has one of them keeps it.
     """
-    left, going = dict(homes_m), [it for it in leaving if it in homes_m]
-    owners: list[int] = []
-    for _ in going:
-        owners.append(nearest(from_m, left))
-        from_m = left.pop(owners[-1])
+    going = [it for it in leaving if it in homes_m]
+    owners = list(islice(nearest_first(from_m, homes_m), len(going)))
     return list(
         zip((it for it in going if it not in owners), (it for it in owners if it not in going), strict=True)
     )

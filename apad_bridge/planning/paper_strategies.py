@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from itertools import islice
 from math import fsum
 
-from apad_bridge.planning.candidates import Candidate, Situation
+from apad_bridge.planning.candidates import Situation
 from apad_bridge.planning.explanation import Option, way_m, with_exchanges
 from apad_bridge.planning.solution import Solution, Step, StepKind
 from apad_bridge.planning.strategy import (
@@ -12,7 +13,7 @@ from apad_bridge.planning.strategy import (
     RedeploymentStrategy,
     collect_in_order,
     docks_to_fill,
-    nearest,
+    nearest_first,
 )
 
 
@@ -26,13 +27,8 @@ class Greedy(CollectionStrategy):
     def plan(self, situation: Situation, batch: int) -> Solution:
         agents = {agent.agent_id: agent for agent in situation.candidates}
         points_m = {agent_id: agent.place_m for agent_id, agent in agents.items()}
-        place_m = situation.apad_m
-        chosen: list[Candidate] = []
-        while len(chosen) < docks_to_fill(situation, batch):
-            agent_id = nearest(place_m, points_m)
-            place_m = points_m.pop(agent_id)
-            chosen.append(agents[agent_id])
-        return collect_in_order(chosen, situation)
+        nearest = islice(nearest_first(situation.apad_m, points_m), docks_to_fill(situation, batch))
+        return collect_in_order([agents[agent_id] for agent_id in nearest], situation)
 
     def explain(self, situation: Situation, solution: Solution) -> list[Option]:
         return with_exchanges(situation, solution, lambda agents: {"way_m": way_m(situation, agents)})
@@ -76,10 +72,5 @@ class GreedyRedeploy(RedeploymentStrategy):
                 raise ValueError(f"aMussel {agent.agent_id} is not docked: it cannot be redeployed")
             docks[agent.agent_id] = agent.dock_index
         homes_m = {agent.agent_id: agent.home_m for agent in situation.candidates}
-        place_m = situation.apad_m
-        steps: list[Step] = []
-        while homes_m:
-            agent_id = nearest(place_m, homes_m)
-            place_m = homes_m.pop(agent_id)
-            steps.append(Step(StepKind.DEPLOY, agent_id, docks[agent_id]))
-        return Solution(tuple(steps))
+        order = nearest_first(situation.apad_m, homes_m)
+        return Solution(tuple(Step(StepKind.DEPLOY, agent_id, docks[agent_id]) for agent_id in order))

@@ -6,7 +6,7 @@ ties, and docks are filled in the order in which the situation lists them.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from math import dist
 
 from apad_bridge.planning.candidates import Candidate, Situation
@@ -67,6 +67,13 @@ def collect_in_order(chosen: Iterable[Candidate], situation: Situation) -> Solut
     return Solution(tuple(Step(StepKind.COLLECT, agent.agent_id, dock_index) for agent, dock_index in pairs))
 
 
-def nearest(place_m: tuple[float, float], points_m: dict[int, tuple[float, float]]) -> int:
-    """Returns the agent whose point is nearest to `place_m` (Euclidean); of equally near agents the lowest id."""
-    return min(points_m, key=lambda agent_id: (dist(place_m, points_m[agent_id]), agent_id))
+def nearest_first(place_m: tuple[float, float], points_m: Mapping[int, tuple[float, float]]) -> Iterator[int]:
+    """Yields the agent whose point is nearest to `place_m` (Euclidean), then the nearest to that point, and so on.
+
+    Of equally near agents the lowest id comes first.
+    """
+    left = dict(points_m)
+    while left:
+        agent_id = min(left, key=lambda it: (dist(place_m, left[it]), it))
+        place_m = left.pop(agent_id)
+        yield agent_id

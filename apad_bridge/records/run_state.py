@@ -38,8 +38,7 @@ from apad_bridge.records.summary import FailureCounts, Interruptions
 from apad_bridge.records.truth_lines import truth_of
 from apad_bridge.records.uptime import UptimeMeter
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.supervisor.core import PRIMITIVE_NAMES
-from apad_bridge.vehicle.commands import Hold
+from apad_bridge.vehicle.commands import PRIMITIVE_NAMES, Hold
 from apad_bridge.vehicle.guards.stops import NO_STOPS, StopRecord
 from apad_bridge.vehicle.outcomes import PrimitiveFailed, after_report
 from apad_bridge.world.roster import PresenceChange

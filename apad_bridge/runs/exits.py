@@ -41,6 +41,14 @@ def refuse(*rules: tuple[object, str]) -> None:
         raise UserError(text)
 
 
+def require_yes(question: str, unattended: str, unconfirmed: str) -> None:
+    """Asks a person to type yes. UserError: `unattended` without a terminal, `unconfirmed` for another answer."""
+    if not sys.stdin.isatty():
+        raise UserError(unattended)
+    if input(f"{question} Type yes: ").strip().lower() != "yes":
+        raise UserError(unconfirmed)
+
+
 @contextmanager
 def peers_may_fail(was_told: Callable[[str], bool] = lambda line: False) -> Iterator[None]:
     """Turns a peer's failure into one line on stderr and its exit code.

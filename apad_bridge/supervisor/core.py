@@ -46,9 +46,9 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.forecast import Forecast, Forecaster
 from apad_bridge.supervisor.sample_collection import NoSampleCollection, SampleCollection
 from apad_bridge.vehicle.commands import (
+    PRIMITIVE_NAMES,
     Arrived,
     BatteryReported,
-    CloseDock,
     CommandAccepted,
     CommandedByOthers,
     CommandFailed,
@@ -57,8 +57,6 @@ from apad_bridge.vehicle.commands import (
     DocksNamed,
     GoalOfOthers,
     GoTo,
-    Hold,
-    OpenDock,
     PilotReported,
     PoseReported,
     Primitive,
@@ -101,12 +99,6 @@ _PRIORITY: dict[type, int] = {
     WifiHeard: 3,
     EndRequested: 4,
     StandDownRequested: 4,
-}
-PRIMITIVE_NAMES: dict[type, str] = {
-    GoTo: "go to point",
-    Hold: "hold position",
-    CloseDock: "dock",
-    OpenDock: "undock",
 }
 
 

@@ -111,6 +111,12 @@ class ReleaseByName:
 
 Primitive = GoTo | Hold | CloseDock | OpenDock
 """The orders of a mission to the docking port."""
+PRIMITIVE_NAMES: dict[type, str] = {
+    GoTo: "go to point",
+    Hold: "hold position",
+    CloseDock: "dock",
+    OpenDock: "undock",
+}
 VehicleCommand = Primitive | MoveArm | Stop | PilotLeft | ReleaseByName
 
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 from typing import Any
 
 from apad_bridge.commands.help_text import ending
 from apad_bridge.commands.trust import add_trust_argument, trust_of_run
-from apad_bridge.runs.exits import peers_may_fail
+from apad_bridge.runs.exits import peers_may_fail, require_yes
 from apad_bridge.scenario.errors import UserError
 from apad_bridge.scenario.run_options import APadKind, RunOptions, TimeSource
 from apad_bridge.vehicle.errors import PeerFailed
@@ -90,7 +89,11 @@ def run(arguments: argparse.Namespace) -> int:
         _check_foreign_master(path, options)
     check_real_vehicle(options, scenario)
     if options.apad is APadKind.ROS and not arguments.confirm_motion:
-        _ask_whether_it_may_move()
+        require_yes(
+            "The aPad will move again. Is the water around it clear?",
+            "a real aPad moves again only after a person's confirmation: add --confirm-motion",
+            "not confirmed: no order was given",
+        )
     progress = FlightProgress(scenario.name, scenario.duration_ms, quiet=arguments.json)
     with peers_may_fail(progress.was_told), progress:
         flown = resuming.resume(scenario.apad.name, path, options, progress, trust)
@@ -113,10 +116,3 @@ def _check_foreign_master(path: Path, options: RunOptions) -> None:
         raise PeerFailed(
             f"{gone}: the run flew with the aPad on that master; start both again, then: musselbed resume {path}"
         )
-
-
-def _ask_whether_it_may_move() -> None:
-    if not sys.stdin.isatty():
-        raise UserError("a real aPad moves again only after a person's confirmation: add --confirm-motion")
-    if input("The aPad will move again. Is the water around it clear? Type yes: ").strip().lower() != "yes":
-        raise UserError("not confirmed: no order was given")

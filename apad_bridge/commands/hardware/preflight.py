@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import subprocess
-import sys
 import tempfile
 from collections.abc import Iterator, Sequence
 from functools import partial
@@ -39,7 +38,7 @@ from apad_bridge.events.persons import ScriptTold
 from apad_bridge.records.journal import read_journal
 from apad_bridge.records.run_directory import PRIVATE, RunDirectory
 from apad_bridge.ros.system.route import somebodys_master
-from apad_bridge.runs.exits import Exit, peers_may_fail
+from apad_bridge.runs.exits import Exit, peers_may_fail, require_yes
 from apad_bridge.runs.progress import WorkProgress
 from apad_bridge.runs.rich_console import Console
 from apad_bridge.scenario.cross_checks import problems_with_real_vehicle
@@ -119,8 +118,12 @@ def add_parser(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     options, scenario, starts = _read(arguments)
-    if arguments.prove_docks:
-        _ask_for_hands(confirmed=arguments.hands_clear)
+    if arguments.prove_docks and not arguments.hands_clear:
+        require_yes(
+            "The docks will open and close. Hands clear?",
+            "docks open and close: a person must confirm by --hands-clear",
+            "hands are not clear: nothing was ordered",
+        )
     apads = names_in_full(scenario, options.namespace)
     findings: list[Finding] = []
     with WorkProgress(arguments.json) as progress:
@@ -159,15 +162,6 @@ def _read(arguments: argparse.Namespace) -> tuple[RunOptions, Scenario, Sequence
         raise UserError("--echo needs --modem PORT, the modem that pings")
     with peers_may_fail():
         return options.on_master(somebodys_master()), scenario, starts
-
-
-def _ask_for_hands(*, confirmed: bool) -> None:
-    if confirmed:
-        return
-    if not sys.stdin.isatty():
-        raise UserError("docks open and close: a person must confirm by --hands-clear")
-    if input("The docks will open and close. Hands clear? Type yes: ").strip().lower() != "yes":
-        raise UserError("hands are not clear: nothing was ordered")
 
 
 def _all(

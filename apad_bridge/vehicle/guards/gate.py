@@ -14,13 +14,12 @@ from dataclasses import dataclass, field, replace
 from apad_bridge.events.event import Event
 from apad_bridge.events.guards import SURFACING, OrderRefused, PilotTold, PositionErrorTold, WatchdogTold
 from apad_bridge.vehicle.commands import (
+    PRIMITIVE_NAMES,
     BatteryReported,
-    CloseDock,
     DockClosed,
     GoTo,
     Hold,
     MoveArm,
-    OpenDock,
     PilotLeft,
     PilotReported,
     PoseReported,
@@ -46,10 +45,7 @@ from apad_bridge.vehicle.guards.waters import OpenWaters, Waters
 from apad_bridge.vehicle.link import Cleared, LinkFact, Sendable
 
 NAMES: dict[type, str] = {
-    GoTo: "go to point",
-    Hold: "hold position",
-    CloseDock: "dock",
-    OpenDock: "undock",
+    **PRIMITIVE_NAMES,
     MoveArm: "move an arm",
     ReleaseByName: "undock",
     Stop: "stop",
