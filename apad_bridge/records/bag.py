@@ -29,7 +29,7 @@ from rosbags.typesys.store import Typestore
 from agents.time_scale import MissionMs, TimeScale
 from apad_bridge.events.run import RepairedBag
 from apad_bridge.records.bag_messages import APAD, BELIEFS, EVENT, SOUND, TRUTH, Messages, definition
-from apad_bridge.records.bag_samples import BagUnreadable, add_definition
+from apad_bridge.records.bag_samples import add_definition, refused
 from apad_bridge.records.packet_lines import SoundRow
 from apad_bridge.records.samples import APadSample, BeliefSample, TruthSample
 from apad_bridge.ros_names.names import in_full, ours
@@ -408,9 +408,5 @@ class RecordedTypes:
             store = get_typestore(Stores.EMPTY)  # a standard name may have another text there, too
             add_definition(store, self._source, connection.definition, connection.kind)
             self._stores[key] = store
-        try:
+        with refused(f"{self._source}: a message of {connection.topic} is not of its own definition"):
             return self._stores[key].deserialize_ros1(message.data, connection.kind)
-        except Exception as error:
-            raise BagUnreadable(
-                f"{self._source}: a message of {connection.topic} is not of its own definition"
-            ) from error

@@ -98,7 +98,7 @@ def _instants_in(path: Path, grid: _Grid) -> Iterator[Instant]:
         wanted = [it for it in reader.connections if it.msgtype in (TRUTH, BELIEFS)]
         store = definitions_in(path, wanted)
         truths: tuple[int, tuple[TruthSample, ...]] | None = None
-        try:
+        with refused(f"{path}: damaged"):
             for connection, stamp_ns, data in messages_in(path, reader, wanted):
                 # The earliest stamp is a nanosecond, as ROS reads 0 as no time. A message that is not due is not unpacked.
                 if not grid.is_due(stamp_ns // 1_000_000):
@@ -110,30 +110,34 @@ def _instants_in(path: Path, grid: _Grid) -> Iterator[Instant]:
                 elif truths is not None and truths[0] == at_ms and grid.accept(at_ms):
                     beliefs = tuple(_belief(row) for row in message.agents)
                     yield Instant(at_ms, message.agent_time_ms, truths[1], beliefs)
-        except BagUnreadable:
-            raise
-        except Exception as error:  # of a damaged message the library may raise anything
-            raise BagUnreadable(f"{path}: damaged: {error or type(error).__name__}") from error
 
 
 def messages_in(
     path: Path, reader: Reader, wanted: list[Connection]
 ) -> Iterator[tuple[Connection, int, bytes]]:
     """Yields (connection, stamp in ns, bytes) of the messages of these connections. BagUnreadable at a damaged chunk."""
-    try:
+    with refused(f"{path}: damaged"):
         yield from reader.messages(wanted) if wanted else ()
-    except Exception as error:  # of a damaged chunk the library may raise anything
-        raise BagUnreadable(f"{path}: damaged: {error or type(error).__name__}") from error
+
+
+@contextmanager
+def refused(what: str) -> Iterator[None]:
+    """BagUnreadable, of `what` and the reason, for an error within: of random bytes the library may raise anything."""
+    try:
+        yield
+    except BagUnreadable:
+        raise
+    except Exception as error:
+        reason = " ".join(str(error).split())
+        raise BagUnreadable(f"{what}: {reason or type(error).__name__}") from error
 
 
 @contextmanager
 def open_bag(path: Path) -> Iterator[Reader]:
     """A reader of a bag that was closed; BagUnreadable for any other file."""
     reader = Reader(path)
-    try:
+    with refused(f"{path}: not a bag that can be read"):
         reader.open()
-    except Exception as error:  # of random bytes the library may raise anything
-        raise BagUnreadable(f"{path}: not a bag that can be read: {error or type(error).__name__}") from error
     try:
         yield reader
     finally:
@@ -150,11 +154,9 @@ def definitions_in(path: Path, connections: list[Connection]) -> Typestore:
 
 def add_definition(store: Typestore, source: object, text: str, kind: str) -> None:
     """Adds the types of a definition that the store lacks. BagUnreadable, with the source, where it makes no sense."""
-    try:
+    with refused(f"{source}: its definition of {kind} makes no sense"):
         types = get_types_from_msg(text, kind)
         store.register({name: fields for name, fields in types.items() if name not in store.types})
-    except Exception as error:
-        raise BagUnreadable(f"{source}: its definition of {kind} makes no sense") from error
 
 
 def _truth(row: Any) -> TruthSample:

@@ -10,10 +10,10 @@ from typing import Any
 
 from rosbags.convert.converter import generate_message_converter
 from rosbags.interfaces import Connection
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys import Stores, get_typestore
 
 from apad_bridge.analysis.export.tables import closed_bags
-from apad_bridge.records.bag_samples import BagUnreadable, messages_in, open_bag
+from apad_bridge.records.bag_samples import add_definition, messages_in, open_bag, refused
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.sample_file import read_samples
 from apad_bridge.scenario.text_file import replacing
@@ -55,12 +55,8 @@ def write_ros2_mcap(directory: RunDirectory, path: Path) -> dict[str, int]:
                     if connection.id not in converters:
                         converters[connection.id] = _ros2_of(bag, connection)
                     schema, convert = converters[connection.id]
-                    try:
+                    with refused(f"{bag}: a message of {connection.topic} is not of its own definition"):
                         converted = bytes(convert(data))
-                    except Exception as error:
-                        raise BagUnreadable(
-                            f"{bag}: a message of {connection.topic} is not of its own definition"
-                        ) from error
                     file.add(connection.topic, schema, at_ns, converted)
         file.attach(directory.scenario, directory.summary, directory.samples)
         return file.counts
@@ -74,14 +70,11 @@ def _ros2_of(bag: Path, connection: Connection) -> tuple[_Schema, Callable[[byte
     """The type of a connection's messages in ROS 2, and their conversion. A standard type is ROS 2's own."""
     name = connection.msgtype
     ros1, ros2 = get_typestore(Stores.EMPTY), get_typestore(Stores.ROS2_HUMBLE)
-    try:
-        types = get_types_from_msg(connection.msgdef.data, name)
-        ros1.register({it: fields for it, fields in types.items() if it not in ros1.types})
-        ros2.register({it: fields for it, fields in types.items() if it not in ros2.types})
+    for store in ros1, ros2:
+        add_definition(store, bag, connection.msgdef.data, name)
+    with refused(f"{bag}: its definition of {name} makes no sense in ROS 2"):
         convert = generate_message_converter(ros1, ros2, name, name, {}, src_is2=False, dst_is2=True)
         text, _ = ros2.generate_msgdef(name, ros_version=2)
-    except Exception as error:
-        raise BagUnreadable(f"{bag}: its definition of {name} makes no sense in ROS 2") from error
     return (name, "ros2msg", text, "cdr"), convert
 
 

@@ -21,7 +21,7 @@ from apad_bridge.events.sound import PacketPassed
 from apad_bridge.events.vehicle import APadMoved
 from apad_bridge.records.bag import is_closed, repair_bag
 from apad_bridge.records.bag_messages import APAD, BELIEFS, TRUTH
-from apad_bridge.records.bag_samples import BagUnreadable, definitions_in, messages_in, open_bag
+from apad_bridge.records.bag_samples import definitions_in, messages_in, open_bag, refused
 from apad_bridge.records.journal import Entry, read_journal
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.sample_file import read_samples
@@ -103,10 +103,8 @@ def _sampled(bags: list[Path]) -> list[SeriesTable]:
             store = definitions_in(bag, wanted)
             for connection, _, data in messages_in(bag, reader, wanted):
                 kind = connection.msgtype
-                try:
+                with refused(f"{bag}: a message of {connection.topic} is not of its own definition"):
                     message: Any = store.deserialize_ros1(data, kind)
-                except Exception as error:  # of a damaged message the library may raise anything
-                    raise BagUnreadable(f"{bag}: a message of {connection.topic} is damaged") from error
                 rows = tables[kind]
                 stamp = message.header.stamp
                 head = {"stamp_s": stamp.sec + stamp.nanosec / 1e9} | _of_message(message, store)
