@@ -57,6 +57,11 @@ class EntryPoint(NamedTuple):
         return getattr(import_module(module), name) if name else import_module(module)
 
 
+def in_one_line(error: BaseException) -> str:
+    """The type and the text of an error of a package's part or of a user's own; the text may have any number of lines."""
+    return f"{type(error).__name__}: {' '.join(str(error).split())}"
+
+
 def entry_points(group: str) -> list[EntryPoint]:
     """The entry points of this group, by package and name. Of two versions of a package the first on the path counts."""
     found = {}

@@ -19,7 +19,7 @@ from apad_bridge.scenario.choices import OWN_GENERATIONS, STACKS_GROUP, Generati
 from apad_bridge.scenario.errors import UserError
 from apad_bridge.vehicle.errors import VehicleNotReady
 from apad_bridge.vehicle.stack import Stack
-from firmware_model.entry_points import entry_points
+from firmware_model.entry_points import entry_points, in_one_line
 
 
 class StackNotLoaded(VehicleNotReady, UserError):
@@ -52,8 +52,7 @@ def _of_package(generation: Generation, name: str) -> Any:
         return getattr(entries[0].load(), name)
     except A_USERS_ERROR as error:
         raise StackNotLoaded(
-            f"stack {generation.value!r} (from {packages}) has no {name} that can be loaded: "
-            f"{type(error).__name__}: {error}"
+            f"stack {generation.value!r} (from {packages}) has no {name} that can be loaded: {in_one_line(error)}"
         ) from error
 
 

@@ -8,6 +8,8 @@ from enum import StrEnum
 from functools import partial
 from typing import Generic, TypeVar
 
+from firmware_model.entry_points import in_one_line
+
 Subject = TypeVar("Subject")
 
 
@@ -121,6 +123,6 @@ def run_check(
         found = examine()
         findings += [found] if isinstance(found, Finding) else found
     except Exception as error:
-        reason = f"this check broke: {type(error).__name__}: {error}"
+        reason = f"this check broke: {in_one_line(error)}"
         findings.append(fail(reason, "report this line to musselbed's authors; the other checks stand"))
     return [replace(it, check=f"{apad} {it.check or check}".strip()) for it in findings]

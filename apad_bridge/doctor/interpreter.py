@@ -15,6 +15,7 @@ from inspect import getmodulename
 from pathlib import Path
 
 from apad_bridge.doctor.finding import Check, Finding, fail, ok, warn
+from firmware_model.entry_points import in_one_line
 
 INSTALL = "run launch_scripts/install"
 OUR_PACKAGES = ("agents", "apad_bridge", "firmware_model")
@@ -97,7 +98,7 @@ def check_parts_of_others() -> Iterator[Finding]:
             try:
                 it.load()
             except (Exception, SystemExit) as error:
-                told = f"{it.name} of {it.brought_by} cannot be loaded: {type(error).__name__}: {error}"
+                told = f"{it.name} of {it.brought_by} cannot be loaded: {in_one_line(error)}"
                 yield warn(told, MEND, check=group)
     try:
         from firmware_model.power import rails  # noqa: F401

@@ -14,6 +14,7 @@ from apad_bridge.planning.costs import Scales, cost_of
 from apad_bridge.planning.registry import A_USERS_ERROR, label, words_of_package
 from apad_bridge.planning.solution import Solution, StepKind, check_solution
 from apad_bridge.planning.strategy import CollectionStrategy, Strategy
+from firmware_model.entry_points import in_one_line
 
 Planning = Callable[[str], AbstractContextManager[None]]
 """Makes, of a strategy's name, what is entered while that strategy plans."""
@@ -30,7 +31,7 @@ class StrategyFailed(Exception):
     @classmethod
     def by(cls, name: str, error: BaseException) -> StrategyFailed:
         named = f"{label(name)!r}{words_of_package(name)}"
-        return cls(f"{EndReason.STRATEGY_FAILED} {named}: {type(error).__name__}: {error}")
+        return cls(f"{EndReason.STRATEGY_FAILED} {named}: {in_one_line(error)}")
 
 
 def checked_plan(name: str, plan: Callable[[], Solution], situation: Situation, kind: StepKind) -> Solution:
@@ -114,4 +115,4 @@ def _reasons(
             ]
         }
     except A_USERS_ERROR as error:
-        return {"unexplained": f"{type(error).__name__}: {error}{words_of_package(name)}"}
+        return {"unexplained": f"{in_one_line(error)}{words_of_package(name)}"}

@@ -29,7 +29,7 @@ from apad_bridge.planning.rollout import FairRollout, Rollout
 from apad_bridge.planning.solution import StepKind
 from apad_bridge.planning.strategy import CollectionStrategy, RedeploymentStrategy
 from apad_bridge.planning.triage import ByLoad, Core, Triage
-from firmware_model.entry_points import EntryPoint, entry_points
+from firmware_model.entry_points import EntryPoint, entry_points, in_one_line
 
 GROUP = "musselbed.strategies"
 Sort = TypeVar("Sort", CollectionStrategy, RedeploymentStrategy)
@@ -245,7 +245,7 @@ def _where(error: BaseException, path: Path) -> str:
         frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)
     ]
     where = f"line {lines[-1]}: " if lines else ""
-    return f"{where}{type(error).__name__}: {' '.join(str(error).split())}"
+    return f"{where}{in_one_line(error)}"
 
 
 def _built_in(name: str, scales: Scales) -> object | None:
@@ -270,6 +270,5 @@ def _load(entry: EntryPoint) -> object:
         return entry.load()()
     except A_USERS_ERROR as error:
         raise ValueError(
-            f"strategy {entry.name!r} (from {entry.brought_by}, {entry.module}) cannot be loaded: "
-            f"{type(error).__name__}: {error}"
+            f"strategy {entry.name!r} (from {entry.brought_by}, {entry.module}) cannot be loaded: {in_one_line(error)}"
         ) from error

@@ -55,7 +55,7 @@ from apad_bridge.vehicle.errors import PeerFailed
 from apad_bridge.world.contacts import Contacts
 from apad_bridge.world.fleet import FlightFleet, NoFleet
 from apad_bridge.world.world import World
-from firmware_model.entry_points import package_to_blame
+from firmware_model.entry_points import in_one_line, package_to_blame
 
 
 def command_sources_of(
@@ -297,7 +297,7 @@ def main() -> int:
         if (package := package_to_blame(error)) is None:
             raise
         traceback.print_exception(error)
-        write(Failed(f"{package}: {type(error).__name__}: {error}; see {arguments.run}/supervisor.log"))
+        write(Failed(f"{package}: {in_one_line(error)}; see {arguments.run}/supervisor.log"))
         return Exit.PEER_FAILED
 
 

@@ -36,6 +36,7 @@ from apad_bridge.scripting.rendezvous import (
     TurnTimeouts,
     Wait,
 )
+from firmware_model.entry_points import in_one_line
 
 Program = Callable[[Api], object]
 """The function that runs in the script's thread."""
@@ -222,5 +223,4 @@ def _one_line(error: BaseException, name: str) -> str:
         frame for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename).name == name
     ]
     where = f"{name}, line {lines[-1].lineno}: " if lines else ""
-    message = " ".join(str(error).split())
-    return f"{where}{type(error).__name__}: {message}"
+    return f"{where}{in_one_line(error)}"

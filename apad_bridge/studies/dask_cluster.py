@@ -10,6 +10,7 @@ from importlib.metadata import version
 
 from apad_bridge.studies.runner import Block, Row, StudyFailed, fly_block
 from apad_bridge.studies.specification import StudyPlan
+from firmware_model.entry_points import in_one_line
 
 _CONNECT_S = 30
 """Wall seconds until a scheduler has to answer."""
@@ -37,7 +38,7 @@ def fly_on_dask(plan: StudyPlan, blocks: Sequence[Block], address: str) -> Itera
                 raise
             except Exception as error:  # whatever a cluster or its workers raise
                 raise StudyFailed(
-                    f"--dask {address}: {type(error).__name__}: {error}; the same command continues"
+                    f"--dask {address}: {in_one_line(error)}; the same command continues"
                 ) from error
             yield block_of[task.key], rows
 

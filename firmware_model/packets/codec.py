@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Protocol, cast
 
 from firmware_model import packets
-from firmware_model.entry_points import entry_points
+from firmware_model.entry_points import entry_points, in_one_line
 
 BUILT_IN = "musselbed-1"
 GROUP = "musselbed.codecs"
@@ -65,5 +65,5 @@ def load_codec(name: str) -> Codec:
         return _Checked(cast(Codec, found[0].load()()), f"codec {name!r} (from {packages[0]})")
     except Exception as error:
         raise ValueError(
-            f"codec {name!r} (from {packages[0]}, {found[0].module}) cannot be loaded: {type(error).__name__}: {error}"
+            f"codec {name!r} (from {packages[0]}, {found[0].module}) cannot be loaded: {in_one_line(error)}"
         ) from error

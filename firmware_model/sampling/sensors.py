@@ -14,7 +14,7 @@ from __future__ import annotations
 import re
 from binascii import crc_hqx
 
-from firmware_model.entry_points import MEND, entry_points
+from firmware_model.entry_points import MEND, entry_points, in_one_line
 from firmware_model.sampling.sensor import Sensor
 
 GROUP = "musselbed.sensors"
@@ -56,7 +56,7 @@ def _of_packages() -> dict[str, Sensor]:
         try:
             sensor = entry.load()
         except (Exception, SystemExit) as error:
-            wrong = f"cannot be loaded: {type(error).__name__}: {error}"
+            wrong = f"cannot be loaded: {in_one_line(error)}"
         else:
             wrong = _fault(sensor, entry.name, sources)
         if wrong:

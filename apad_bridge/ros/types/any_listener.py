@@ -9,6 +9,7 @@ import genpy
 import rospy
 
 from apad_bridge.ros.types.any_message import AnyMessages, why_unfit
+from firmware_model.entry_points import in_one_line
 
 
 class AnyListener:
@@ -58,7 +59,7 @@ class AnyListener:
             except (ValueError, AttributeError, KeyError, TypeError) as error:
                 self._refuse(topic, _node_of(raw), str(error))
             except Exception as error:  # rospy would only log it, for each message
-                self._refuse(topic, _node_of(raw), f"its reader fails: {type(error).__name__}: {error}")
+                self._refuse(topic, _node_of(raw), f"its reader fails: {in_one_line(error)}")
 
         return receive
 

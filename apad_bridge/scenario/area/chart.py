@@ -16,6 +16,7 @@ from apad_bridge.scenario.area.local_frame import LocalFrame, OriginLike
 from apad_bridge.scenario.area.paper_charts import PAPER_CHARTS
 from apad_bridge.scenario.area.polygon import Point
 from apad_bridge.scenario.text_file import read_text
+from firmware_model.entry_points import in_one_line
 
 _NESTING = {"LineString": 0, "MultiLineString": 1, "Polygon": 1, "MultiPolygon": 2}
 """Depth of the lists of positions in a geometry's coordinates."""
@@ -42,7 +43,7 @@ def chart_of(name: str, origin: OriginLike) -> tuple[ChartLine, ...]:
             for depth_m, positions in _lines_of(json.loads(read_text(Path(name))), None)
         )
     except (KeyError, TypeError, IndexError, AttributeError, RecursionError) as error:
-        raise ValueError(f"is no GeoJSON of lines: {type(error).__name__} {error}") from error
+        raise ValueError(f"is no GeoJSON of lines: {in_one_line(error)}") from error
 
 
 def _lines_of(data: dict[str, Any], depth_m: float | None) -> Iterator[tuple[float | None, list[Any]]]:

@@ -16,6 +16,7 @@ from typing import Any, Protocol
 from apad_bridge.scenario.area.local_frame import LocalFrame, OriginLike
 from apad_bridge.scenario.area.polygon import Point, area_m2, is_simple
 from apad_bridge.scenario.text_file import read_text
+from firmware_model.entry_points import in_one_line
 
 Corners = tuple[Point, ...]
 LEAST_SIDE_M = 1.0
@@ -148,7 +149,7 @@ def _polygons_deg(path: Path) -> list[list[list[tuple[float, float]]]]:
         found = _rings_of(json.loads(read_text(path)))
         return [[[(float(it[1]), float(it[0])) for it in ring[:-1]] for ring in rings] for rings in found]
     except (KeyError, TypeError, IndexError, AttributeError, RecursionError) as error:
-        raise ValueError(f"is no GeoJSON of polygons: {type(error).__name__} {error}") from error
+        raise ValueError(f"is no GeoJSON of polygons: {in_one_line(error)}") from error
 
 
 def _rings_of(data: dict[str, Any]) -> list[Any]:

@@ -723,7 +723,7 @@ class FailsToRefuse(CollectionStrategy):
     def refuses(self, situation: object) -> bool:
         self._answered -= 1
         if self._answered < 0:
-            raise RuntimeError("cannot tell")
+            raise RuntimeError("cannot\ntell")
         return True
 
 
