@@ -19,11 +19,11 @@ from apad_bridge.doctor.network import (
     ConnectionRefused,
     Unreachable,
     address_of,
+    address_towards,
     call,
     call_for_reply,
     connect,
     host_and_port,
-    route_address,
 )
 from apad_bridge.ros_names.names import in_full
 from apad_bridge.scenario.errors import in_ranges
@@ -101,8 +101,7 @@ class Graph:
 
 def check_addresses(uri: str, announced: str) -> Iterator[Finding]:
     """Checks the address under which this machine's nodes are called; `announced` is ROS_HOSTNAME, ROS_IP or its name."""
-    master = address_of(host_and_port(uri)[0])
-    route = route_address(master)
+    route = address_towards(uri)
     mend = (
         f"export ROS_IP={route}"
         if "ROS_HOSTNAME" not in os.environ
@@ -118,7 +117,7 @@ def check_addresses(uri: str, announced: str) -> Iterator[Finding]:
             f"nodes of this machine call themselves {announced}; the route to the master is from {route}",
         )
     elif here.startswith("127."):
-        yield fail(f"{announced} is this machine's loopback, and the master is at {master}", mend)
+        yield fail(f"{announced} is this machine's loopback, and the master is at {uri}", mend)
     else:
         yield warn(f"{announced} is {here}, but the route to the master is from {route}", mend)
 
@@ -153,7 +152,7 @@ def check_call_back(uri: str, announced: str, bind: str) -> Finding:
             serving.join(TIMEOUT_S)
     if is_called_back:
         return ok(f"the master reached a node of this machine at {announced}")
-    route = route_address(address_of(host_and_port(uri)[0]))
+    route = address_towards(uri)
     return fail(
         f"the master did not reach {ours} within {TIMEOUT_S:g} s: topics would be listed here, but nothing would arrive",
         f"export ROS_IP={route}, and let the firewall pass TCP from the master's machine to all ports above 1024",

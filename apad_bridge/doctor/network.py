@@ -79,8 +79,12 @@ def is_loopback(uri: str) -> bool:
         return False
 
 
-def route_address(address: str) -> str:
-    """Returns this machine's source address of packets to `address`, without sending any."""
+def address_towards(uri: str) -> str:
+    """Returns this machine's source address of packets to the URI's host, without sending any: the kernel has the route.
+
+    Raises Unreachable if there is none.
+    """
+    address = address_of(host_and_port(uri)[0])
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
             probe.connect((address, 9))

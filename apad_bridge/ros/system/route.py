@@ -8,15 +8,14 @@ import random
 import socket
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from urllib.parse import urlsplit
 
+from apad_bridge.doctor.network import Unreachable, address_towards, connect
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.ros.system.master import loopback_environment
 from apad_bridge.scenario.run_options import OPTIONS_NAME, RunOptions, TimeSource
 from apad_bridge.vehicle.errors import PeerFailed
 
 _DEFAULT_URI = "http://localhost:11311"
-_TIMEOUT_S = 3.0
 _WAIT_S = 0.1
 _NOBODYS_PORTS = range(20_000, 32_000)
 """Below those that Linux gives to connections: one of those that is free now may be taken before a node binds it."""
@@ -35,8 +34,8 @@ def somebodys_master(environment: Mapping[str, str] = os.environ) -> str:
 def why_silent(master_uri: str) -> str | None:
     """The reason why nothing listens at the URI; None when something does."""
     try:
-        socket.create_connection(_host_and_port(master_uri), _TIMEOUT_S).close()
-    except OSError as error:
+        connect(master_uri).close()
+    except Unreachable as error:
         return str(error)
     return None
 
@@ -52,16 +51,15 @@ def environment_for(
 ) -> dict[str, str]:
     """The variables of a node on this master: ROS_MASTER_URI, its namespace, and ROS_IP as our address on the way to it.
 
-    A ROS_IP or ROS_HOSTNAME of the user stays as it is.
+    A ROS_IP or ROS_HOSTNAME of the user stays as it is. PeerFailed without a way to it.
     """
     needed = {"ROS_MASTER_URI": master_uri, "ROS_NAMESPACE": f"/{namespace}"}
     if environment.get("ROS_IP") or environment.get("ROS_HOSTNAME"):
         return needed
-    host, port = _host_and_port(master_uri)
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        # Connecting a datagram socket sends nothing: the kernel only chooses the route.
-        probe.connect((host, port))
-        return {**needed, "ROS_IP": str(probe.getsockname()[0])}
+    try:
+        return {**needed, "ROS_IP": address_towards(master_uri)}
+    except Unreachable as error:
+        raise PeerFailed(f"ROS_MASTER_URI={master_uri}: {error}") from error
 
 
 def free_port() -> int:
@@ -74,17 +72,6 @@ def free_port() -> int:
             if error.errno != errno.EADDRINUSE:
                 raise
     raise PeerFailed(f"a hundred ports from {_NOBODYS_PORTS[0]} to {_NOBODYS_PORTS[-1]} are all in use")
-
-
-def _host_and_port(uri: str) -> tuple[str, int]:
-    parts = urlsplit(uri)
-    try:
-        host, port = parts.hostname, parts.port
-    except ValueError:
-        host = port = None
-    if not host or not port:
-        raise PeerFailed(f"ROS_MASTER_URI={uri} is no http://HOST:PORT")
-    return host, port
 
 
 def enter_graph_of(run_dir: Path, asked_to_end: Callable[[float], bool]) -> bool:

@@ -129,7 +129,7 @@ def test_a_node_that_names_itself_what_nobody_knows() -> None:
 
 
 def test_a_loopback_name_is_of_no_use_to_a_master_elsewhere(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(graph, "route_address", lambda _: "10.0.200.7")
+    monkeypatch.setattr(graph, "address_towards", lambda _: "10.0.200.7")
     (finding,) = graph.check_addresses("http://10.0.200.1:11311", "127.0.1.1")
     assert finding.status is CheckStatus.FAIL and finding.mend == "export ROS_IP=10.0.200.7"
 
