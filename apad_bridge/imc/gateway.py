@@ -23,7 +23,7 @@ from apad_bridge.imc.protocol import Message
 from apad_bridge.imc.systems import RunNumber, System
 from apad_bridge.imc.wire import Address, ImcConsole, ReceivedMessage, Wire
 from apad_bridge.records.journal import await_beginning
-from apad_bridge.records.run_directory import RunDirectory
+from apad_bridge.records.run_directory import RunDirectory, new_folder
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Scenario
@@ -41,15 +41,7 @@ class LsfLog:
     def __init__(self, run_dir: Path, begun_s: float) -> None:
         """Makes the log's folder below the run's directory. `begun_s` is Unix time."""
         begun = time.gmtime(begun_s)
-        below = run_dir / FOLDER / time.strftime("%Y%m%d", begun)
-        stem, n = time.strftime("%H%M%S", begun), 1
-        while True:
-            self.folder = below / (stem if n == 1 else f"{stem}-{n}")
-            try:
-                self.folder.mkdir(parents=True)
-                break
-            except FileExistsError:
-                n += 1
+        self.folder = new_folder(run_dir / FOLDER / time.strftime("%Y%m%d/%H%M%S", begun))
         self._file = (self.folder / "Data.lsf").open("xb")
 
     @property

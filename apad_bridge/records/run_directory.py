@@ -11,9 +11,11 @@ import platform
 import shutil
 import subprocess
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
 from importlib.metadata import PackageNotFoundError, version
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -50,20 +52,11 @@ class RunDirectory:
         """
         if out is not None:
             return cls(_claim(out))
-        stem = f"{scenario_name}-{now_utc:%Y%m%dT%H%M%SZ}"
-        n = 1
-        while True:
-            path = RUNS / (stem if n == 1 else f"{stem}-{n}")
-            try:
-                path.mkdir(mode=PRIVATE, parents=True)
-            except FileExistsError:
-                n += 1
-            except OSError as error:
-                raise RunDirectoryError(
-                    f"{path}: {error.strerror}; choose another place with --out"
-                ) from error
-            else:
-                return cls(path)
+        path = RUNS / f"{scenario_name}-{now_utc:%Y%m%dT%H%M%SZ}"
+        try:
+            return cls(new_folder(path, PRIVATE))
+        except OSError as error:
+            raise RunDirectoryError(f"{path}: {error.strerror}; choose another place with --out") from error
 
     @classmethod
     def open(cls, path: Path) -> RunDirectory:
@@ -242,6 +235,16 @@ def _commit() -> str | None:
     except (OSError, subprocess.TimeoutExpired):
         return None
     return described.stdout.strip() or None
+
+
+def new_folder(path: Path, mode: int = 0o777) -> Path:
+    """Makes the folder `path`; with -2, -3 ... at its name if that exists."""
+    for n in count(1):
+        folder = path if n == 1 else path.with_name(f"{path.name}-{n}")
+        with suppress(FileExistsError):
+            folder.mkdir(mode, parents=True)
+            break
+    return folder
 
 
 def _claim(out: Path) -> Path:
