@@ -10,6 +10,7 @@ from typing import TypeVar
 
 from agents.modem.frames import PAYLOAD_BYTES, ModemGeneration, duration_ms
 from agents.mussel.board_link import serial_line
+from agents.time_scale import TimeScale
 from apad_bridge.planning.registry import Trust, collection, redeployment
 from apad_bridge.scenario.area.chart import chart_of
 from apad_bridge.scenario.area.fence import Fence, fence_of
@@ -35,8 +36,8 @@ from apad_bridge.scenario.schema import (
 )
 from apad_bridge.scenario.surface import doubt_about_legs
 from apad_bridge.scenario.timed_faults import TimedFault
-from apad_bridge.scenario.water.currents import problem_with_current
-from apad_bridge.scenario.water.links import problem_with_links
+from apad_bridge.scenario.water.currents import read_current
+from apad_bridge.scenario.water.links import read_links
 from apad_bridge.scenario.water.options import Current, Water
 from firmware_model.power.rails import Rail
 from firmware_model.sampling.sensors import BROUGHT
@@ -188,10 +189,7 @@ def _rules_of_area(scenario: Scenario) -> Iterator[Rule]:
     fence, problem = _read(lambda: fence_of(area))
     key = "fence" if isinstance(area.fence, str) else "keep_out"
     yield problem, f"area.{key}", f"{area.fence if key == 'fence' else area.keep_out}: {problem}"
-    if area.chart is not None:
-        chart = area.chart
-        _, problem = _read(lambda: chart_of(chart, area.origin))
-        yield problem, "area.chart", f"{chart}: {problem}"
+    yield _rule_of_file("area.chart", area.chart, lambda it: chart_of(it, area.origin))
     if fence is not None:
         yield from _rules_of_fence(scenario, fence, guards)
     rating_m, limit_m_s = guards.amussel_depth_m or math.inf, guards.speed_limit_m_s or math.inf
@@ -215,6 +213,16 @@ def _read(read: Callable[[], Read]) -> tuple[Read | None, str]:
         return None, str(error.strerror)
     except ValueError as error:
         return None, str(error)
+
+
+def _rule_of_file(key: str, file: str | None, read: Callable[[str], object]) -> Rule:
+    _, problem = ("", "") if file is None else _read(lambda: read(file))
+    return problem, key, f"{file}: {problem}"
+
+
+def _rule_of_current(key: str, file: str | None, scenario: Scenario) -> Rule:
+    frame = LocalFrame.about(scenario.area.origin)
+    return _rule_of_file(key, file, lambda it: read_current(Path(it), frame))
 
 
 def _rules_of_fence(scenario: Scenario, fence: Fence, guards: GuardOptions) -> Iterator[Rule]:
@@ -257,11 +265,6 @@ def _rules_of_fleet(scenario: Scenario) -> Iterator[Rule]:
     )
     if fleet.firmware:
         yield from _rules_of_firmware(scenario)
-
-
-def _rule_of_current(key: str, file: str | None, scenario: Scenario) -> Rule:
-    problem = file is not None and problem_with_current(Path(file), LocalFrame.about(scenario.area.origin))
-    return problem, key, str(problem)
 
 
 def _rules_of_firmware(scenario: Scenario) -> Iterator[Rule]:
@@ -434,14 +437,13 @@ def _rules_of_water(scenario: Scenario) -> list[Rule]:
     if water is None:
         return []
     has_twins, current = scenario.beliefs.estimator is EstimatorKind.TWIN, water.current
-    links_problem = None if water.links_file is None else problem_with_links(Path(water.links_file))
     return [
         (
             water.wifi is not None and scenario.hearing.mode is HearingMode.PAPER,
             "water.wifi",
             "with hearing.mode: paper Wi-Fi always gets through: leave this block out, or use mode: physical",
         ),
-        (links_problem, "water.links_file", str(links_problem)),
+        _rule_of_file("water.links_file", water.links_file, lambda it: read_links(Path(it), TimeScale(1))),
         (
             water.talk.ping_worth_m and not (has_twins and water.localisation),
             "water.talk.ping_worth_m",
@@ -509,15 +511,7 @@ def _rules_of_apad(scenario: Scenario) -> Iterator[Rule]:
         "mission.batch",
         f"{batch} aMussels do not fit into {apad.docks} docks (apad.docks): leave it out, or lower it",
     )
-    if apad.interface is None:
-        return
-    path = Path(apad.interface)
-    try:
-        load_names(path)
-    except OSError as error:
-        yield True, "apad.interface", f"{error.strerror}: {path}"
-    except ValueError as error:
-        yield True, "apad.interface", f"{path}: {error}"
+    yield _rule_of_file("apad.interface", apad.interface, lambda it: load_names(Path(it)))
 
 
 def _rules_of_further_apads(scenario: Scenario) -> Iterator[Rule]:

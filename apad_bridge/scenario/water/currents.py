@@ -40,13 +40,3 @@ def steady_text(north_m_s: float, east_m_s: float) -> str:
 def read_current(path: Path, frame: LocalFrame) -> Stream:
     """Raises OSError, or ValueError."""
     return parse_stream(current_text(path, frame))
-
-
-def problem_with_current(path: Path, frame: LocalFrame) -> str:
-    try:
-        read_current(path, frame)
-    except OSError as error:
-        return f"{error.strerror}: {path}"
-    except ValueError as error:  # not UTF-8, or not a field
-        return f"{path}: {error}"
-    return ""

@@ -16,13 +16,3 @@ APAD_NAME = "apad"
 def read_links(path: Path, scale: TimeScale) -> Topology:
     """Reads a file whose seconds are mission time. Raises OSError, or ValueError, `line N: ...`."""
     return parse_topology(read_text(path), {APAD_NAME: APAD}, scale.agent_span(1000))
-
-
-def problem_with_links(path: Path) -> str:
-    try:
-        read_links(path, TimeScale(1))
-    except OSError as error:
-        return f"{error.strerror}: {path}"
-    except ValueError as error:  # not UTF-8, or not links
-        return f"{path}: {error}"
-    return ""

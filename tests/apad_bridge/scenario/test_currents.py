@@ -27,7 +27,7 @@ from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
-from apad_bridge.scenario.water.currents import current_text, problem_with_current, read_current
+from apad_bridge.scenario.water.currents import current_text, read_current
 
 netCDF4 = pytest.importorskip("netCDF4")
 FRAME = LocalFrame(43.93, 15.44)
@@ -79,14 +79,20 @@ def test_degrees_become_metres_and_what_is_far_is_left_out(tmp_path: Path) -> No
     assert stream.fields[0].easts_um[1] / 1e6 == pytest.approx(802.5, abs=1.5)
 
 
+def problem_with(path: Path, frame: LocalFrame) -> str:
+    with pytest.raises((OSError, ValueError)) as told:
+        read_current(path, frame)
+    return str(told.value)
+
+
 def test_what_is_no_current_is_told(tmp_path: Path) -> None:
     (tmp_path / "junk.nc").write_bytes(b"not a file of that kind")
-    assert "NetCDF" in problem_with_current(tmp_path / "junk.nc", FRAME)
+    assert "NetCDF" in problem_with(tmp_path / "junk.nc", FRAME)
     far = written(tmp_path / "far.nc", "NETCDF4", [10.0, 11.0], [0.0, 1.0])
-    assert "no point lies within 20 km" in problem_with_current(far, FRAME)
+    assert "no point lies within 20 km" in problem_with(far, FRAME)
     with netCDF4.Dataset(str(tmp_path / "empty.nc"), "w") as data:
         data.createDimension("time", 1)
-    assert "no variable is called north_m_s" in problem_with_current(tmp_path / "empty.nc", FRAME)
+    assert "no variable is called north_m_s" in problem_with(tmp_path / "empty.nc", FRAME)
 
 
 Floats = NDArray[np.float64]
@@ -336,7 +342,7 @@ def test_what_is_no_mesh_is_told(tmp_path: Path, change: Callable[[MeshFile], No
     change(file)
     if file.levels:
         file.north_m_s = file.east_m_s = np.zeros((1, len(file.levels), 3))
-    told = problem_with_current(file.write(tmp_path / "mesh.nc"), FRAME)
+    told = problem_with(file.write(tmp_path / "mesh.nc"), FRAME)
     assert re.search(problem, told), told
 
 
@@ -347,7 +353,7 @@ def test_a_mesh_needs_its_places_and_velocities_on_its_nodes(tmp_path: Path) -> 
         file = MeshFile(*TRIANGLE, [[0.1] * 3], [[0.1] * 3], levels=(), is_ugrid=is_ugrid, first_node=0)
         with netCDF4.Dataset(str(file.write(tmp_path / "mesh.nc")), "a") as data:
             change(data)
-        return problem_with_current(tmp_path / "mesh.nc", FRAME)
+        return problem_with(tmp_path / "mesh.nc", FRAME)
 
     assert "lacks its variable Mesh_faces" in told(lambda it: it.renameVariable("Mesh_faces", "x"), True)
     assert "need latitude and longitude" in told(lambda it: it["Mesh"].delncattr("node_coordinates"), True)
@@ -361,7 +367,7 @@ def test_the_other_side_of_the_earth_is_not_near(tmp_path: Path) -> None:
     with netCDF4.Dataset(str(path), "a") as data:
         data["latitude"][:] -= FRAME.latitude_deg
     assert read_current(path, LocalFrame(0.0, FRAME.longitude_deg))
-    assert "no triangle lies within" in problem_with_current(path, LocalFrame(0.0, FRAME.longitude_deg - 180))
+    assert "no triangle lies within" in problem_with(path, LocalFrame(0.0, FRAME.longitude_deg - 180))
 
 
 def on_faces(data: Any) -> None:
@@ -376,7 +382,7 @@ def test_levels_that_are_shares_of_the_depth_are_refused(tmp_path: Path) -> None
     )
     with netCDF4.Dataset(str(path), "a") as data:
         data["level"].standard_name = "ocean_sigma_coordinate"
-    assert "level has shares of the depth" in problem_with_current(path, FRAME)
+    assert "level has shares of the depth" in problem_with(path, FRAME)
 
 
 def tidal(**current: Any) -> Scenario:

@@ -469,7 +469,7 @@ def test_files_that_are_not_there_are_named(refusals: Refusals, tmp_path: Path) 
     lines = refusals(("start: pool.csv", "start: nix.csv"), ("0.005}", "0.005, current_file: tide.csv}"))
     assert lines == [
         f"fleet.start: no such file or directory: {tmp_path}/nix.csv",
-        f"fleet.drift.current_file: No such file or directory: {tmp_path}/tide.csv",
+        f"fleet.drift.current_file: {tmp_path}/tide.csv: No such file or directory",
     ]
 
 
