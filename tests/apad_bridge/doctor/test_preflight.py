@@ -14,6 +14,7 @@ import pytest
 from apad_bridge.doctor.door import Door, NotAnnounced, TopicSeen
 from apad_bridge.doctor.finding import Finding, run_checks
 from apad_bridge.doctor.graph import Graph
+from apad_bridge.doctor.limits import check_clearance, check_fence, check_reaction, check_reserve
 from apad_bridge.doctor.positions import (
     PositionSample,
     check_gps,
@@ -38,7 +39,9 @@ from apad_bridge.doctor.preflight import (
     check_stop,
     check_watchdog,
 )
+from apad_bridge.scenario.area.fence import Fence
 from apad_bridge.scenario.choices import Generation
+from apad_bridge.scenario.guard_options import GuardOptions
 from apad_bridge.scenario.loader import load
 
 STEADY = [PositionSample(n / 10, 100 + n, 10.0 + n % 2 / 100, 5.0, 3, 0.04, 0.04) for n in range(30)]
@@ -86,7 +89,30 @@ def energy(charge: float | None) -> Finding:
     return check_energy(charge, need)
 
 
+FENCE = Fence(
+    ((0.0, 0.0), (40.0, 0.0), (40.0, 40.0), (0.0, 40.0)), (((18.0, 18.0), (22.0, 18.0), (22.0, 22.0)),)
+)
+MEASURED = GuardOptions(
+    clearance_m=8.0, position_error_m=0.5, hull_m=0.7, coasting_m=4.2, coasting_speed_m_s=0.6
+)
+
+
+def fence(place_m: tuple[float, float] | None, *starts_m: tuple[float, float]) -> Finding:
+    """The last finding: of the aPad's place, or of the aMussels' starts where there are any."""
+    return check_fence(place_m, FENCE, 2.0, list(starts_m))[-1]
+
+
+def reaction(**guards: float) -> Finding:
+    return check_reaction(GuardOptions(**guards))  # type: ignore[arg-type]
+
+
+def clearance(speed_m_s: float, **change: float | None) -> Finding:
+    """0.5 + 0.35 + (v + 0.2) x 3 + 11.67 v^2; 8 m allow the root of 11.67 v^2 + 3 v = 6.55, 0.63 m/s."""
+    return check_clearance(replace(MEASURED, **change), speed_m_s, "mission.speed_m_s")  # type: ignore[arg-type]
+
+
 A, B, AUTO = Generation.A, Generation.B, Generation.AUTO
+SLOW = "position_age_s is 5 s, guards.frozen_s is 10 s"
 OFFERED = ["VelCon_enable", "FADP_enable"]
 ONE_MISSING = [*STEADY[:10], *STEADY[11:]]
 LATE = [*STEADY[:10], *(replace(it, at_s=it.at_s + 2.0) for it in STEADY[10:])]
@@ -199,6 +225,33 @@ CHECKED: dict[str, list[tuple[Callable[[], Finding], str, str]]] = {
         (lambda: energy(1.5), "FAIL", ""),
         (lambda: energy(-0.1), "FAIL", ""),
         (lambda: energy(None), "CANNOT TELL", ""),
+    ],
+    "an aPad, and aMussels, inside the fence": [
+        (lambda: fence((10.0, 10.0)), "OK", "10.0 m from its edge"),
+        (lambda: fence((1.0, 10.0)), "FAIL", "1.0 m from its edge"),
+        (lambda: fence((-5.0, 10.0)), "FAIL", "5.0 m outside"),
+        (lambda: fence((21.0, 19.0)), "FAIL", "outside"),  # in the zone to keep out of
+        (lambda: fence(None), "FAIL", "without a position"),
+        (lambda: fence((10.0, 10.0), (5.0, 5.0), (1.0, 5.0), (50.0, 5.0)), "WARN", "2 aMussels"),
+        (lambda: check_fence((10.0, 10.0), None, 2.0, [])[0], "FAIL", ""),
+    ],
+    "limits that notice a bad position too late": [
+        (lambda: reaction(position_age_s=5.0, frozen_s=10.0), "WARN", SLOW),
+        (reaction, "OK", ""),
+        (lambda: reaction(position_age_s=60.0), "FAIL", ""),
+        (lambda: reaction(jump_m=500.0), "FAIL", "guards.jump_m is 500 m"),
+    ],
+    "a reserve that keeps nothing": [
+        (lambda: check_reserve(GuardOptions(battery_reserve=None)), "FAIL", ""),
+        (lambda: check_reserve(GuardOptions(battery_reserve=0.0)), "FAIL", ""),
+        (lambda: check_reserve(GuardOptions(battery_reserve=0.2)), "OK", ""),
+    ],
+    "a clearance with room for a stop, and the greatest speed that fits": [
+        (lambda: clearance(0.6), "OK", "needs 7.5 m"),
+        (lambda: clearance(0.6), "OK", "at most 0.63 m/s fit"),
+        (lambda: clearance(0.5, clearance_m=2.0), "FAIL", "no speed fits"),
+        (lambda: clearance(0.5, clearance_m=2.0), "FAIL", "to 7.2"),
+        (lambda: clearance(0.5, coasting_m=None), "CANNOT TELL", "guards.coasting_m"),
     ],
     "a stop that failed, and nobody on the lookout": [
         (lambda: check_stop("it was not at rest 20 s after the stop"), "FAIL", ""),
