@@ -6,7 +6,7 @@ Workers share the files out in an order in which no processor waits at the end.
 import builtins
 import signal
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -44,6 +44,44 @@ def sum_of_whole_numbers(values: Iterable[Any], /, start: Any = 0) -> Any:
 
 
 setattr(builtins, "sum", sum_of_whole_numbers)  # noqa: B010
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--quick", action="store_true", help="leave out what starts a process")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    if config.getoption("--quick"):
+        settings.load_profile("quick")
+        config.addinivalue_line("filterwarnings", "ignore::ResourceWarning")  # a skip cuts our code short
+        config.pluginmanager.register(StartsNothing())
+
+
+class StartsNothing:
+    """Leaves out what is marked `system`, and skips any other test at its first process, by the interpreter's audit events.
+
+    The rules of the house may run their tools.
+    """
+
+    def __init__(self) -> None:
+        self._file: Path | None = None
+        sys.addaudithook(self._look)
+
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
+        items[:] = [it for it in items if not it.get_closest_marker("system")]
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_protocol(self, item: pytest.Item) -> Iterator[None]:
+        self._file = item.path
+        try:
+            return (yield)
+        finally:
+            self._file = None
+
+    def _look(self, event: str, arguments: tuple[Any, ...]) -> None:
+        starts = event in {"subprocess.Popen", "os.fork", "os.forkpty", "os.posix_spawn", "os.system"}
+        if starts and self._file not in (None, HERE / "test_house.py"):
+            pytest.skip("starts a process")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

@@ -40,8 +40,6 @@ from benchmarks.plan_study.nearest_job import (
 )
 from benchmarks.plan_study.request_flight import RequestFlight
 
-pytestmark = pytest.mark.slow
-
 ROOT = Path(__file__).parents[1]
 RUN = ROOT / "benchmarks" / "run"
 GOOD = '''"""Counts its runs <and> says so."""

@@ -255,7 +255,6 @@ def test_every_help_ends_with_two_commands_that_parse_and_has_no_long_sentence()
     assert not faults
 
 
-@pytest.mark.slow
 def test_the_page_of_results_is_what_the_archived_studies_give() -> None:
     make = [sys.executable, ROOT / "docs/results/make", "--check"]
     done = subprocess.run(make, capture_output=True, text=True, timeout=300)
@@ -277,7 +276,6 @@ def test_the_index_lists_every_page_once_in_one_of_four_groups() -> None:
     ]
 
 
-@pytest.mark.slow
 def test_the_site_builds_without_a_warning_and_leads_to_every_page(tmp_path: Path) -> None:
     pytest.importorskip("furo")
     build = [sys.executable, "-m", "sphinx", "-W", "-q", "-b", "html", ROOT / "docs", tmp_path]
@@ -333,7 +331,6 @@ def test_no_docstring_begins_with_a_clause() -> None:
     assert [str(it) for it in files if clause.search(it.read_text())] == []
 
 
-@pytest.mark.slow
 def test_each_hook_before_a_commit_has_a_program_that_finds_tests_or_takes_each_file_of_ours() -> None:
     hooks = yaml.safe_load((ROOT / ".pre-commit-config.yaml").read_text())["repos"][0]["hooks"]
     listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, check=True, capture_output=True, text=True)

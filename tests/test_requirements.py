@@ -165,7 +165,6 @@ def imports_of_our_code() -> Iterator[str]:
                     yield node.module
 
 
-@pytest.mark.slow
 def test_the_list_of_debians_modules_is_that_which_ros_and_our_code_import() -> None:
     """ROS is the Python packages of Debian's that the installer names: users' own nodes import them in the environment.
 
@@ -177,7 +176,7 @@ def test_the_list_of_debians_modules_is_that_which_ros_and_our_code_import() -> 
     of_debian = module_names(DEBIAN) - pinned - sys.stdlib_module_names
     bringing = packages_distributions()
     with warnings.catch_warnings(action="ignore"):  # of Debian's code, as it is compiled
-        for name in (*ros, *imports_of_our_code()):
+        for name in sorted({*ros, *imports_of_our_code()}):
             if name.partition(".")[0] in of_debian:
                 finder.import_hook(name)
     imported = {name.partition(".")[0] for name in finder.modules} & of_debian

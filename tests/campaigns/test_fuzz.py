@@ -14,8 +14,6 @@ from agents.modem import command_handler
 from agents.modem.modem import Modem, ModemTimer
 from firmware_model.packets import StatusPacket
 
-pytestmark = pytest.mark.slow
-
 DOORS = (
     "modem",
     "packets",

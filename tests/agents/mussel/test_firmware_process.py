@@ -25,8 +25,6 @@ from firmware_model.states import State
 from firmware_model.stimuli import PacketHeard, ResetCause, WifiReceived
 from firmware_model.table_one import worst_case_board
 
-pytestmark = pytest.mark.slow
-
 CONFIG = replace(
     worst_case_board(), surfacing_timeout_ms=90_000, float_timeout_ms=1_800_000, motor_run=10**12
 )

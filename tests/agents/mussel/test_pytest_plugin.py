@@ -13,8 +13,6 @@ from firmware_model.actions import SendStatus, StateChanged
 from firmware_model.bench.pytest_plugin import make_bench
 from firmware_model.states import State
 
-pytestmark = pytest.mark.slow
-
 ROOT = Path(__file__).parents[3]
 INSTALLED = ("no:musselbed", "no:musselbed_programs")
 

@@ -21,8 +21,6 @@ from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
 from firmware_model.table_one import worst_case_board
 
-pytestmark = pytest.mark.slow
-
 CONFIG = worst_case_board()
 PATIENCE_S = 60.0
 

@@ -57,8 +57,6 @@ from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
 from firmware_model.table_one import FIELD, METERING, board, power
 
-pytestmark = pytest.mark.slow
-
 CODEC = MusselbedCodec()
 CYCLE = replace(FIELD, alarm_ms=200_000)
 WATER = replace(STILL, body=replace(STILL.body, coil_alignment_ms=20_000)).maker().config(7).water
