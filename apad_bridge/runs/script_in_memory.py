@@ -35,7 +35,8 @@ class ScriptFlight:
 def fly_script(
     scenario: Scenario, script: Path | Callable[[Api], object], turns: TurnTimeouts = AS_FAST_AS_POSSIBLE
 ) -> ScriptFlight:
-    """Flies a script's file, or a function that takes the API, to its end. ScriptError when the file is not a script."""
+    """Flies a script's file, or a function that takes the API, to its end. ScriptError when the file is not a script, and
+    ScenarioError when it cannot be read."""
     program: Program = as_program(script, Trust()) if isinstance(script, Path) else script
     name = script.name if isinstance(script, Path) else Path(script.__code__.co_filename).name
     messages: list[str] = []

@@ -33,8 +33,8 @@ from apad_bridge.scenario.quantities import FILE, VALUES
 from apad_bridge.scenario.run_options import OPTIONS_NAME
 from apad_bridge.scenario.schema import Origin, Scenario
 from apad_bridge.scenario.starts_table import read_ids, table_of
-from apad_bridge.scenario.text_file import text_of, write_atomically
-from apad_bridge.scenario.yaml_text import parse_yaml
+from apad_bridge.scenario.text_file import write_atomically
+from apad_bridge.scenario.yaml_text import parse_yaml, yaml_of
 from firmware_model.sampling.sensors import BROUGHT
 
 _SCENARIO = TypeAdapter(Scenario)
@@ -75,12 +75,7 @@ def load(path: Path) -> Scenario:
     with a line for each mistake, also if there is no such file.
     """
     path = file_of(path)
-    text = text_of(path)
-    try:
-        data = parse_yaml(text)
-    except ValueError as error:
-        raise ScenarioError([f"{path}: {error}"]) from error
-    data = _with_firmware(data)
+    data = _with_firmware(yaml_of(path))
     _make_absolute(data, path.parent.absolute())
     if isinstance(data, dict) and (path.parent / OPTIONS_NAME).is_file():
         data.setdefault("sensors", [])  # a run of a version in which no package brought any

@@ -9,9 +9,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import yaml
+
+from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.scenario.text_file import text_of
 
 MOST_VALUES = 100_000
 """A scenario with twenty thousand listed ids has fewer."""
@@ -111,3 +115,12 @@ def parse_yaml(text: str) -> Any:
         raise ValueError(" ".join(str(error).split())) from error
     except RecursionError as error:
         raise ValueError("nested too deeply") from error
+
+
+def yaml_of(path: Path) -> Any:
+    """The plain data of a user's file; ScenarioError, one line, for one that cannot be read or is no YAML."""
+    text = text_of(path)
+    try:
+        return parse_yaml(text)
+    except ValueError as error:
+        raise ScenarioError([f"{path}: {error}"]) from error

@@ -25,7 +25,7 @@ from apad_bridge.planning.registry import Trust
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.errors import UserError
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.scenario.text_file import read_text
+from apad_bridge.scenario.text_file import text_of
 from apad_bridge.scripting.api import Api
 from apad_bridge.scripting.rendezvous import (
     AS_FAST_AS_POSSIBLE,
@@ -48,13 +48,10 @@ class ScriptError(UserError, ValueError):
 
 
 def read_script(path: Path) -> CodeType:
-    """Compiles the file. Raises ScriptError with the number of the wrong line."""
+    """Compiles the file. Raises ScriptError with the number of the wrong line; ScenarioError as `text_of`."""
+    text = text_of(path)
     try:
-        return compile(read_text(path), str(path), "exec")
-    except OSError as error:
-        raise ScriptError(f"{path}: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise ScriptError(f"{path}: is not UTF-8 text") from None
+        return compile(text, str(path), "exec")
     except (SyntaxError, ValueError) as error:
         line = f", line {error.lineno}" if isinstance(error, SyntaxError) and error.lineno else ""
         message = error.msg if isinstance(error, SyntaxError) else str(error)

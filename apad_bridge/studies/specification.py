@@ -27,8 +27,8 @@ from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import file_of, from_data, load, put, resolve, write_with_files
 from apad_bridge.scenario.quantities import FileName, frozen
 from apad_bridge.scenario.schema import RandomStart, Scenario
-from apad_bridge.scenario.text_file import read_text, text_of, write_atomically
-from apad_bridge.scenario.yaml_text import parse_yaml
+from apad_bridge.scenario.text_file import write_atomically
+from apad_bridge.scenario.yaml_text import yaml_of
 from apad_bridge.studies.event_driven import model_gap
 from apad_bridge.studies.figures import COLUMNS
 from apad_bridge.studies.models import Model
@@ -184,11 +184,7 @@ def load_study(path: Path, seeds: int | None = None, trust: registry.Trust | Non
     if path.suffix == ".py":
         # Some of Python's lines are YAML, too.
         raise ScenarioError([f"{path}: is no YAML but a Python script: fly it by `musselbed script`"])
-    text = text_of(path)
-    try:
-        data = parse_yaml(text)
-    except ValueError as error:
-        raise ScenarioError([f"{path}: is no YAML: {error}"]) from error
+    data = yaml_of(path)
     if not isinstance(data, dict):
         raise ScenarioError(
             [f"{path}: is no study: a study is a mapping of name, scenarios, strategies and seeds"]
@@ -204,8 +200,8 @@ def is_scenario(path: Path) -> bool:
     """
     path = file_of(path)
     try:
-        data = parse_yaml(read_text(path))
-    except (OSError, ValueError):
+        data = yaml_of(path)
+    except ScenarioError:
         return False
     return isinstance(data, dict) and "scenarios" not in data and {"fleet", "mission"} <= data.keys()
 

@@ -29,8 +29,8 @@ from apad_bridge.commands.help_text import ending
 from apad_bridge.runs.exits import Exit
 from apad_bridge.runs.rich_console import Console
 from apad_bridge.scenario.errors import UserError
-from apad_bridge.scenario.text_file import read_text, write_atomically
-from apad_bridge.scenario.yaml_text import parse_yaml
+from apad_bridge.scenario.text_file import text_of, write_atomically
+from apad_bridge.scenario.yaml_text import yaml_of
 from firmware_model.bench.conformance import (
     Case,
     CaseResult,
@@ -202,9 +202,10 @@ def _judged(program: Path, case: Case, waivers: dict[str, str], cost_ms: int, se
 
 def _judged_by_trace(program: Path, trace: Path, profile: str, cost_ms: int, seed: int) -> CaseResult:
     """Plays a captured trace again, and compares; UserError for a file that is none."""
+    text = text_of(trace)
     try:
-        case, found = captured(read_text(trace), trace.stem)
-    except (OSError, ValueError) as error:
+        case, found = captured(text, trace.stem)
+    except ValueError as error:
         raise UserError(f"{trace}: {error}") from None
     case = replace(case, whole=Whole() if profile == WHOLE else None)
     return judged(case, found, lambda it: rig_of(program, it, cost_ms, seed), FirmwareFailed, {}, 2 * cost_ms)
@@ -212,10 +213,7 @@ def _judged_by_trace(program: Path, trace: Path, profile: str, cost_ms: int, see
 
 def _waivers(path: Path, profile: str) -> dict[str, str]:
     """Reads names of cases and reasons; UserError for another file, or a case that there is not."""
-    try:
-        data = parse_yaml(read_text(path))
-    except (OSError, ValueError) as error:
-        raise UserError(f"{path} cannot be read: {error}") from None
+    data = yaml_of(path)
     if not isinstance(data, dict) or not all(
         isinstance(it, str) and it for pair in data.items() for it in pair
     ):

@@ -17,8 +17,7 @@ from agents.water.bounds import NotNegative
 from apad_bridge.scenario.errors import UserError
 from apad_bridge.scenario.explained import abbreviated, explain
 from apad_bridge.scenario.quantities import Fraction, Positive
-from apad_bridge.scenario.text_file import read_text
-from apad_bridge.scenario.yaml_text import parse_yaml
+from apad_bridge.scenario.yaml_text import yaml_of
 from firmware_model.actions import Dropped, LogSample
 from firmware_model.bench import Bench
 from firmware_model.config import BoardConfig, LastResort
@@ -42,10 +41,6 @@ BoardFact = Literal[
     "watchdog",
 ]
 _STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
-
-
-class MuScriptError(UserError, ValueError):
-    """The script cannot be used: the text names every fault, in one line."""
 
 
 @dataclass(frozen=True, kw_only=True, config=_STRICT)
@@ -108,21 +103,16 @@ class Budget:
 
 
 def read_script(path: Path) -> MuScript:
-    """Reads a script from a YAML file; ScriptError names every fault and its key."""
-    try:
-        data = parse_yaml(read_text(path))
-    except OSError as error:
-        raise MuScriptError(f"{path}: {error.strerror}") from None
-    except ValueError as error:  # no UTF-8, or no YAML
-        raise MuScriptError(f"{path}: cannot be read: {error}") from None
+    """Reads a script from a YAML file; UserError, one line, names every fault and its key."""
+    data = yaml_of(path)
     if not isinstance(data, dict):
-        raise MuScriptError(f"{path}: a script is a mapping of keys to values, not {abbreviated(data)}")
+        raise UserError(f"{path}: a script is a mapping of keys to values, not {abbreviated(data)}")
     try:
         # JSON on the way, as for a scenario: the strict mode takes no text for a number.
         return TypeAdapter(MuScript).validate_json(json.dumps(data), strict=True)
     except ValidationError as error:
         faults = dict.fromkeys(explain(MuScript, it, it["loc"]) for it in error.errors())
-        raise MuScriptError(f"{path}: " + "; ".join(faults)) from None
+        raise UserError(f"{path}: " + "; ".join(faults)) from None
 
 
 def config_of(script: MuScript) -> BoardConfig:

@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from agents.water.table import number_of
 from apad_bridge.scenario.errors import UserError
-from apad_bridge.scenario.text_file import read_text
+from apad_bridge.scenario.text_file import text_of
 
 Floats = npt.NDArray[np.float64]
 
@@ -66,13 +66,7 @@ class BatteryLog:
 
 def read_log(path: Path, log_format: LogFormat) -> BatteryLog:
     """Reads a CSV file (comma, semicolon or tab; with or without a line of names). LogError names the file's line."""
-    try:
-        text = read_text(path, "utf-8-sig")
-    except OSError as error:
-        raise LogError(f"{path}: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise LogError(f"{path}: is no text in UTF-8: export the log as CSV") from None
-    if not (rows := list(_rows(text))):
+    if not (rows := list(_rows(text_of(path, "utf-8-sig")))):
         raise LogError(f"{path}: holds no rows")
     try:
         return _log(path, rows, log_format)

@@ -303,15 +303,12 @@ class FactReader:
 def facts_of(path: Path, apad: str, namespace: str = "") -> tuple[list[LoggedFact], list[str]]:
     """The facts of a bag in the order recorded, and a line for each definition that lacks a field.
 
-    BagUnreadable, one line, for a file that cannot be read or that has nothing of this aPad.
+    BagUnreadable, one line, for a bag that has nothing of this aPad; OSError.
     """
     reader = FactReader(str(path), apad, namespace)
     facts: list[LoggedFact] = []
-    try:
-        for message in recorded_messages(path):
-            facts += reader.read(message)
-    except OSError as error:
-        raise BagUnreadable(f"{path}: {error.strerror}") from error
+    for message in recorded_messages(path):
+        facts += reader.read(message)
     if not facts and not reader.missing:
         raise BagUnreadable(
             f"{path}: no message of {in_full(namespace, apad)} or of musselbed; is apad.name the name of this vehicle?"

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from apad_bridge.commands.firmware.mu_script import Budget, MuScriptError, budget_of, play, read_script
+from apad_bridge.commands.firmware.mu_script import Budget, budget_of, play, read_script
 from apad_bridge.commands.main import main
 from apad_bridge.runs.exits import Exit
+from apad_bridge.scenario.errors import UserError
 from firmware_model.bench.state_diagram import blocks
 
 PAGE = Path(__file__).parents[3] / "docs/mu-scripts.md"
@@ -89,7 +90,7 @@ def test_the_pi_kept_on_draws_its_share(tmp_path: Path) -> None:
             "tell[0][1]: must be 'permission'",
         ),
         ("{hours: 1, sleep: never, primary: 1, secondary: 1, colour: red}", "colour"),
-        ("hours: [", "cannot be read"),
+        ("hours: [", "script.yaml: line 1, column 9: "),
         ("", "a script is a mapping of keys to values, not null"),
         ("[1]", "a script is a mapping of keys to values, not [1]"),
         ("{hours: 2, sleep: never}", "primary: this key is missing; secondary: this key is missing"),
@@ -111,7 +112,7 @@ def test_a_script_with_a_mistake_is_one_line_that_names_it(
     tmp_path: Path, text: str, fault: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = script(tmp_path, text)
-    with pytest.raises(MuScriptError, match=re.escape(fault)):
+    with pytest.raises(UserError, match=re.escape(fault)):
         read_script(path)
     assert main(["mu", "run", str(path)]) == Exit.USER_MISTAKE
     assert fault in capsys.readouterr().err

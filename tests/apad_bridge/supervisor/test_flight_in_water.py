@@ -119,7 +119,10 @@ def test_a_scenario_without_water_is_what_it_was() -> None:
             {"sound": {"error_curve": {"snrs_db": [0, 5], "sizes": [16], "rates": [[0.5]]}}},
             "error_curve: rates must have a row for each size",
         ),
-        ({"links_file": "/nowhere/links.csv"}, "water.links_file: /nowhere/links.csv: No such file or directory"),
+        (
+            {"links_file": "/nowhere/links.csv"},
+            "water.links_file: /nowhere/links.csv: No such file or directory",
+        ),
     ],
 )
 def test_water_that_cannot_be_is_refused(water: dict[str, Any], error: str) -> None:

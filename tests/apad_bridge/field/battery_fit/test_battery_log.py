@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from apad_bridge.field.battery_fit.battery_log import BatteryLog, LogError, LogFormat, read_log
+from apad_bridge.scenario.errors import UserError
 
 
 def read(tmp_path: Path, text: str, **how: object) -> BatteryLog:
@@ -81,8 +82,8 @@ def test_a_log_that_cannot_be_read_is_one_line_that_says_why(
 
 
 def test_a_file_that_is_not_there_or_no_text_is_said(tmp_path: Path) -> None:
-    with pytest.raises(LogError, match="No such file"):
+    with pytest.raises(UserError, match="No such file"):
         read_log(tmp_path / "no.csv", LogFormat())
     (tmp_path / "x.csv").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(LogError, match="no text in UTF-8"):
+    with pytest.raises(UserError, match="is not UTF-8 text"):
         read_log(tmp_path / "x.csv", LogFormat())
