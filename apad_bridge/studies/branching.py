@@ -88,10 +88,6 @@ _FELT: tuple[type[Stimulated | ProcessDied], ...] = (Stimulated, ProcessDied)
 """The events that reach an aMussel."""
 
 
-class NoBranch(UserError, ValueError):
-    """The run has no such branch; the text is one line with the mend."""
-
-
 @dataclass(frozen=True, slots=True)
 class Turn:
     """The moment of a branch, and what changes there."""
@@ -149,7 +145,7 @@ class _Relived:
 
 
 def branch(path: Path, turn: Turn, trust: registry.Trust | None = None) -> Branches:
-    """Flies both branches of the run in this directory. NoBranch for a run or a moment that has none.
+    """Flies both branches of the run in this directory. UserError for a run or a moment that has none.
 
     Strategies in files are executed with `trust` alone.
     """
@@ -160,16 +156,16 @@ def branch(path: Path, turn: Turn, trust: registry.Trust | None = None) -> Branc
         names = [member.name for member in members(scenario, starts_of(scenario))]
         journals = {name: read_journal(directory.of_apad(name, len(names)).journal) for name in names}
     except (OSError, ValueError) as error:
-        raise NoBranch(f"{path}: no run: {str(error).splitlines()[0]}") from error
+        raise UserError(f"{path}: no run: {str(error).splitlines()[0]}") from error
     if any(supervisor_of(directory.of_apad(name, len(names)).path) is not None for name in names):
-        raise NoBranch(f"{path}: the run flies still: musselbed abort {path} ends it")
+        raise UserError(f"{path}: the run flies still: musselbed abort {path} ends it")
     changed = _checked(scenario, turn, names, trust)
     if options.without_mission:
-        raise NoBranch(f"{path}: a script or a person flew it, and no strategy planned")
+        raise UserError(f"{path}: a script or a person flew it, and no strategy planned")
     # A run that a crash ended has no summary: it lasted as long as its journal, and has no figures as flown.
     lasted_s = summary.get("mission_s", max(it.last_ms for it in journals.values()) / 1000)
     if not 0 < turn.at_ms < lasted_s * 1000:
-        raise NoBranch(f"--at {turn.at_ms / 1000:g} s: the run lasted {lasted_s:g} s")
+        raise UserError(f"--at {turn.at_ms / 1000:g} s: the run lasted {lasted_s:g} s")
     opened = _again(scenario, turn.at_ms, journals, trust) if options.time is TimeSource.ASAP else None
     is_exact = opened is not None
     if opened is None:
@@ -187,9 +183,9 @@ def branch(path: Path, turn: Turn, trust: registry.Trust | None = None) -> Branc
 def _checked(scenario: Scenario, turn: Turn, names: Sequence[str], trust: registry.Trust | None) -> Scenario:
     """The scenario with the other rules, whose strategies can be loaded, as its own can."""
     if unknown := sorted(set(turn.rules) - set(CHANGEABLE)):
-        raise NoBranch(f"--set {unknown[0]}: what can change in flight is {', '.join(CHANGEABLE)}")
+        raise UserError(f"--set {unknown[0]}: what can change in flight is {', '.join(CHANGEABLE)}")
     if turn.lost_apad is not None and turn.lost_apad not in names:
-        raise NoBranch(f"--lose-apad {turn.lost_apad}: the run's aPads are {', '.join(names)}")
+        raise UserError(f"--lose-apad {turn.lost_apad}: the run's aPads are {', '.join(names)}")
     try:
         changed = with_values(
             scenario, {f"mission.{key}": it for key, it in turn.rules.items()}, scenario.name
@@ -197,7 +193,7 @@ def _checked(scenario: Scenario, turn: Turn, names: Sequence[str], trust: regist
         check_code(changed, scenario.name, trust)
         check_code(scenario, scenario.name, trust)
     except ScenarioError as error:
-        raise NoBranch(error.lines[0]) from error
+        raise UserError(error.lines[0]) from error
     return changed
 
 
@@ -245,18 +241,18 @@ def _from_records(
 ) -> _Opened:
     """The flight of a single aPad, continued from its records at the tick of the moment."""
     if len(journals) > 1:
-        raise NoBranch("a run of several aPads branches if it was flown in virtual time and repeats")
+        raise UserError("a run of several aPads branches if it was flown in virtual time and repeats")
     if scenario.water is not None:
-        raise NoBranch("a run by sound branches if it was flown in virtual time and repeats")
+        raise UserError("a run by sound branches if it was flown in virtual time and repeats")
     ((name, journal),) = journals.items()
     at_ms = MissionMs(at_ms // TICK_MS * TICK_MS)
     journal = journal.until(at_ms)
     state = RunState.of(scenario, journal)
     if state.presences:
-        raise NoBranch("real aMussels, or retired ones, cannot go on in virtual time")
+        raise UserError("real aMussels, or retired ones, cannot go on in virtual time")
     point = find_resume_point(state, epoch=2, gap_ms=0)
     if point.state.phase in (Phase.COMMANDED, Phase.ENDED, Phase.STANDS_DOWN):
-        raise NoBranch(
+        raise UserError(
             f"at {at_ms / 1000:g} s no strategy planned: the mission was {point.state.phase.value}"
         )
     recorder, config = MemoryRecorder(scenario), flight_config(scenario, trust)
@@ -319,7 +315,7 @@ def _relive(
             elif event.gave_up is None:
                 stimulus = WasReset(ResetCause[event.cause])
             else:
-                raise NoBranch(f"aMussel {event.id} died for good before {at_ms / 1000:g} s")
+                raise UserError(f"aMussel {event.id} died for good before {at_ms / 1000:g} s")
             fleet.coordinator.receive_at(event.id, stimulus, AgentMs(event.agent_ms))
     docked = tuple(agent_id for agent_id, truth in newest.items() if truth.physical.docked)
     return _Relived(fleet, learned, docked)
@@ -328,7 +324,7 @@ def _relive(
 def _apad_at(scenario: Scenario, state: RunState, at_ms: MissionMs) -> SimulatedAPad:
     """A simulated aPad at rest where the journal last saw the real one, with its battery and its docked aMussels."""
     if (seen := with_apad_as_seen(scenario, state.apad)) is None:
-        raise NoBranch(f"the aPad was not seen before {at_ms / 1000:g} s")
+        raise UserError(f"the aPad was not seen before {at_ms / 1000:g} s")
     config, home_m, sea = seen.apad, seen.area.home_m, surface_of(scenario)
     apad = SimulatedAPad(config, parts.misses(scenario), home_m, dict(state.mission.docked), sea)
     for now_ms in [*range(0, at_ms, _BATTERY_HELD_MS), at_ms]:

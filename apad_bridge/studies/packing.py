@@ -40,10 +40,6 @@ _NOT_PACKED = ("fleet", "modems", "checkpoint.jsonl", "supervisor.pid", "scenari
 """Names of a run that belong to its processes; its scenario is written anew."""
 
 
-class NotPacked(UserError, ValueError):
-    """Nothing was packed; the text is one line with the mend."""
-
-
 @dataclass(frozen=True, slots=True)
 class _Repeat:
     """The way to fly a packed thing again, in words and in the lines of a POSIX shell."""
@@ -56,13 +52,13 @@ class _Repeat:
 def pack(source: Path, out: Path | None = None) -> Path:
     """Packs the directory of a study or of a run into `out`, by default NAME.tar.gz here; returns its path.
 
-    The archive appears whole or not at all. NotPacked for anything else, for what still flies or has not ended, and for an
+    The archive appears whole or not at all. UserError for anything else, for what still flies or has not ended, and for an
     archive that is there, and for a symbolic link in the directory.
     """
     name = source.absolute().name
     archive = Path(f"{name}.tar.gz") if out is None else out
     if archive.exists():
-        raise NotPacked(f"{archive}: is there already: choose another place with --out")
+        raise UserError(f"{archive}: is there already: choose another place with --out")
     archive.absolute().parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=archive.absolute().parent, prefix=f".{archive.name}.") as scratch:
         folder = Path(scratch) / name
@@ -72,7 +68,7 @@ def pack(source: Path, out: Path | None = None) -> Path:
         elif (source / "scenario.yaml").is_file():
             repeat = _pack_run(source, folder / "run")
         else:
-            raise NotPacked(f"{source}: neither a study ({JOURNAL}) nor a run (scenario.yaml)")
+            raise UserError(f"{source}: neither a study ({JOURNAL}) nor a run (scenario.yaml)")
         _describe(folder, repeat)
         whole = Path(scratch) / archive.name
         with tarfile.open(whole, "w:gz") as tar:
@@ -83,9 +79,9 @@ def pack(source: Path, out: Path | None = None) -> Path:
 
 def _pack_study(source: Path, folder: Path) -> _Repeat:
     if not (source / STUDY_FILE).is_file():
-        raise NotPacked(f"{source}: has no {STUDY_FILE}: fly the study again with this version")
+        raise UserError(f"{source}: has no {STUDY_FILE}: fly the study again with this version")
     if is_flying(source):
-        raise NotPacked(f"{source}: the study still flies: pack it at its end")
+        raise UserError(f"{source}: the study still flies: pack it at its end")
     _copy(source, folder, ())
     return _Repeat(
         "All figures of all missions are compared, digit by digit.",
@@ -98,13 +94,13 @@ def _pack_study(source: Path, folder: Path) -> _Repeat:
 
 def _pack_run(source: Path, folder: Path) -> _Repeat:
     if supervisor_of(source) is not None:
-        raise NotPacked(f"{source}: the run still flies: pack it at its end")
+        raise UserError(f"{source}: the run still flies: pack it at its end")
     if not (source / "summary.json").is_file():
-        raise NotPacked(f"{source}: has no summary.json: the run did not end")
+        raise UserError(f"{source}: has no summary.json: the run did not end")
     try:
         options, scenario = RunOptions.load(source), RunDirectory(source).scenario_as_flown()
     except (OSError, ValueError) as error:
-        raise NotPacked(str(error)) from error
+        raise UserError(str(error)) from error
     _copy(source, folder, _NOT_PACKED)
     write_with_files(folder / "scenario.yaml", scenario)
     flown = "script run/script.py --scenario" if options.script else "run"
@@ -123,12 +119,12 @@ def _pack_run(source: Path, folder: Path) -> _Repeat:
 def _copy(source: Path, folder: Path, left_out: tuple[str, ...]) -> None:
     """Copies the regular files, also of folders; files that are being written have names with a leading dot.
 
-    NotPacked for a symbolic link: it would bring a file into the archive that nobody meant to publish.
+    UserError for a symbolic link: it would bring a file into the archive that nobody meant to publish.
     """
     folder.mkdir()
     for path in sorted(source.iterdir()):
         if path.is_symlink():
-            raise NotPacked(
+            raise UserError(
                 f"{path}: a symbolic link, to {path.readlink()}: put the file itself there, or take the link away"
             )
         if path.name.startswith(".") or path.name in left_out:

@@ -45,10 +45,6 @@ class StudyFailed(Exception):
     """The study cannot go on; the text is one line with the mend."""
 
 
-class AnotherStudy(UserError, ValueError):
-    """The directory holds the rows of another study; the text is one line with the mend."""
-
-
 def fly_study(
     plan: StudyPlan,
     directory: Path,
@@ -58,7 +54,7 @@ def fly_study(
     """Flies the missions that the directory does not hold yet; returns the rows of all, in the study's order.
 
     `workers` is the number of processes here, or what flies blocks elsewhere. `on_flown` is told the number of missions of
-    each finished block, and first of those that were there. Raises AnotherStudy, or StudyFailed for a strategy that fails
+    each finished block, and first of those that were there. Raises UserError, or StudyFailed for a strategy that fails
     and for a worker that is killed.
     """
     with _opened(directory, plan.fingerprint) as (journal, rows_of):
@@ -99,12 +95,12 @@ def _opened(directory: Path, fingerprint: str) -> Iterator[tuple[LineFile, dict[
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
-            raise AnotherStudy(
+            raise UserError(
                 f"{directory}: another process flies this study: wait for it, or choose another --out"
             ) from error
         lines = [line for line in read_lines(path) if line is not None] if path.exists() else []
         if lines and lines[0].get("study") != fingerprint:
-            raise AnotherStudy(
+            raise UserError(
                 f"{directory}: holds the missions of another study, or of another version of this one: say another --out, "
                 f"or remove {path}"
             )

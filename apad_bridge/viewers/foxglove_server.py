@@ -27,6 +27,7 @@ from apad_bridge.ros.system.route import enter_graph_of, somebodys_master
 from apad_bridge.ros.types.any_message import UnknownType, class_of
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros.types.workspace_services import text_folders
+from apad_bridge.scenario.errors import UserError
 from apad_bridge.viewers.viewer_gate import TOKEN_VARIABLE, ViewerGate, hidden_address
 
 _NICE = 5
@@ -36,10 +37,6 @@ _LOOK_S = 5.0
 _WAIT_S = 0.1
 _GONE_S = 3.0
 """A master that is silent for so long is gone: a run's own master ends with the run."""
-
-
-class CannotListen(Exception):
-    """The address cannot be used; the text is the reason."""
 
 
 def serve(
@@ -54,8 +51,8 @@ def serve(
     `tell` takes the port on which it listens (`port` 0 takes a free one) and the token that a page of the web needs, `warn`
     takes lines for a person. True when the run has ended.
 
-    RunDirectoryError for a directory without a run, or with one that flies without ROS; CannotListen; PeerFailed for a
-    master that does not answer.
+    UserError for a directory without a run, or with one that flies without ROS, and for an address that cannot be used;
+    PeerFailed for a master that does not answer.
     """
     asked = threading.Event()
     os.nice(_NICE)
@@ -75,7 +72,7 @@ def _gate(host: str, port: int, token: str, views: _Views) -> closing[ViewerGate
     try:
         return closing(ViewerGate(host, port, token, views.address))
     except OSError as error:
-        raise CannotListen(error.strerror or str(error)) from error
+        raise UserError(f"cannot listen on {host} port {port}: {error.strerror or error}") from error
 
 
 class _Views(ServerListener):
@@ -99,7 +96,7 @@ class _Views(ServerListener):
                 context=self._context,
             )
         except RuntimeError as error:
-            raise CannotListen(str(error).rpartition("port: ")[2]) from error
+            raise UserError(f"cannot listen on {host}: {str(error).rpartition('port: ')[2]}") from error
         self.address: tuple[str, int] = (host, self._server.port)
 
     @property

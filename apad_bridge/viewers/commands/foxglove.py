@@ -94,7 +94,7 @@ def _asked(arguments: argparse.Namespace) -> Service | None:
 def run(arguments: argparse.Namespace) -> int:
     _require_foxglove()
     _refuse_port("--port", arguments.port)
-    from apad_bridge.viewers.foxglove_server import CannotListen, serve
+    from apad_bridge.viewers.foxglove_server import serve
 
     def tell(port: int, token: str) -> None:
         url = f"ws://{arguments.host}:{port}/?token={token}"
@@ -104,11 +104,8 @@ def run(arguments: argparse.Namespace) -> int:
     def warn(text: str) -> None:
         print(f"musselbed foxglove: {text}", file=sys.stderr, flush=True)
 
-    try:
-        with peers_may_fail():
-            has_ended = serve(arguments.directory, arguments.host, arguments.port, tell, warn)
-    except CannotListen as error:
-        raise UserError(f"cannot listen on {arguments.host} port {arguments.port}: {error}") from error
+    with peers_may_fail():
+        has_ended = serve(arguments.directory, arguments.host, arguments.port, tell, warn)
     if has_ended:
         warn("the ROS master is gone: the run has ended")
     return Exit.DONE

@@ -17,9 +17,10 @@ from apad_bridge.commands.main import main
 from apad_bridge.planning.registry import Trust
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.children import supervising
+from apad_bridge.scenario.errors import UserError
 from apad_bridge.scenario.loader import load, resolve
 from apad_bridge.scenario.run_options import RunOptions, TimeSource
-from apad_bridge.studies.branching import Branches, NoBranch, Turn, branch
+from apad_bridge.studies.branching import Branches, Turn, branch
 
 DURATION_S = 900
 
@@ -95,9 +96,9 @@ def test_a_run_that_a_crash_ended_branches_without_figures_as_flown(run: Path, t
     assert set(found.flown.values()) == {None}
     assert (found.unchanged, found.changed) == (whole.unchanged, whole.changed)
     last_s = json.loads(directory.journal.read_text().splitlines()[-1])["t"] / 1000
-    with pytest.raises(NoBranch, match=f"--at 500 s: the run lasted {last_s:g} s"):
+    with pytest.raises(UserError, match=f"--at 500 s: the run lasted {last_s:g} s"):
         branch(run, Turn(500_000, {"collection": "none"}))
-    with supervising(run), pytest.raises(NoBranch, match="the run flies still: musselbed abort "):
+    with supervising(run), pytest.raises(UserError, match="the run flies still: musselbed abort "):
         branch(run, Turn(150_000, {"collection": "none"}))
 
 
@@ -124,7 +125,7 @@ def test_a_run_in_virtual_time_that_does_not_repeat_goes_on_from_its_records(
     ],
 )
 def test_a_mistake_is_one_line(run: Path, turn: Turn, message: str) -> None:
-    with pytest.raises(NoBranch, match=message) as raised:
+    with pytest.raises(UserError, match=message) as raised:
         branch(run, turn)
     assert "\n" not in str(raised.value)
 

@@ -23,12 +23,12 @@ from scenario_files import POOL_FILE, WHOLE_FILE
 
 from apad_bridge.commands.main import main
 from apad_bridge.planning.registry import Trust
-from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.scenario.errors import ScenarioError, UserError
 from apad_bridge.scenario.loader import load, resolve, write_resolved
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.studies import runner
 from apad_bridge.studies.figures import COLUMNS
-from apad_bridge.studies.runner import JOURNAL, AnotherStudy, StudyFailed, fly_study
+from apad_bridge.studies.runner import JOURNAL, StudyFailed, fly_study
 from apad_bridge.studies.specification import (
     STUDY_FILE,
     StudyPlan,
@@ -177,7 +177,7 @@ def test_more_seeds_add_to_a_study_and_another_study_is_refused(tmp_path: Path) 
     told: list[int] = []
     assert fly_study(with_seeds(plan(), 3), tmp_path, 1, told.append)[:4] == few
     assert told == [4, 2]
-    with pytest.raises(AnotherStudy, match=r"holds the missions of another study.*--out"):
+    with pytest.raises(UserError, match=r"holds the missions of another study.*--out"):
         fly_study(plan(strategies=["greedy"]), tmp_path, 1)
 
 
@@ -195,7 +195,7 @@ def test_each_seed_draws_for_all_strategies_alike(tmp_path: Path) -> None:
     again = load_study(tmp_path / STUDY_FILE)
     assert [again.drawn(seed) for seed in again.seeds] == [drawing.drawn(seed) for seed in drawing.seeds]
     assert again.fingerprint == drawing.fingerprint
-    with pytest.raises(AnotherStudy):
+    with pytest.raises(UserError, match="another study"):
         fly_study(plan(draws={"fleet.start.charge": charges}), tmp_path, 1)
 
 
@@ -214,7 +214,7 @@ def test_a_cell_decides_several_keys_together(tmp_path: Path) -> None:
     assert max(it.north_m for it in starts_of(wide)) > 28
     fly_study(study, tmp_path, 1)
     assert load_study(tmp_path / STUDY_FILE).fingerprint == study.fingerprint
-    with pytest.raises(AnotherStudy):
+    with pytest.raises(UserError, match="another study"):
         fly_study(plan(cells={**cells, "wide": {"fleet.count": 3}}, seeds=1), tmp_path, 1)
 
 

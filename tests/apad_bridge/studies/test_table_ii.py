@@ -7,11 +7,12 @@ import pytest
 from journals import facts_of
 
 from apad_bridge.runs.in_memory import fly_in_memory
+from apad_bridge.scenario.errors import UserError
 from apad_bridge.scenario.loader import load, with_values
 from apad_bridge.scenario.starts import read_starts, starts_of
 from apad_bridge.studies.fitted_starts import TOLERANCES, FittedStarts, fitted_study, fly_fitted
 from apad_bridge.studies.models import Model, fly
-from apad_bridge.studies.runner import AnotherStudy, fly_study
+from apad_bridge.studies.runner import fly_study
 from apad_bridge.studies.table_two import (
     BESIDE,
     CHARGES,
@@ -104,7 +105,7 @@ def test_searched_starts_fit_cautious_and_keep_what_the_row_without_charging_say
 def test_searches_for_other_rows_share_no_directory(tmp_path: Path) -> None:
     """Their scenarios and settings are equal, and their starts are not."""
     fly_study(fitted_study("cautious", 1), tmp_path, lambda plan, blocks: iter([(it, []) for it in blocks]))
-    with pytest.raises(AnotherStudy, match="another study"):
+    with pytest.raises(UserError, match="another study"):
         fly_study(fitted_study("greedy", 1), tmp_path, 1)
 
 
