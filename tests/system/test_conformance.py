@@ -178,7 +178,7 @@ def test_a_script_has_the_board_of_a_case(board: Path, capsys: pytest.CaptureFix
             ["/bin/true", "--script", "1s", "--case", "a-ping", "--case", "a-hover"],
             "--script: name one --case",
         ),
-        (["/bin/true", "--waive", "/nowhere"], "/nowhere cannot be read"),
+        (["/bin/true", "--waive", "/nowhere"], "/nowhere: No such file"),
         (["/bin/true", "--captured", "/nowhere"], "/nowhere: "),
     ],
 )
