@@ -37,16 +37,18 @@ _COUNT = Struct("<I")
 _TRUTH_ROW = Struct("<HBffddf?Q").pack
 """AgentTruth.msg."""
 _BELIEF_BEFORE_MODES, _BELIEF_AFTER_MODES = Struct("<HBffddf8f").pack, Struct("<ffHB").pack
-"""AgentBelief.msg, before its first array and between its two."""
+"""AgentBelief.msg, before its first array and between its first two."""
 
 
 def _belief_row(agent: BeliefSample) -> bytes:
-    modes, reported = _array("f", agent.mode_probabilities), _array("d", agent.reported)
-    return (
-        _BELIEF_BEFORE_MODES(*agent[:_MODES])
-        + modes
-        + _BELIEF_AFTER_MODES(*agent[_MODES + 1 : -1])
-        + reported
+    return b"".join(
+        (
+            _BELIEF_BEFORE_MODES(*agent[:_MODES]),
+            _array("f", agent.mode_probabilities),
+            _BELIEF_AFTER_MODES(*agent[_MODES + 1 : -2]),
+            _array("d", agent.reported),
+            _array("f", agent.charge_parts),
+        )
     )
 
 

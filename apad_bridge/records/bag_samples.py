@@ -177,6 +177,6 @@ def _belief(row: Any) -> BeliefSample:
     values = {name: getattr(row, field) for name, field in _FIELDS if hasattr(row, field)}
     if hasattr(row, "silent_slots"):  # the field's name up to version 0.1
         values["silent_timeslots"] = row.silent_slots
-    for name in ("mode_probabilities", "reported"):
+    for name in ("mode_probabilities", "reported", "charge_parts"):
         values[name] = tuple(map(float, values.get(name, ())))
     return BeliefSample(**values)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import chain
 from math import nan, sqrt
 from typing import NamedTuple
 
@@ -58,6 +59,8 @@ class BeliefSample(NamedTuple):
     learned_from: int = int(Source.PACKET)
     reported: tuple[float, ...] = ()
     """The quantities of `QUANTITIES`, in their order."""
+    charge_parts: tuple[float, ...] = ()
+    """Weight, mean and deviation of each Gaussian of the primary charge, one after the other."""
 
 
 class APadSample(NamedTuple):
@@ -115,14 +118,21 @@ def belief_sample(belief: Belief, now_ms: MissionMs) -> BeliefSample:
     reported = tuple(stated.get(it, nan) for it in QUANTITIES)
     learned = min(belief.silent_timeslots, _MOST_TIMESLOTS), int(belief.learned_from)
     if not belief.is_predicted:
-        return BeliefSample._make((*newest, *_UNKNOWN, *learned, reported))
+        return BeliefSample._make((*newest, *_UNKNOWN, *learned, reported, ()))
     primary, both, secondary = belief.charge_cov
     north, across, east = belief.place_cov
     deviations = (sqrt(primary), sqrt(secondary), both, *belief.charge_interval())
     of_place = (sqrt(north), sqrt(east), across)
     of_clock = (belief.clock.offset_ms, sqrt(belief.clock.offset_var))
     return BeliefSample(
-        *newest, *deviations, *of_place, belief.mode_probabilities, *of_clock, *learned, reported
+        *newest,
+        *deviations,
+        *of_place,
+        belief.mode_probabilities,
+        *of_clock,
+        *learned,
+        reported,
+        tuple(chain.from_iterable(belief.parts)),
     )
 
 

@@ -8,13 +8,15 @@ bags of versions that recorded the means only.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
 from agents.time_scale import MissionMs, TimeScale
+from apad_bridge.analysis.belief_scores.crps import crps
 from apad_bridge.analysis.replay.history import History
+from apad_bridge.beliefs.mixture import Gaussian
 from apad_bridge.beliefs.modes import Mode, mode_of
 from apad_bridge.records.bag_samples import BagUnreadable, Instant, instants, why_no_deviations
 from apad_bridge.records.journal import read_journal
@@ -50,6 +52,8 @@ class ChargeComparison:
     """The width of that interval."""
     clamped: bool
     """True if the truth rests at 0 or 1, or more than half of the belief does."""
+    crps: float
+    """`apad_bridge.analysis.belief_scores.crps`; the absolute error of a belief without uncertainty."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,6 +140,7 @@ def compared(belief: BeliefSample, truth: TruthSample, at_ms: int, scale: TimeSc
             truth.primary,
             _or_none(belief.charge_deviation),
             (belief.charge_low, belief.charge_high),
+            [Gaussian._make(part) for part in zip(*[iter(belief.charge_parts)] * 3, strict=True)],
         ),
         _secondary_compared(belief, truth),
         None if truth.docked else math.hypot(belief.north_m - truth.north_m, belief.east_m - truth.east_m),
@@ -158,13 +163,19 @@ def _secondary_compared(belief: BeliefSample, truth: TruthSample) -> ChargeCompa
 
 
 def _charge_compared(
-    believed: float, true: float, deviation: float | None, interval: tuple[float, float]
+    believed: float,
+    true: float,
+    deviation: float | None,
+    interval: tuple[float, float],
+    parts: Sequence[Gaussian] = (),
 ) -> ChargeComparison:
+    """`parts` is empty where the record has the moments alone."""
     low, high = interval
     clamped = not 0 < true < 1 or (deviation is not None and _rests(believed, deviation))
     if deviation is None:
-        return ChargeComparison(believed - true, None, None, None, clamped)
-    return ChargeComparison(believed - true, deviation, low <= true <= high, high - low, clamped)
+        return ChargeComparison(believed - true, None, None, None, clamped, abs(believed - true))
+    score = crps(parts or [Gaussian(1.0, believed, deviation)], true)
+    return ChargeComparison(believed - true, deviation, low <= true <= high, high - low, clamped, score)
 
 
 def _or_none(number: float) -> float | None:

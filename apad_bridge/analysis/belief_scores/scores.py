@@ -36,6 +36,8 @@ class Score:
     """The mean width of that interval."""
     nees: float | None
     """The mean square of the error in deviations, without charges that rest at 0 or 1; it is 1 for consistent beliefs."""
+    crps: float
+    """The mean continuous ranked probability score of the charge; the mean absolute error of certain beliefs."""
     mode_right: float
     place_rmse_m: float | None
     place_coverage: float | None
@@ -127,6 +129,7 @@ def _score_of_charges(rows: list[BeliefComparison], charges: list[ChargeComparis
         sum(covered) / len(covered) if covered else None,
         math.fsum(widths) / len(widths) if widths else None,
         math.fsum(unclamped) / len(unclamped) if unclamped else None,
+        math.fsum(charge.crps for charge in charges) / count,
         sum(row.mode_right for row in rows) / count,
         math.sqrt(math.fsum(places) / len(places)) if places else None,
         sum(square <= _ELLIPSE_95 for square in squares) / len(squares) if squares else None,

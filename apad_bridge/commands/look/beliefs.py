@@ -103,7 +103,7 @@ def _show(scores: Scores, record: Record, console: Console) -> None:
         "mode: share that is right; place: rms error in m, and the cover of its 95 % ellipse",
     )
     table.add_column("", min_width=12)
-    for name in ("samples", "rmse", "bias", "cover", "width", "nees", "mode", "place", "cover"):
+    for name in ("samples", "rmse", "bias", "cover", "width", "nees", "crps", "mode", "place", "cover"):
         # On a narrow screen the row names fold; the figures are not cut.
         table.add_column(name, justify="right", no_wrap=True, min_width=5)
     _row(table, "all", scores.overall)
@@ -132,6 +132,7 @@ def _row(table: Table, name: str, score: Score) -> None:
         _or_dash(score.coverage, ".3f"),
         _or_dash(score.width, ".3f"),
         _or_dash(score.nees, ".2f"),
+        f"{score.crps:.4f}",
         f"{score.mode_right:.3f}",
         _or_dash(score.place_rmse_m, ".2f"),
         _or_dash(score.place_coverage, ".3f"),

@@ -6,11 +6,17 @@ import shutil
 from collections.abc import Callable
 from contextlib import redirect_stdout
 from io import StringIO
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
 from scenario_files import POOL_FILE, SCENARIO_FILES
+from scipy.integrate import quad
+from scipy.special import ndtr
+from scipy.stats import norm
 
 from agents.time_scale import TimeScale
 from apad_bridge.analysis.belief_scores.comparisons import (
@@ -19,8 +25,10 @@ from apad_bridge.analysis.belief_scores.comparisons import (
     Record,
     comparisons_in,
 )
+from apad_bridge.analysis.belief_scores.crps import crps
 from apad_bridge.analysis.belief_scores.figure import figure_of
 from apad_bridge.analysis.belief_scores.scores import age_bin, scores_of
+from apad_bridge.beliefs.mixture import Gaussian
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.commands.main import main
 from apad_bridge.records.bag import BagWriter
@@ -38,7 +46,7 @@ def row(
 ) -> BeliefComparison:
     covered = None if deviation is None else abs(error) <= 1.96 * deviation
     width = None if deviation is None else 2 * 1.96 * deviation
-    charge = ChargeComparison(error, deviation, covered, width, clamped)
+    charge = ChargeComparison(error, deviation, covered, width, clamped, crps=abs(error))
     return BeliefComparison(agent_id, 0, age_h, Mode.IDLE, False, True, charge, None, None)
 
 
@@ -54,6 +62,8 @@ def test_scores_are_counted_by_hand() -> None:
     assert scores.overall.rmse == pytest.approx(0.025)
     assert (scores.overall.bias, scores.overall.coverage) == (pytest.approx(-0.0025), 0.75)
     assert scores.overall.nees == pytest.approx((9 + 0 + 1) / 3)
+    assert scores.overall.crps == pytest.approx((0.03 + 0.04) / 4)
+    assert scores.by_agent["1"].crps == pytest.approx(0.015)
     assert {name: score.samples for name, score in scores.by_age.items()} == {
         "a minute": 1,
         "6 h": 2,
@@ -74,6 +84,51 @@ def test_scores_are_counted_by_hand() -> None:
 def test_beliefs_that_claim_to_be_certain_have_no_coverage() -> None:
     scores = scores_of([row(1, 0.0, 0.03, None)])
     assert scores is not None and scores.overall.coverage is None and scores.overall.nees is None
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    parts=st.lists(
+        st.tuples(st.floats(0.05, 1.0), st.floats(-0.3, 1.3), st.sampled_from([0.0, 0.002, 0.05, 0.6])),
+        min_size=1,
+        max_size=4,
+    ),
+    true=st.floats(0.0, 1.0),
+)
+@example(parts=[(1.0, 0.5, 0.1)], true=0.5)
+@example(parts=[(0.7, 0.5, 0.02), (0.3, 0.5, 0.1)], true=0.5)
+@example(parts=[(0.7, 1.0, 0.02), (0.3, 0.0, 0.1)], true=1.0)
+@example(parts=[(0.5, 0.0, 0.05), (0.5, 5e-324, 0.6)], true=0.3)
+def test_the_crps_is_the_integral_that_defines_it(
+    parts: list[tuple[float, float, float]], true: float
+) -> None:
+    whole = sum(weight for weight, _, _ in parts)
+    its = [Gaussian(weight / whole, mean, sd) for weight, mean, sd in parts]
+
+    def square(x: float) -> float:
+        # The probability of at most x in [0, 1), where the end at 0 holds what lies below it.
+        below = sum(it.weight * (ndtr((x - it.mean) / it.sd) if it.sd else it.mean <= x) for it in its)
+        return float((below - (x >= true)) ** 2)
+
+    steps = {min(1.0, max(0.0, it.mean + z * it.sd)) for it in its for z in (-7, -3, 0, 3, 7)}
+    integral = sum(quad(square, *ends, epsabs=1e-9)[0] for ends in pairwise(sorted({0.0, true, *steps, 1.0})))
+    assert crps(its, true) == pytest.approx(integral, abs=1e-6)
+
+
+def test_the_crps_far_from_both_ends_is_the_printed_one() -> None:
+    """Grimit et al. (2006): the mean of A(y - m_i, s_i^2), less half of that of A(m_i - m_j, s_i^2 + s_j^2)."""
+
+    def printed(mean: float, variance: float) -> float:
+        z = mean / variance**0.5
+        return 2 * variance**0.5 * float(norm.pdf(z)) + mean * (2 * float(norm.cdf(z)) - 1)
+
+    its = [Gaussian(0.6, 0.45, 0.01), Gaussian(0.3, 0.6, 0.02), Gaussian(0.1, 0.5, 0.04)]
+    one = sum(it.weight * printed(0.55 - it.mean, it.sd**2) for it in its)
+    two = sum(a.weight * b.weight * printed(a.mean - b.mean, a.sd**2 + b.sd**2) for a in its for b in its)
+    assert crps(its, 0.55) == pytest.approx(one - two / 2, abs=1e-12)
+    # Gneiting et al. (2005), of one Gaussian half a deviation off: cdf 0.691462, pdf 0.352065.
+    expected = 0.02 * (0.5 * (2 * 0.691462 - 1) + 2 * 0.352065 - 1 / 3.141593**0.5)
+    assert crps([Gaussian(1.0, 0.5, 0.02)], 0.51) == pytest.approx(expected, abs=1e-7)
 
 
 def test_bins_of_overconfident_beliefs_are_named() -> None:
@@ -229,7 +284,10 @@ def test_an_instant_of_a_bag_is_scored_by_hand(run: Flown) -> None:
         0.0,
     )
     docked = truth._replace(agent_id=8, docked=True, state=int(State.CHARGING))
-    bag.sample(10_000, [truth, docked], [belief, belief._replace(agent_id=8, charge_low=0.51)], None)
+    # It obeyed, or it stayed: a quarter is 0.1 too high, and three quarters are right.
+    two = (0.25, 0.6, 0.0, 0.75, 0.5, 0.0)
+    other = belief._replace(agent_id=8, charge_low=0.51, charge_parts=two)
+    bag.sample(10_000, [truth, docked], [belief, other], None)
     bag.close()
     first, second = comparisons_in(run, 10_000, Record.BAG)
     assert first.age_h == pytest.approx(0.5) and first.mode is Mode.IDLE and first.mode_right
@@ -237,6 +295,10 @@ def test_an_instant_of_a_bag_is_scored_by_hand(run: Flown) -> None:
     assert first.primary.covered is True and second.primary.covered is False
     assert first.place_error_m == 4.0 and first.place_square == pytest.approx(16 / 3)
     assert second.place_error_m is None and second.place_square is None
+    # 1.5 deviations of 0.02 away: 0.02 (1.5 (2 cdf(1.5) - 1) + 2 pdf(1.5) - 1 / sqrt(pi)).
+    assert first.primary.crps == pytest.approx(0.02 * (1.5 * 0.86639 + 2 * 0.12952 - 0.56419), rel=1e-4)
+    # From 0.5 to 0.6 the integrand is the square of a quarter.
+    assert second.primary.crps == pytest.approx(0.1 / 16, rel=1e-4)
     scores = scores_of([first, second])
     assert scores is not None and scores.overall.nees == pytest.approx(2.25, rel=1e-4)
     # 5.33 is below 5.99, the limit of 95 % in two dimensions.

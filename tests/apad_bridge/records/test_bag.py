@@ -70,6 +70,8 @@ BELIEFS_ = st.builds(
     *[FLOATS] * 2,
     st.integers(0, 0xFFFF),
     st.integers(0, 0xFF),
+    st.lists(st.floats(), max_size=3).map(tuple),
+    st.lists(FLOATS, max_size=6).map(tuple),
 )
 
 

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 from agents.time_scale import TimeScale
 from apad_bridge.beliefs.belief import Belief, ClockBelief, Source
+from apad_bridge.beliefs.mixture import Gaussian
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.records.bag import BagWriter, repair_bag
 from apad_bridge.records.bag_messages import typestore
@@ -44,6 +45,7 @@ def carried() -> Belief:
         ClockBelief(250.0, 3.0, 90_000.0, 0.0, 1.0),
         Source.PACKET | Source.SILENCE,
         70_000,
+        parts=(Gaussian(0.75, 0.5, 0.0), Gaussian(0.25, 1.125, 0.5)),
         reported=Reported(3.25),
     )
 
@@ -60,14 +62,15 @@ def test_all_of_a_belief_comes_back(tmp_path: Path) -> None:
     assert (it.north_m, it.east_m, it.age_s) == (10.0, 20.0, 1.5)
     assert (it.charge_deviation, it.secondary_deviation) == pytest.approx((0.01, 0.02))
     assert it.charges_covariance == pytest.approx(0.00005)
-    # 1.96 deviations to either side of the mean.
-    assert (it.charge_low, it.charge_high) == pytest.approx((0.4804, 0.5196), abs=1e-5)
+    # A tenth of the quarter, 1.2816 deviations below its mean; more than 0.025 lies above 1.
+    assert (it.charge_low, it.charge_high) == pytest.approx((1.125 - 1.2816 * 0.5, 1.0), abs=1e-4)
     assert (it.north_deviation_m, it.east_deviation_m, it.place_covariance_m2) == (2.0, 3.0, 0.5)
     assert it.mode_probabilities[Mode.IDLE] == 0.75 and it.mode_probabilities[Mode.LOST] == 0.25
     assert len(it.mode_probabilities) == len(Mode)
     assert (it.clock_offset_ms, it.clock_deviation_ms) == (250.0, 300.0)
     assert (it.silent_timeslots, it.learned_from) == (65_535, 3)
     assert dict(zip(QUANTITIES, it.reported, strict=True))["depth_m"] == 3.25
+    assert it.charge_parts == (0.75, 0.5, 0.0, 0.25, 1.125, 0.5)
 
 
 def test_who_claims_to_be_certain_knows_no_deviation() -> None:
