@@ -21,6 +21,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from itertools import pairwise
 from multiprocessing import get_context
 from pathlib import Path
 from statistics import fmean, median
@@ -361,10 +362,13 @@ class Judge(MemoryRecorder):
         for belief in beliefs if now_ms % SAMPLED_MS == 0 else ():
             self.rows.append(self._row(belief, now_ms))
 
+    def _true(self, truth: Truth, at_ms: int) -> float:
+        return fraction(self._models[truth.agent_id].charge_at(truth.physical.primary, at_ms))
+
     def _row(self, belief: Belief, now_ms: MissionMs) -> Row:
         agent_id, truth = belief.agent_id, self._newest[belief.agent_id]
         at_ms = self._scale.agent_ms(now_ms)
-        true = fraction(self._models[agent_id].charge_at(truth.physical.primary, at_ms))
+        true = self._true(truth, at_ms)
         low, high = belief.charge_interval()
         ageing, ageing_deviation = _ageing(belief)
         at_an_end = belief.probability_at_most(0.0) + 1 - belief.probability_at_most(1 - 1e-9) > 0.5
@@ -411,6 +415,40 @@ def score(rows: list[Row]) -> dict[str, Any]:
     }
 
 
+def in_one_row(head: dict[str, Any], flights: list[list[Row]]) -> dict[str, Any]:
+    """The scores of all samples, the range over the bins by state and rounds of charge, and the false alarms.
+
+    A false alarm is a suspicion that begins while the board's readings neither lie nor stand.
+    """
+    rows = [row for its in flights for row in its]
+    bins = [score(here) for _, _, here in _by_rounds(flights) if here]
+    alarms, board_ms = 0, 0
+    for its in flights:
+        by_amussel: dict[int, list[Row]] = {}
+        for row in its:
+            if row.stood_ms < 0 and not (row.agent_id == LIAR and head["boards"] == Boards.LIAR):
+                by_amussel.setdefault(row.agent_id, []).append(row)
+        for healthy in by_amussel.values():
+            alarms += healthy[0].suspect
+            alarms += sum(now.suspect and not before.suspect for before, now in pairwise(healthy))
+            board_ms += healthy[-1].at_ms - healthy[0].at_ms
+    ranges = {
+        f"{name}_{which.__name__}": which(found)
+        for name in ("coverage", "nees")
+        if (found := [it[name] for it in bins if it[name] is not None])
+        for which in (min, max)
+    }
+    weeks = board_ms / (7 * 24 * HOUR_MS)
+    return {
+        **head,
+        **score(rows),
+        **ranges,
+        "alarms": alarms,
+        "board_weeks": weeks,
+        "alarms_a_week": alarms / weeks,
+    }
+
+
 def binned(rows: list[Row]) -> Iterator[tuple[str, list[Row]]]:
     for name, states in BINS.items():
         yield name, [row for row in rows if row.state in states and (row.charging or name != "charging")]
@@ -423,11 +461,12 @@ Job = tuple[int, Case, int]
 def measure(
     seeds: tuple[int, ...] | None = None, short: bool = False, row: Sequence[str] | None = None
 ) -> dict[str, Any]:
-    """`bins`: the scores by row, share of packets, rounds of charge and bin. `before`: those of twins that learn nothing
-    of their boards. `assumed`: those of twins that assume other shares of permissions to arrive. `ageing`: by row and
-    share of packets, how many aMussels' ageing was estimated within 0.05 when their fourth round began, and the greatest
-    error, the twins' mean deviation and their NEES then. `suspects`: the number by row with their reasons, and the scores
-    of the liar. `standing`: the scores of readings that stand, and how soon they were suspected and believed again.
+    """`summary`: a line for each row and share of packets, with false alarms. `bins`: the scores by row, share of packets,
+    rounds of charge and bin. `before`: those of twins that learn nothing of their boards. `assumed`: those of twins that
+    assume other shares of permissions to arrive. `ageing`: by row and share of packets, how many aMussels' ageing was
+    estimated within 0.05 when their fourth round began, and the greatest error, the twins' mean deviation and their NEES
+    then. `suspects`: the number by row with their reasons, and the scores of the liar. `standing`: the scores of readings
+    that stand, and how soon they were suspected and believed again.
 
     `row` is for these rows alone; `seeds` for other populations than each row's own.
     """
@@ -494,6 +533,7 @@ def judged(seeds: tuple[int, ...], mission_s: int, found: dict[Case, list[list[R
     assumed: list[dict[str, Any]] = []
     ageing, suspects = [], []
     standing: list[dict[str, Any]] = []
+    summary: list[dict[str, Any]] = []
     for case, flights in found.items():
         head = _head(case)
         if not case.learns:
@@ -502,6 +542,7 @@ def judged(seeds: tuple[int, ...], mission_s: int, found: dict[Case, list[list[R
         if case.arrives is not None:
             assumed += _binned_scores(head, flights)
             continue
+        summary.append(in_one_row(head, flights))
         if case.boards is Boards.LIAR:
             lies = [row for rows in flights for row in rows if row.agent_id == LIAR]
             suspects += [
@@ -539,6 +580,7 @@ def judged(seeds: tuple[int, ...], mission_s: int, found: dict[Case, list[list[R
     return {
         "seeds": list(seeds),
         "mission_s": mission_s,
+        "summary": summary,
         "bins": bins,
         "before": before,
         "assumed": assumed,
@@ -609,11 +651,16 @@ def _standing(head: dict[str, Any], flights: list[list[Row]]) -> Iterator[dict[s
     }
 
 
-def _binned_scores(head: dict[str, Any], flights: list[list[Row]]) -> Iterator[dict[str, Any]]:
+def _by_rounds(flights: list[list[Row]]) -> Iterator[tuple[int, str, list[Row]]]:
     for after in (0, ROUNDS):
         some = [row for rows in flights for row in rows if (row.rounds >= ROUNDS) is bool(after)]
         for name, here in binned(some):
-            yield {**head, "rounds": after, "bin": name, **score(here)}
+            yield after, name, here
+
+
+def _binned_scores(head: dict[str, Any], flights: list[list[Row]]) -> Iterator[dict[str, Any]]:
+    for after, name, here in _by_rounds(flights):
+        yield {**head, "rounds": after, "bin": name, **score(here)}
     by_amussel = [
         [row for row in rows if row.agent_id == agent_id]
         for rows in flights
