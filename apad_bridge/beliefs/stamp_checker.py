@@ -46,14 +46,16 @@ class StampChecker:
         newest, stamp = self.newest.get(packet.agent_id), Stamp(packet.agent_ms, at_ms)
         if newest is None:
             return StampVerdict.IN_TIME
-        if not self._disagree(newest, stamp) or self._is_delayed(newest, stamp):
-            self._doubted.pop(packet.agent_id, None)
-            return StampVerdict.OVERTAKEN if stamp.agent_ms < newest.agent_ms else StampVerdict.IN_TIME
+        off, is_older = self._off(newest, stamp), stamp.agent_ms < newest.agent_ms
+        if off == 0 or (off < 0 and not is_older):
+            if self._doubted:
+                self._doubted.pop(packet.agent_id, None)
+            return StampVerdict.OVERTAKEN if is_older else StampVerdict.IN_TIME
         before = self._doubted.get(packet.agent_id)
         if before is not None and before[0] == packet.sequence and before[1].agent_ms == stamp.agent_ms:
             return StampVerdict.IMPOSSIBLE  # a repetition of the same packet is no confirmation
         self._doubted[packet.agent_id] = packet.sequence, stamp
-        if before is None or stamp.agent_ms < before[1].agent_ms or self._disagree(before[1], stamp):
+        if before is None or stamp.agent_ms < before[1].agent_ms or self._off(before[1], stamp):
             return StampVerdict.IMPOSSIBLE
         return StampVerdict.CLOCK_SET
 
@@ -62,28 +64,23 @@ class StampChecker:
         newest, stamp = self.newest.get(packet.agent_id), Stamp(packet.agent_ms, at_ms)
         if self._doubted:
             self._doubted.pop(packet.agent_id, None)
-        if self._scale is not None and newest is not None and self._is_delayed(newest, stamp):
-            shown_ms = newest.at_ms + self._scale.mission_span(stamp.agent_ms - newest.agent_ms)
-            stamp = Stamp(stamp.agent_ms, shown_ms)
+        if self._scale is not None and newest is not None and self._off(newest, stamp) < 0:
+            advanced_ms = stamp.agent_ms - newest.agent_ms
+            if advanced_ms >= 0:
+                stamp = Stamp(stamp.agent_ms, newest.at_ms + self._scale.mission_span(advanced_ms))
         self.newest[packet.agent_id] = stamp
 
     def forget(self, agent_id: int) -> None:
         self.newest.pop(agent_id, None)
         self._doubted.pop(agent_id, None)
 
-    def _ahead_ms(self, before: Stamp, after: Stamp) -> int:
-        """The agent time by which the clock advanced more than mission time times theta."""
-        assert self._scale is not None
-        return after.agent_ms - before.agent_ms - self._scale.agent_span(after.at_ms - before.at_ms)
-
-    def _is_delayed(self, before: Stamp, after: Stamp) -> bool:
-        """True if the clock advanced, but by less than it should have: the packet waited."""
-        if self._scale is None or after.agent_ms < before.agent_ms:
-            return False
-        return self._ahead_ms(before, after) < 0 and self._disagree(before, after)
-
-    def _disagree(self, before: Stamp, after: Stamp) -> bool:
+    def _off(self, before: Stamp, after: Stamp) -> int:
+        """1 or -1 if the clock advanced by too much or too little, against mission time times theta; else 0."""
         if self._scale is None:
-            return False
-        doubt_ms = _MAX_DELAY_MS + abs(after.at_ms - before.at_ms) * _MAX_DRIFT_PPM // 1_000_000
-        return abs(self._ahead_ms(before, after)) > self._scale.agent_span(doubt_ms)
+            return 0
+        passed_ms = after.at_ms - before.at_ms
+        ahead_ms = after.agent_ms - before.agent_ms - self._scale.agent_span(passed_ms)
+        doubt_ms = _MAX_DELAY_MS + abs(passed_ms) * _MAX_DRIFT_PPM // 1_000_000
+        if abs(ahead_ms) <= self._scale.agent_span(doubt_ms):
+            return 0
+        return 1 if ahead_ms > 0 else -1

@@ -36,24 +36,22 @@ _MODES = BeliefSample._fields.index("mode_probabilities")
 _COUNT = Struct("<I")
 _TRUTH_ROW = Struct("<HBffddf?Q").pack
 """AgentTruth.msg."""
-_BELIEF_BEFORE_MODES, _BELIEF_AFTER_MODES = Struct("<HBffddf8f").pack, Struct("<ffHB").pack
-"""AgentBelief.msg, before its first array and between its first two."""
 
 
 def _belief_row(agent: BeliefSample) -> bytes:
-    return b"".join(
-        (
-            _BELIEF_BEFORE_MODES(*agent[:_MODES]),
-            _array("f", agent.mode_probabilities),
-            _BELIEF_AFTER_MODES(*agent[_MODES + 1 : -2]),
-            _array("d", agent.reported),
-            _array("f", agent.charge_parts),
-        )
+    """AgentBelief.msg."""
+    modes, reported, parts = agent.mode_probabilities, agent.reported, agent.charge_parts
+    return pack(
+        f"<HBffddf8fI{len(modes)}fffHBI{len(reported)}dI{len(parts)}f",
+        *agent[:_MODES],
+        len(modes),
+        *modes,
+        *agent[_MODES + 1 : -2],
+        len(reported),
+        *reported,
+        len(parts),
+        *parts,
     )
-
-
-def _array(code: str, numbers: tuple[float, ...]) -> bytes:
-    return pack(f"<I{len(numbers)}{code}", len(numbers), *numbers)
 
 
 _NAMES = b"".join(

@@ -114,8 +114,7 @@ def belief_sample(belief: Belief, now_ms: MissionMs) -> BeliefSample:
         belief.east_m,
         belief.age_s(now_ms),
     )
-    stated = belief.reported.stated
-    reported = tuple(stated.get(it, nan) for it in QUANTITIES)
+    reported = tuple([nan if (it := getattr(belief.reported, name)) is None else it for name in QUANTITIES])
     learned = min(belief.silent_timeslots, _MOST_TIMESLOTS), int(belief.learned_from)
     if not belief.is_predicted:
         return BeliefSample._make((*newest, *_UNKNOWN, *learned, reported, ()))

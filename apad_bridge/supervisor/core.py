@@ -307,14 +307,14 @@ class Supervisor:
     def _doubt_dock(self, status: StatusPacket) -> list[SupervisorAction]:
         """Tells once that an aMussel reports to lie on the bottom while, by the vehicle's report, a dock holds it."""
         agent_id = status.agent_id
-        docks = {held: dock_index for dock_index, held in self.mission.state.docked}
-        if status.state not in ON_BOTTOM or agent_id not in docks:
+        holding = [dock_index for dock_index, held in self.mission.state.docked if held == agent_id]
+        if not holding or status.state not in ON_BOTTOM:
             self._doubted.discard(agent_id)
             return []
         if agent_id in self._doubted:
             return []
         self._doubted.add(agent_id)
-        name, state = f"dock {docks[agent_id] + 1}", status.state.name
+        name, state = f"dock {holding[-1] + 1}", status.state.name
         reason = f"{name} holds it by the vehicle's report, and it reports {state}, on the bottom"
         return [DocksDisagree(agent_id, reason)]
 

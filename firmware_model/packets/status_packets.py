@@ -219,8 +219,13 @@ class Reported:
     depth_m: Annotated[float | None, ReportedQuantity("depth", "m", 1.0)] = None
 
     def after(self, packet: StatusPacket) -> Reported:
-        """The values once this packet is received."""
-        return replace(self, **{it: getattr(packet, it) for it in QUANTITIES if hasattr(packet, it)})
+        """The values once this packet is received; the same object if none changed, so that nobody compares it."""
+        changed = {
+            it: stated
+            for it in QUANTITIES
+            if (stated := getattr(packet, it, None)) is not None and stated != getattr(self, it)
+        }
+        return replace(self, **changed) if changed else self
 
     @property
     def stated(self) -> dict[str, float]:
