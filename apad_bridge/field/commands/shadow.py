@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 import time
 from collections.abc import Iterator
@@ -16,7 +15,7 @@ from apad_bridge.commands.fly.run import namespace_of_shell
 from apad_bridge.commands.help_text import STRATEGY, ending
 from apad_bridge.commands.trust import add_trust_argument, trust_of_looked_at
 from apad_bridge.events.mission import MissionChanged, Phase
-from apad_bridge.runs.exits import Exit
+from apad_bridge.runs.exits import Exit, peers_may_fail
 from apad_bridge.runs.progress import WorkProgress
 from apad_bridge.runs.rich_console import Console, print_result, table_of
 from apad_bridge.scenario.errors import UserError
@@ -110,15 +109,11 @@ def _read(bag: Path, scenario: Scenario, shadow: Shadow) -> list[str]:
 
 
 def _listen(scenario: Scenario, shadow: Shadow, arguments: argparse.Namespace) -> tuple[Exit, list[str]]:
-    from apad_bridge.doctor.network import Unreachable, call_for_reply
     from apad_bridge.field.field_log.reader import FactReader
+    from apad_bridge.ros.system.route import somebodys_master
 
-    uri = os.environ.get("ROS_MASTER_URI", "http://localhost:11311")
-    try:
-        call_for_reply(uri, "getPid")
-    except Unreachable as error:
-        print(f"musselbed shadow: no master answers at {uri}: {error}", file=sys.stderr)
-        return Exit.PEER_FAILED, []
+    with peers_may_fail():
+        uri = somebodys_master()
     reader = FactReader(uri, scenario.apad.name, namespace_of_shell())
     code = Exit.DONE
     try:

@@ -26,7 +26,7 @@ def somebodys_master(environment: Mapping[str, str] = os.environ) -> str:
     uri = environment.get("ROS_MASTER_URI") or _DEFAULT_URI
     if (why := why_silent(uri)) is not None:
         raise PeerFailed(
-            f"no ROS master answers at {uri} ({why}): start it, or set ROS_MASTER_URI to its address"
+            f"no ROS master answers at {uri}: {why}; start it, or set ROS_MASTER_URI to its address"
         )
     return uri
 
@@ -43,7 +43,7 @@ def why_silent(master_uri: str) -> str | None:
 def why_gone(master_uri: str) -> str | None:
     """One line for a master at which nothing listens any more; None when something does."""
     why = why_silent(master_uri)
-    return None if why is None else f"the ROS master at {master_uri} is gone ({why})"
+    return None if why is None else f"the ROS master at {master_uri} is gone: {why}"
 
 
 def environment_for(
