@@ -8,6 +8,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
+from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.text_file import write_atomically
 
 OPTIONS_NAME = "run.json"
@@ -110,12 +111,12 @@ class RunOptions:
 
     @classmethod
     def load(cls, directory: Path) -> RunOptions:
-        """FileNotFoundError if no run was started; ValueError for a file that is damaged or of another version."""
+        """FileNotFoundError if no run was started; ScenarioError for a file that is damaged or of another version."""
         path = directory / OPTIONS_NAME
         try:
             data: dict[str, Any] = json.loads(path.read_bytes())
         except (ValueError, RecursionError) as error:
-            raise ValueError(f"{path} is damaged: {error}") from error
+            raise ScenarioError([f"{path} is damaged: {error}"]) from error
         try:
             return cls(
                 **{
@@ -132,7 +133,7 @@ class RunOptions:
                 }
             )
         except (KeyError, TypeError, ValueError) as error:
-            raise ValueError(f"{path} was written by another version, or is damaged: {error}") from error
+            raise ScenarioError([f"{path} was written by another version, or is damaged: {error}"]) from error
 
     def on_own_master(self, uri: str) -> RunOptions:
         return replace(self, master_uri=uri, owns_master=True)

@@ -97,10 +97,7 @@ def _pack_run(source: Path, folder: Path) -> _Repeat:
         raise UserError(f"{source}: the run still flies: pack it at its end")
     if not (source / "summary.json").is_file():
         raise UserError(f"{source}: has no summary.json: the run did not end")
-    try:
-        options, scenario = RunOptions.load(source), RunDirectory(source).scenario_as_flown()
-    except (OSError, ValueError) as error:
-        raise UserError(str(error)) from error
+    options, scenario = RunOptions.load(source), RunDirectory(source).scenario_as_flown()
     _copy(source, folder, _NOT_PACKED)
     write_with_files(folder / "scenario.yaml", scenario)
     flown = "script run/script.py --scenario" if options.script else "run"

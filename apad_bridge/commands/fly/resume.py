@@ -51,16 +51,13 @@ def run(arguments: argparse.Namespace) -> int:
     from apad_bridge.scenario.loader import load
 
     path = arguments.directory
-    try:
-        directory = RunDirectory.open(path)
-        if (run_format := format_of(directory.journal)) != FORMAT_VERSION:
-            raise UserError(
-                f"{directory.journal} has format {run_format}, and this version resumes format {FORMAT_VERSION} alone: "
-                f"resume the run with the version that began it ({directory.versions})"
-            )
-        options = RunOptions.load(path)
-    except ValueError as error:
-        raise UserError(str(error)) from error
+    directory = RunDirectory.open(path)
+    if (run_format := format_of(directory.journal)) != FORMAT_VERSION:
+        raise UserError(
+            f"{directory.journal} has format {run_format}, and this version resumes format {FORMAT_VERSION} alone: "
+            f"resume the run with the version that began it ({directory.versions})"
+        )
+    options = RunOptions.load(path)
     if options.time is TimeSource.ASAP:
         raise UserError(
             f"a run in virtual time always repeats: musselbed run {directory.scenario} --time asap"

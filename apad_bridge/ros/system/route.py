@@ -79,6 +79,7 @@ def enter_graph_of(run_dir: Path, asked_to_end: Callable[[float], bool]) -> bool
 
     `asked_to_end` waits for so many wall seconds, and returns True when a person ends the program.
     RunDirectoryError for a directory without a run, or with one that flies without ROS.
+    ScenarioError as `RunOptions.load`.
     """
     RunDirectory.created(run_dir)
     while True:
@@ -86,10 +87,7 @@ def enter_graph_of(run_dir: Path, asked_to_end: Callable[[float], bool]) -> bool
         for path in (run_dir, *(it.parent for it in sorted(run_dir.glob(f"*/{OPTIONS_NAME}")))):
             if not (path / OPTIONS_NAME).is_file():
                 continue
-            try:
-                options = RunOptions.load(path)
-            except ValueError as error:
-                raise RunDirectoryError(str(error)) from error
+            options = RunOptions.load(path)
             if options.time is TimeSource.ASAP:
                 raise RunDirectoryError(
                     f"{run_dir} flies in virtual time, without ROS: fly it with --speed, or see it by `musselbed replay`"
