@@ -18,6 +18,7 @@ from wire_observer import FENCE, SIDE_M, TICK_MS, Observer, Place
 from apad_bridge.assembly.safety import safety_of
 from apad_bridge.assembly.stacks import stack_of
 from apad_bridge.scenario.choices import Generation
+from apad_bridge.scenario.faults import Fault as VehicleFault
 from apad_bridge.scenario.guard_options import GuardOptions
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Scenario
@@ -37,6 +38,7 @@ from apad_bridge.vehicle.generation_a.core import GenerationACore
 from apad_bridge.vehicle.generation_a.docks import ReportedDocks
 from apad_bridge.vehicle.generation_a.messages import (
     GO_TO,
+    DocksReceived,
     GoalCode,
     GoalOrder,
     GoalSeen,
@@ -54,7 +56,7 @@ from apad_bridge.vehicle.generation_b.messages import (
     ServiceOrder,
     StatusReceived,
 )
-from apad_bridge.vehicle.guards.gate import Gate
+from apad_bridge.vehicle.guards.gate import Gate, Safety
 from apad_bridge.vehicle.guards.guarded_vehicle import GuardedVehicle
 from apad_bridge.vehicle.link import Cleared, LinkFact
 from apad_bridge.vehicle.outcomes import Outcome, PrimitiveFailed
@@ -137,8 +139,10 @@ class SimulatedLink:
         """Orders do not arrive."""
         self.is_mute = False
         """Nothing that the vehicle sends arrives: neither positions nor answers."""
+        self.tells_docks = False
+        """Generation A answers which aMussels it holds, as its docks' service does."""
         self._apad = SimulatedAPad(flown.apad)
-        self._core: Any
+        self.core: Any
         self._now_ms = 0
 
     @property
@@ -155,7 +159,7 @@ class SimulatedLink:
 
     def _tell(self, message: Any, now_ms: int) -> None:
         if not self.is_mute:
-            self._core.receive(message, now_ms)
+            self.core.receive(message, now_ms)
 
     def _tell_pose(self, pose: Pose, at_ms: int, now_ms: int) -> None:
         if (moved := self.shift(pose, at_ms)) is not None and not self.is_mute:
@@ -168,10 +172,10 @@ class LinkToA(SimulatedLink):
 
     def __init__(self, flown: Scenario, core: Callable[..., GenerationACore]) -> None:
         super().__init__(flown)
-        self._vehicle = GenerationAVehicle(
-            self._apad, flown.mission.speed_m_s, flown.mission.victory_radius_m
+        self.vehicle = GenerationAVehicle(
+            self._apad, flown.mission.speed_m_s, flown.mission.victory_radius_m, 0, flown.apad.fault
         )
-        self._core = core()
+        self.core = core()
         self._active: list[str] = []
         self._goal: GoalOrder | None = None
         self._others = 0
@@ -180,22 +184,24 @@ class LinkToA(SimulatedLink):
     def is_at_rest(self) -> bool:
         goal = self._goal
         is_held = goal is not None and math.dist((goal.north_m, goal.east_m), place_of(self.pose)) < 3.0
-        return is_held or not self._vehicle.has_thrust
+        return is_held or not self.vehicle.has_thrust
 
     def set_pilot(self, *, steers: bool) -> None:
         self.observer.pilot_steers = steers
 
     def advance(self, now_ms: int) -> list[LinkFact]:
         self._now_ms = now_ms
-        self._receive(self._vehicle.advance(now_ms), now_ms)
-        facts: list[LinkFact] = self._core.advance(now_ms)
-        for it in self._core.take_orders():
+        self._receive(self.vehicle.advance(now_ms), now_ms)
+        facts: list[LinkFact] = self.core.advance(now_ms)
+        for it in self.core.take_orders():
             self._send(it.order, now_ms)
+        if self.tells_docks and self.core.take_question():
+            self._tell(DocksReceived(now_ms, frozenset(self.vehicle.held)), now_ms)
         self._switch_off(now_ms)
         return facts
 
     def command(self, cleared: Cleared[VehicleCommand], now_ms: int) -> None:
-        if (sent := self._core.command(cleared, now_ms)) is not None:
+        if (sent := self.core.command(cleared, now_ms)) is not None:
             self._send(sent.order, now_ms)
         self._switch_off(now_ms)
 
@@ -207,32 +213,35 @@ class LinkToA(SimulatedLink):
         self._tell(seen, self._now_ms)
         self._active.append(key)
         self._receive(
-            self._vehicle.receive(GoalOrder(key, GO_TO, north_m, east_m, ""), self._now_ms),
+            self.vehicle.receive(GoalOrder(key, GO_TO, north_m, east_m, ""), self._now_ms),
             self._now_ms,
         )
 
     def _switch_off(self, now_ms: int) -> None:
-        if (off := self._core.take_off_order()) is None or self.is_lost:
+        if (off := self.core.take_off_order()) is None or self.is_lost:
             return
         self.observer.take_stop(now_ms)
         for key in list(self._active):
-            self._receive(self._vehicle.cancel(key, now_ms), now_ms)
-        self._receive(self._vehicle.enable_velocity_control(False, now_ms), now_ms)
-        self._receive(self._vehicle.enable_position_control(False, now_ms), now_ms)
+            self._receive(self.vehicle.cancel(key, now_ms), now_ms)
+        self._receive(self.vehicle.enable_velocity_control(False, now_ms), now_ms)
+        self._receive(self.vehicle.enable_position_control(False, now_ms), now_ms)
         self._tell(OffAnswered(now_ms, off.order.number, None), now_ms)
 
     def _send(self, order: GoalOrder, now_ms: int) -> None:
-        if self.is_lost:
+        if self.is_lost or self.vehicle.has_crashed:
             return
         if order.kind == GO_TO:
             self.observer.take_goal((order.north_m, order.east_m), now_ms, is_hold=True)
             self._goal = order
         else:
             self.observer.take_other(now_ms, order.name)
-        goal = GoalOrder(order.key, order.kind, order.north_m, order.east_m, order.name)
-        self._active.append(order.key)
-        self._report(GoalStatusEntry(order.key, GoalCode.ACTIVE), now_ms)
-        self._receive(self._vehicle.receive(goal, now_ms), now_ms)
+        self.take(GoalOrder(order.key, order.kind, order.north_m, order.east_m, order.name), now_ms)
+
+    def take(self, goal: GoalOrder, now_ms: int) -> None:
+        """The action server takes a goal, of whomever."""
+        self._active.append(goal.key)
+        self._report(GoalStatusEntry(goal.key, GoalCode.ACTIVE), now_ms)
+        self._receive(self.vehicle.receive(goal, now_ms), now_ms)
 
     def _report(self, status: GoalStatusEntry, at_ms: int) -> None:
         self._tell(GoalStatusReceived(at_ms, (status,), whole=False), at_ms)
@@ -245,7 +254,7 @@ class LinkToA(SimulatedLink):
                 case shown_a.HeldPositionPublished(at_ms, name, north_m, east_m, released):
                     agent_id = int(name.removeprefix("amussel"))
                     self._tell(HeldPositionReceived(at_ms, agent_id, north_m, east_m, released), now_ms)
-                case shown_a.BatteryAndProgressPublished(at_ms, percent):
+                case shown_a.BatteryAndProgressPublished(at_ms, percent) if not self.vehicle.has_crashed:
                     statuses = tuple(GoalStatusEntry(key, GoalCode.ACTIVE) for key in self._active)
                     self._tell(GoalStatusReceived(at_ms, statuses, whole=True), now_ms)
                     self._tell(BatteryReceived(at_ms, percent), now_ms)
@@ -261,13 +270,16 @@ _CODES = {
 }
 
 
+NOT_TAKEN = "its service answered that it does not take the order"
+
+
 class LinkToB(SimulatedLink):
-    """Generation B: answers calls at once, as its services do."""
+    """Generation B: answers calls at once or never, as its services do."""
 
     def __init__(self, flown: Scenario, core: Callable[..., GenerationBCore]) -> None:
         super().__init__(flown)
-        self._vehicle = GenerationBVehicle(self._apad)
-        self._core = core()
+        self.vehicle = GenerationBVehicle(self._apad, 0, flown.apad.fault)
+        self.core = core()
         self._last: ServiceOrder | None = None
         self.shows_goals = True
         """Its action server shows each goal; without that nothing but the status tells of another client's go-to."""
@@ -280,26 +292,26 @@ class LinkToB(SimulatedLink):
         """Another client sends the vehicle there."""
         if self.shows_goals:
             self._tell(GoalOfOthers(self._now_ms, "/commander", north_m, east_m), self._now_ms)
-        self._receive(self._vehicle.receive(GoTo(0, north_m, east_m, 0.5, 0.5), self._now_ms), self._now_ms)
+        self._receive(self.vehicle.receive(GoTo(0, north_m, east_m, 0.5, 0.5), self._now_ms), self._now_ms)
 
     def set_pilot(self, *, steers: bool) -> None:
         self.observer.pilot_steers = steers
         self._tell(ManualReceived(self._now_ms, steers), self._now_ms)
-        self._receive(self._vehicle.set_manual(steers, self._now_ms), self._now_ms)
+        self._receive(self.vehicle.set_manual(steers, self._now_ms), self._now_ms)
 
     def advance(self, now_ms: int) -> list[LinkFact]:
         self._now_ms = now_ms
-        self._receive(self._vehicle.advance(now_ms), now_ms)
-        facts: list[LinkFact] = self._core.advance(now_ms)
+        self._receive(self.vehicle.advance(now_ms), now_ms)
+        facts: list[LinkFact] = self.core.advance(now_ms)
         self._send(now_ms)
         return facts
 
     def command(self, cleared: Cleared[VehicleCommand], now_ms: int) -> None:
-        self._core.command(cleared, now_ms)
+        self.core.command(cleared, now_ms)
         self._send(now_ms)
 
     def _send(self, now_ms: int) -> None:
-        for cleared in self._core.take_calls():
+        for cleared in self.core.take_calls():
             call = cleared.order
             if self.is_lost:
                 continue
@@ -313,8 +325,10 @@ class LinkToB(SimulatedLink):
                 case docking:
                     self.observer.take_other(now_ms, f"dock {docking.dock_index}")
             self._last = call.order
-            self._receive(self._vehicle.receive(call.order, now_ms), now_ms)
-            self._tell(ServiceAnswered(now_ms, call.number, None), now_ms)
+            self._receive(self.vehicle.receive(call.order, now_ms), now_ms)
+            if self.vehicle.takes is not None:
+                refusal = None if self.vehicle.takes else NOT_TAKEN
+                self._tell(ServiceAnswered(now_ms, call.number, refusal), now_ms)
 
     def _receive(self, shown: list[shown_b.Published], now_ms: int) -> None:
         for it in shown:
@@ -344,9 +358,13 @@ class Bench:
         *,
         guards: GuardOptions = GUARDS,
         is_real: bool = True,
+        fault: VehicleFault = VehicleFault.NONE,
+        safety: Safety | None = None,
     ) -> None:
+        """`safety` in place of that of the guards."""
         flown = scenario(generation, drift_m_s, guards)
-        safety = safety_of(flown, needs_person=is_real)
+        flown = replace(flown, apad=replace(flown.apad, fault=fault))
+        safety = safety or safety_of(flown, needs_person=is_real)
         battery_v = flown.apad.battery.range_v
         capabilities = stack_of(generation).capabilities(4)
         self.link: LinkToA | LinkToB
@@ -374,6 +392,7 @@ class Bench:
         self.now_ms = 0
         self.events: list[tuple[int, str, dict[str, Any]]] = []
         self.outcomes: list[Outcome] = []
+        self.facts: list[LinkFact] = []
         self._ids = 0
         self.run(1)
 
@@ -395,7 +414,10 @@ class Bench:
 
     def order(self, primitive: Callable[[int], Primitive]) -> None:
         self._ids += 1
-        self._pass_on(self.port.receive(primitive(self._ids), self.now_ms))
+        self.give(primitive(self._ids))
+
+    def give(self, primitive: Primitive) -> None:
+        self._pass_on(self.port.receive(primitive, self.now_ms))
         self._settle()
 
     def run(self, ticks: int) -> None:
@@ -409,6 +431,7 @@ class Bench:
     def _settle(self) -> None:
         for _ in range(3):
             for fact in self.vehicle.advance(self.now_ms):
+                self.facts.append(fact)
                 if not hasattr(fact, "agent_id") or hasattr(fact, "dock_index"):
                     self._pass_on(self.port.receive(fact, self.now_ms))  # type: ignore[arg-type]
         self._pass_on(self.port.advance(self.now_ms))

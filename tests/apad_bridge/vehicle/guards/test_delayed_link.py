@@ -98,7 +98,7 @@ def bench_of(generation: Generation, seed: int, guards: GuardOptions | None = No
     """A bench beyond the link, which has heard the vehicle for a while."""
     bench = Bench(generation, guards=guards or real_limits())
     bench.link.shift = stamped
-    bench.link._core = DelayedCore(bench.link._core, random.Random(seed))  # type: ignore[assignment]
+    bench.link.core = DelayedCore(bench.link.core, random.Random(seed))  # type: ignore[assignment]
     bench.run(10)
     return bench
 
