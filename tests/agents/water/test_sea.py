@@ -9,14 +9,10 @@ import pytest
 from fleets import reporting_every
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from seas import FLEET, SEA
+from seas import FLEET, SEA, SeaBench
 
-from agents.coordinator import Coordinator
-from agents.fleet import FleetConfig, resting_on_bottom
-from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Output, Truth
 from agents.mussel.stimuli import ContactClosed, SoundArrived
-from agents.water.sea import Sea, SeaConfig
 from agents.water.sea_events import (
     AgentRanged,
     SeaResult,
@@ -34,27 +30,7 @@ from firmware_model.table_one import MODEL
 HOUR_MS = 3_600_000
 
 
-class Bench:
-    """aMussels 1, 2, ... on the bottom at these metres to the north; the aPad's modem as deep, at 0."""
-
-    def __init__(self, *norths_m: float, sea: SeaConfig = SEA, fleet: FleetConfig = FLEET) -> None:
-        initial_states = {
-            n: resting_on_bottom(metres, 0, 3.0, 0.9, 1.0) for n, metres in enumerate(norths_m, start=1)
-        }
-        self.host = InProcessHost(fleet, initial_states)
-        self.coordinator = Coordinator(self.host, dict.fromkeys(initial_states, 0), fleet.time_scale)
-        self.sea = Sea(sea, fleet.time_scale, initial_states).join(self.coordinator, self.host)
-        self.sea.carry_apad(0.0, 0.0, 0)
-        self.came: list[SeaResult] = []
-
-    def run(self, until_ms: int, step_ms: int = 1000) -> list[SeaResult]:
-        new: list[SeaResult] = []
-        for now_ms in range(step_ms, until_ms + 1, step_ms):
-            if self.coordinator.scale.agent_ms(now_ms) >= self.sea.now_ms:
-                new += self.sea.advance(now_ms)
-        self.came += new
-        return new
-
+class Bench(SeaBench):
     def state(self, agent_id: int) -> State:
         return self.host._agents[agent_id].board.state
 

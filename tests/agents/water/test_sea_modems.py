@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import pytest
-from seas import FLEET, SEA
+from seas import FLEET, SEA, SeaBench
 
-from agents.coordinator import Coordinator
-from agents.fleet import FleetConfig, resting_on_bottom
-from agents.hosting.in_process import InProcessHost
 from agents.modem.frames import ModemGeneration
 from agents.mussel.stimuli import ModemSent, PingArrived, SoundArrived
 from agents.water.medium import PacketEnded
-from agents.water.sea import Sea, SeaConfig
 from agents.water.sea_events import (
     AgentRanged,
     NotRanged,
@@ -28,32 +25,19 @@ from firmware_model.packets.codec import MusselbedCodec
 HOUR_MS = 3_600_000
 
 
-class Bench:
+class Bench(SeaBench):
     """aMussels 1, 2 and 3 at 150, 300 and 450 m north of the aPad, all as deep."""
 
-    def __init__(self, *opened: int, fleet: FleetConfig = FLEET, sea: SeaConfig = SEA) -> None:
-        initial_states = {n: resting_on_bottom(150.0 * n, 0, 3.0, 0.9, 1.0) for n in (1, 2, 3)}
-        host = InProcessHost(fleet, initial_states)
-        coordinator = Coordinator(host, dict.fromkeys(initial_states, 0), fleet.time_scale)
-        self.sea = Sea(sea, fleet.time_scale, initial_states, opened=opened).join(coordinator, host)
-        self.sea.carry_apad(0.0, 0.0, 0)
-        self.now_ms = 0
-        self.came: list[SeaResult] = []
-        self.theta = fleet.theta
+    def __init__(self, *opened: int, **changes: Any) -> None:
+        super().__init__(150.0, 300.0, 450.0, opened=opened, **changes)
 
-    def run(self, for_ms: int, step_ms: int = 50) -> list[SeaResult]:
-        new: list[SeaResult] = []
-        for now_ms in range(self.now_ms + step_ms, self.now_ms + for_ms + 1, step_ms):
-            if now_ms * self.theta >= self.sea.now_ms:
-                new += self.sea.advance(now_ms)
-        self.now_ms += for_ms
-        self.came += new
-        return new
+    def on(self, for_ms: int, step_ms: int = 50) -> list[SeaResult]:
+        return self.run(self.now_ms + for_ms, step_ms)
 
     def ask(self, agent_id: int, command: bytes, for_ms: int = 6000) -> bytes:
         """Returns the modem's output after the command, within the time."""
         self.sea.write(agent_id, command)
-        return printed(self.run(for_ms), agent_id)
+        return printed(self.on(for_ms), agent_id)
 
 
 def printed(results: list[SeaResult], agent_id: int) -> bytes:
@@ -62,7 +46,7 @@ def printed(results: list[SeaResult], agent_id: int) -> bytes:
 
 def test_an_opened_modem_is_answered_by_those_that_are_not() -> None:
     bench = Bench(1)
-    bench.run(5000)
+    bench.on(5000)
     assert bench.ask(1, b"$P002") == b"$P002\r\n#R002T03200\r\n"  # 150 m
     assert bench.ask(1, b"$P255") == b"$P255\r\n#R255T03200\r\n"  # the aPad's
     assert bench.ask(1, b"$P003") == b"$P003\r\n#R003T06400\r\n"
@@ -76,7 +60,7 @@ def test_an_opened_modem_is_answered_by_those_that_are_not() -> None:
 
 def test_an_address_set_by_a_driver_is_the_one_that_the_water_knows() -> None:
     bench = Bench(1, 2)
-    bench.run(5000)
+    bench.on(5000)
     assert bench.ask(2, b"$A042") == b"#A042\r\n"
     assert bench.ask(1, b"$P042") == b"$P042\r\n#R042T03200\r\n"
     assert bench.ask(1, b"$P002") == b"$P002\r\n#TO\r\n"
@@ -88,7 +72,7 @@ def test_an_address_set_by_a_driver_is_the_one_that_the_water_knows() -> None:
     bench.came.clear()
     bench.sea.send_sound(2, b"hello")
     bench.sea.send_sound(3, b"hello")
-    bench.run(3000)
+    bench.on(3000)
     assert {it.agent_id for it in bench.came if isinstance(it, StimulusDelivered)} == {3}
     assert bench.ask(2, b"$B02ab").startswith(b"$B02")
     assert bench.ask(1, b"$E04202ab") == b"$E04202\r\n#B04202ab\r\n"
@@ -96,7 +80,7 @@ def test_an_address_set_by_a_driver_is_the_one_that_the_water_knows() -> None:
 
 def test_each_modem_has_a_chip_of_its_own() -> None:
     bench = Bench(1, 2)
-    bench.run(1000)
+    bench.on(1000)
     one, other = bench.ask(1, b"$D"), bench.ask(2, b"$D")
     assert one.startswith(b"#DID:0x") and other.startswith(b"#DID:0x") and one != other
     assert one == Bench(1).ask(1, b"$D"), "in each run the same"
@@ -105,7 +89,7 @@ def test_each_modem_has_a_chip_of_its_own() -> None:
 def test_the_noise_is_the_water_s_and_thrusters_add_to_the_apad_s() -> None:
     """89.03 dB in the band, 168 dB are the full scale: 65535 x 10^(-78.97 / 20) = 7.38. Thrusters: ten times that."""
     bench = Bench(1, sea=replace(SEA, sound=replace(SEA.sound, noise_db_per_hz=50.0)))
-    bench.run(5000)
+    bench.on(5000)
     assert bench.ask(1, b"$N").endswith(b"#NR000007P000066M000006\r\n")
     assert b"R000007P000066M000006" in bench.ask(1, b"$V255")
     bench.sea.carry_apad(5.0, 0.0, bench.now_ms)
@@ -115,7 +99,7 @@ def test_the_noise_is_the_water_s_and_thrusters_add_to_the_apad_s() -> None:
 
 def test_its_words_reach_boards_and_the_apad_as_packets() -> None:
     bench = Bench(1)
-    bench.run(5000)
+    bench.on(5000)
     permission = MusselbedCodec().encode(CommandPacket(Kind.PERMISSION, 2))
     bench.ask(1, b"$U002%02d" % len(permission) + permission)
     assert [it.stimulus for it in bench.came if isinstance(it, StimulusDelivered) and it.agent_id == 2] == [
@@ -138,10 +122,10 @@ def test_its_words_reach_boards_and_the_apad_as_packets() -> None:
 
 def test_the_board_goes_on_beside_whoever_opened_its_modem() -> None:
     bench = Bench(1)
-    bench.run(5000)
+    bench.on(5000)
     permission = MusselbedCodec().encode(CommandPacket(Kind.PERMISSION, 1))
     bench.sea.send_sound(1, permission)
-    came = bench.run(3000)
+    came = bench.on(3000)
     assert printed(came, 1) == b"#U%02d" % len(permission) + permission + b"\r\n"
     assert SoundArrived(permission) in [it.stimulus for it in came if isinstance(it, StimulusDelivered)]
 
@@ -162,9 +146,9 @@ def test_machines_send_the_same_packets_as_no_machines(theta: int) -> None:
         bench.sea.send_sound(1, b"a word")
         bench.sea.send_sound(None, b"to all")
         bench.sea.ping(2)
-        bench.run(2 * HOUR_MS // theta, step_ms=1000)
+        bench.on(2 * HOUR_MS // theta, step_ms=1000)
         bench.sea.ping(3)
-        bench.run(6000, step_ms=1000)
+        bench.on(6000, step_ms=1000)
     data = [it for it in packets(plain) if it[2]]
     assert len(data) >= 2 + 3
     assert [it for it in packets(opened) if it[2]] == data
@@ -184,11 +168,11 @@ def test_machines_send_the_same_packets_as_no_machines(theta: int) -> None:
 
 def test_a_status_over_the_serial_line_is_the_same_packet_as_in_memory() -> None:
     in_memory = Bench()
-    in_memory.run(HOUR_MS + 600_000, step_ms=1000)
+    in_memory.on(HOUR_MS + 600_000, step_ms=1000)
     sent = next(it for it in in_memory.came if isinstance(it, PacketEnded) and it.sender == 1)
     reached = next(it for it in in_memory.came if isinstance(it, SoundReached) and it.agent_id == 1)
     serial = Bench(1)
-    serial.run(5000)
+    serial.on(5000)
     serial.ask(1, b"$U255%02d" % len(sent.frame.data) + sent.frame.data)
     again = next(it for it in serial.came if isinstance(it, PacketEnded) and it.sender == 1)
     heard = next(it for it in serial.came if isinstance(it, SoundReached) and it.agent_id == 1)
@@ -206,13 +190,13 @@ def test_a_status_over_the_serial_line_is_the_same_packet_as_in_memory() -> None
 def test_v2_modems_carry_short_statuses_at_40_bit_a_second() -> None:
     fleet = replace(FLEET, reports=replace(FLEET.reports, modem=ModemGeneration.V2))
     bench = Bench(1, fleet=fleet, sea=replace(SEA, modems=ModemGeneration.V2))
-    bench.run(5000)
+    bench.on(5000)
     assert bench.ask(1, b"$P002") == b"#P002\r\n#R002T03200\r\n"
     permission = MusselbedCodec().encode(CommandPacket(Kind.PERMISSION, 3))
     bench.sea.send_sound(3, permission)
     for size in range(8, 208):
         bench.sea.send_sound(3, bytes(size))
-    bench.run(HOUR_MS + 600_000, step_ms=1000)
+    bench.on(HOUR_MS + 600_000, step_ms=1000)
     carried = [it.frame for it in bench.came if isinstance(it, PacketEnded) and it.frame.data]
     assert (carried[0].data, carried[0].duration_ms) == (permission, 430 + 6 * 200)
     assert bench.sea.dropped["sound: not the 1 to 7 bytes that a V2 modem carries"] == 200
@@ -230,10 +214,10 @@ def test_windows_do_not_show() -> None:
     traces = []
     for step_ms in (50, 1000, 250):
         bench = Bench(1)
-        bench.run(5000, step_ms)
+        bench.on(5000, step_ms)
         bench.sea.write(1, b"$P003")
-        bench.run(2000, step_ms)
+        bench.on(2000, step_ms)
         bench.sea.write(1, b"$U00305hello")
-        bench.run(8000, step_ms)
+        bench.on(8000, step_ms)
         traces.append((packets(bench), printed(bench.came, 1)))
     assert traces[0] == traces[1] == traces[2]
