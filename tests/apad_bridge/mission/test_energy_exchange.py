@@ -791,13 +791,6 @@ def single() -> Bench:
     return one_by_one()
 
 
-def test_asynchronous_dispatch_collects_one_beside_one_that_charges(single: Bench) -> None:
-    single.hears(2, State.ACTIVE, 0.8)
-    assert [step.agent_id for step in single.mission.state.plan] == [2]
-    single.collect(2)
-    assert single.mission.docks[:2] == (1, 2) and single.mission.state.phase is Phase.CHARGE
-
-
 def test_an_amussel_that_was_docked_just_now_and_was_last_heard_afloat_is_not_collected_again(
     single: Bench,
 ) -> None:
@@ -805,9 +798,13 @@ def test_an_amussel_that_was_docked_just_now_and_was_last_heard_afloat_is_not_co
     assert single.mission.state.plan == () and single.mission.state.phase is Phase.CHARGE
 
 
-def test_asynchronous_dispatch_releases_the_full_one_and_goes_on_charging_the_other(single: Bench) -> None:
+def test_asynchronous_dispatch_collects_one_beside_one_that_charges_and_releases_the_full_one_alone(
+    single: Bench,
+) -> None:
     single.hears(2, State.ACTIVE, 0.8)
+    assert [step.agent_id for step in single.mission.state.plan] == [2]
     single.collect(2)
+    assert single.mission.docks[:2] == (1, 2) and single.mission.state.phase is Phase.CHARGE
     single.told.say(1, single.now_ms, State.CHARGING, 0.995)
     single.hears(3, State.ACTIVE, 0.5)
     assert [(step.kind, step.agent_id) for step in single.mission.state.plan] == [(StepKind.DEPLOY, 1)]
@@ -1030,8 +1027,7 @@ def test_charged_ones_take_the_places_of_those_that_are_collected(exchange: Benc
     assert isinstance(there, GoTo) and (there.north_m, there.east_m) == (40.0, 0.0)
     assert isinstance(exchange.succeed(), OpenDock) and TellClear(2) in exchange.orders
     assert exchange.mission.docks == (1, None, 4, None)
-    homes = {agent_id: north_m for agent_id, north_m, _ in exchange.mission.state.homes}
-    assert homes == {1: 30.0, 2: 40.0, 3: 10.0, 4: 20.0}
+    assert homes_of(exchange) == {1: 30.0, 2: 40.0, 3: 10.0, 4: 20.0}
 
 
 def plan_one_by_one(bench: Bench, *charges: float, **changes: Any) -> dict[str, Any]:
@@ -1103,8 +1099,7 @@ def test_a_tour_that_is_resumed_after_every_step_is_flown_to_its_end() -> None:
             bench.told.say(step.agent_id, bench.now_ms, State.ACTIVE, 0.99)
     assert bench.mission.state.phase is Phase.CHARGE
     assert {it for it in bench.mission.docks if it} == {3, 4}
-    homes = {agent_id: north_m for agent_id, north_m, _ in bench.mission.state.homes}
-    assert homes == {1: 30.0, 2: 40.0, 3: 10.0, 4: 20.0}
+    assert homes_of(bench) == {1: 30.0, 2: 40.0, 3: 10.0, 4: 20.0}
 
 
 def homes_of(bench: Bench) -> dict[int, float]:
@@ -1216,7 +1211,7 @@ def test_who_waits_alone_is_no_batch_and_exchanges_with_nobody(exchange: Bench) 
         exchange.told.say(agent_id, exchange.now_ms, state, charge)
     exchange.tick()
     assert [it[0] for it in steps_left(exchange)] == [StepKind.DEPLOY, StepKind.DEPLOY]
-    assert {agent_id: north for agent_id, north, _ in exchange.mission.state.homes}[1] == 10.0
+    assert homes_of(exchange)[1] == 10.0
 
 
 @pytest.mark.parametrize("free_docks", [1, 0])

@@ -15,12 +15,10 @@ from journals import lines_in
 from rosbags.rosbag1 import Reader
 from scenario_files import POOL_FILE
 
-from agents.coordinator import Coordinator
-from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Truth
 from agents.mussel.physical import Physical
 from agents.time_scale import TimeScale
-from apad_bridge.assembly import fleet_parts, parts
+from apad_bridge.assembly import fleet_parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.beliefs.belief import Belief, CapacityLeft
 from apad_bridge.events.fleet import ProcessDied
@@ -33,15 +31,10 @@ from apad_bridge.records.recorder import DAY_MS, Recorder, RecordsFailed
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.sample_file import SampleFile
 from apad_bridge.records.summary import AMUSSEL, SUMMARY, Ending
+from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.scenario.loader import load
-from apad_bridge.scenario.starts import read_starts, starts_of
-from apad_bridge.supervisor.clock import AsFastAsPossible
-from apad_bridge.supervisor.context import FlightContext
+from apad_bridge.scenario.starts import read_starts
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
-from apad_bridge.world.apad.apad import SimulatedAPad
-from apad_bridge.world.apad.in_process import InProcessVehicle
-from apad_bridge.world.fleet import FlightFleet, WithoutWater
-from apad_bridge.world.world import World
 from firmware_model.actions import Buoyancy
 from firmware_model.packets import Reported
 from firmware_model.packets.sample_record import SampleRecord
@@ -63,16 +56,7 @@ def new_directory(path):
 
 def fly(scenario, recorder, until_ms=None):
     """Flies the whole flight, or its ticks up to `until_ms`."""
-    initial_states = fleet_parts.initial_states(scenario, list(starts_of(scenario)))
-    host = InProcessHost(fleet_parts.fleet_config(flight_config(scenario)), initial_states)
-    coordinator = Coordinator(host, dict.fromkeys(initial_states, 0), scenario.time_scale)
-    fleet = FlightFleet(coordinator, host, WithoutWater(coordinator, host))
-    vehicle = InProcessVehicle(SimulatedAPad(scenario.apad))
-    flight = parts.flight(
-        flight_config(scenario),
-        FlightContext(vehicle=vehicle, pace=AsFastAsPossible(), world=World(fleet)),
-        recorder,
-    )
+    flight, _ = open_flight(scenario, recorder_of=lambda _: recorder)
     if until_ms is None:
         flight.run()
     else:

@@ -78,6 +78,14 @@ class ProgressLog:
         self.statuses.append(status())
 
 
+class Interrupting(ProgressLog):
+    """Its terminal gets Ctrl-C at the first message."""
+
+    def print_message(self, text: str) -> None:
+        super().print_message(text)
+        signal.raise_signal(signal.SIGINT)
+
+
 class Starts:
     """Starts the given supervisors, of each run in their order, and keeps how they were started."""
 
@@ -240,11 +248,6 @@ def test_a_supervisor_is_read_to_its_last_byte(tmp_path: Path, monkeypatch: pyte
 def test_one_that_does_not_end_in_time_is_killed_and_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    class Interrupting(ProgressLog):
-        def print_message(self, text: str) -> None:
-            super().print_message(text)
-            signal.raise_signal(signal.SIGINT)
-
     monkeypatch.setattr("apad_bridge.runs.parent._END_S", 0.2)
     deaf = "import signal\nsignal.signal(signal.SIGTERM, signal.SIG_IGN)\nprint('up', flush=True)\nsignal.pause()"
     with child(tmp_path, deaf, monkeypatch) as process:
@@ -261,11 +264,6 @@ def test_one_that_is_slow_after_its_records_loses_nothing_and_fails_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Asked to end, it completes its records; then it hangs, and tells nothing more."""
-
-    class Interrupting(ProgressLog):
-        def print_message(self, text: str) -> None:
-            super().print_message(text)
-            signal.raise_signal(signal.SIGINT)
 
     monkeypatch.setattr("apad_bridge.runs.parent._END_S", 0.2)
     slow = (

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from math import dist
 from pathlib import Path
 from typing import Any
@@ -11,17 +12,14 @@ import pytest
 from journals import facts_of
 from scenario_files import POOL_FILE, WHOLE_FILE
 
-from agents.hosting.in_process import InProcessHost
 from agents.packet_medium import Medium
-from apad_bridge.assembly import fleet_parts, parts
+from apad_bridge.assembly import fleet_parts
 from apad_bridge.assembly.flight_config import flight_config
-from apad_bridge.runs.in_memory import MemoryRecorder, fly_in_memory
+from apad_bridge.runs.in_memory import MemoryRecorder, fly_in_memory, open_flight
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
-from apad_bridge.supervisor.clock import AsFastAsPossible
-from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.packet_relay import (
     FLEET_ALONE,
     PacketOrigin,
@@ -30,9 +28,6 @@ from apad_bridge.supervisor.packet_relay import (
     RelayOutcome,
 )
 from apad_bridge.vehicle.link import APadSeen
-from apad_bridge.world.apad.apad import SimulatedAPad
-from apad_bridge.world.apad.in_process import InProcessVehicle
-from apad_bridge.world.world import World
 from firmware_model.packets import AcousticStatus, CommandPacket, Kind
 from firmware_model.packets.codec import load_codec
 
@@ -140,19 +135,7 @@ def test_links_may_change_while_a_run_flies(tmp_path: Path) -> None:
     path = tmp_path / "links.csv"
     path.write_text("from,to,loss\n")
     scenario = in_water(500, {"links_file": str(path)})
-    initial_states = fleet_parts.initial_states(scenario, starts_of(scenario))
-    fleet = fleet_parts.fleet_of(
-        flight_config(scenario),
-        InProcessHost(fleet_parts.fleet_config(flight_config(scenario)), initial_states),
-        dict.fromkeys(initial_states, 0),
-    )
-    recorder = MemoryRecorder(scenario)
-    vehicle = InProcessVehicle(SimulatedAPad(scenario.apad))
-    flight = parts.flight(
-        flight_config(scenario),
-        FlightContext(vehicle=vehicle, pace=AsFastAsPossible(), world=World(fleet)),
-        recorder,
-    )
+    flight, recorder = open_flight(scenario)
     for now_ms in range(0, 500_000, 1000):
         if now_ms == 200_000:
             path.write_text("from,to,loss\n*,apad,1\n")
@@ -221,21 +204,10 @@ def test_a_fleet_alone_shares_what_reached_the_aPad_and_hears_what_its_planner_s
     links = tmp_path / "links.csv"
     links.write_text("from,to,loss\n3,apad,1\n")
     scenario = in_water(200, {"links_file": str(links)})
-    initial_states = fleet_parts.initial_states(scenario, starts_of(scenario))
-    fleet = fleet_parts.fleet_of(
-        flight_config(scenario),
-        InProcessHost(fleet_parts.fleet_config(flight_config(scenario)), initial_states),
-        dict.fromkeys(initial_states, 0),
-    )
-    recorder = MemoryRecorder(scenario)
     permission = load_codec("musselbed-1").encode(CommandPacket(Kind.PERMISSION, 7))
     elsewhere = Elsewhere([RelayedPacket(PacketOrigin.REMOTE_SUPERVISOR, 7, Medium.SOUND, permission, 0)])
-    flight = parts.flight(
-        flight_config(scenario),
-        FlightContext(
-            vehicle=SeenFromAfar(), pace=AsFastAsPossible(), world=World(fleet), relay=elsewhere.relay
-        ),
-        recorder,
+    flight, recorder = open_flight(
+        scenario, join=lambda it: replace(it, vehicle=SeenFromAfar(), relay=elsewhere.relay)
     )
     for now_ms in range(0, 200_000, 1000):
         flight.tick(now_ms)

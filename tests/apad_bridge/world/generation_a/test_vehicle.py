@@ -153,14 +153,6 @@ def test_a_perch_asks_for_no_nearness_and_takes_the_first_free_dock(apad: Genera
     assert apad.held == ["amussel0", "amussel9", "amussel2", "amussel3"]
 
 
-def test_a_fifth_perch_succeeds_and_does_nothing(apad: GenerationAVehicle) -> None:
-    for number in range(4):
-        apad.receive(perch(f"amussel{number}"), 0)
-    published = apad.receive(perch("amussel9"), 0)
-    assert ends(published) == [("perch amussel9", GoalOutcome.SUCCEEDED)]
-    assert "amussel9" not in {it.name for it in held(published + apad.advance(2_000))}
-
-
 def test_the_same_object_perched_twice_takes_two_docks(apad: GenerationAVehicle) -> None:
     apad.receive(perch("amussel1"), 0)
     apad.receive(perch("amussel1"), 0)
@@ -250,12 +242,13 @@ def test_its_battery_can_be_charged_and_drained_by_percent_points(apad: Generati
     assert apad.battery_percent == 100.0 and apad.dropped.total() == 1
 
 
-@pytest.mark.parametrize("docks", [1, 6])
-def test_it_holds_as_many_as_it_has_docks(docks: int) -> None:
+@pytest.mark.parametrize("docks", [1, 4, 6])
+def test_it_holds_as_many_as_it_has_docks_and_one_more_perch_succeeds_and_does_nothing(docks: int) -> None:
     apad = GenerationAVehicle(SimulatedAPad(replace(POOL.apad, docks=docks)), 0.5, 0.5)
     for number in range(docks + 1):
         ended = apad.receive(GoalOrder(f"{number}", PERCH, 0.0, 0.0, f"amussel{number}"), 0)
         assert GoalEnded(0, f"{number}", GoalOutcome.SUCCEEDED) in ended
     assert apad.held == [f"amussel{number}" for number in range(docks)] and apad.free_docks == []
+    assert {it.name for it in held([*ended, *apad.advance(2_000)])} == set(apad.held)
     with pytest.raises(ValueError, match=f"there is no dock {docks}"):
         apad.set_dock(docks, False, 0)
