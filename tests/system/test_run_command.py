@@ -114,13 +114,13 @@ def test_changes_of_the_speed_steps_and_standing_still_change_nothing_of_a_fligh
 
 
 def test_while_a_person_stops_mission_time_stands_if_the_scenario_says_so(fly: Fly, scenario: Path) -> None:
-    """Two flights are stopped in the same second, for 1 s and for 5 s of wall time; half a second is a tick.
+    """Two flights are stopped in the same second, for 1 s and for 3 s of wall time; half a second is a tick.
 
     Of a scenario that does not say so, time goes on: `test_a_person_stops_a_run_continues_and_aborts_it_by_commands`.
     """
     write_scenario(scenario, scenario, time_stands_while_stopped=True)
     ends = []
-    for waits_s in (1, 5):
+    for waits_s in (1, 3):
         process, run = fly(0.2)
         wait_until((run / "control.sock").is_socket, process)
 
