@@ -70,7 +70,7 @@ SETS = ("Ai2020", "Ecker2015")
 LINEAR = "linear"
 SEED = 917051
 """Written down before any of these was flown."""
-DAYS = 10
+DAYS, SHORT_DAYS = 10, 1
 HEARD = (1.0, 0.1)
 PIECES = 12
 """The segments of the true cell's charge, where the paper has three."""
@@ -257,7 +257,7 @@ def population(cell: Cell | None, seed: int, ids: Sequence[int]) -> dict[int, Be
 
 
 class Cells(Spread):
-    """A spread that gives each board its cell. The board switches by coulombs, so it needs no readings for it."""
+    """A spread that gives each board its cell."""
 
     def __init__(self, cell: Cell | None, boards: dict[int, Behind]) -> None:
         super().__init__()
@@ -269,11 +269,12 @@ class Cells(Spread):
 
 
 def config_behind(board: BoardConfig, cell: Cell | None, behind: Behind) -> BoardConfig:
+    """A cell's board switches by coulombs; one without a cell is as the supervisor is told, its readings too."""
+    if cell is None:
+        return board
     assert board.whole is not None
     power = replace(board.whole.power, metering=None)
     board = replace(board, whole=replace(board.whole, power=power))
-    if cell is None:
-        return board
     # A window holds 16 h of the idle load, by the curves' own unit of current.
     nominal = power.loads.of[1] * MS_PER_HOUR / FULL
     left = round(AS_NEW * (1 - behind.lost))
@@ -361,14 +362,20 @@ def measure(short: bool = False, row: Sequence[str] | None = None) -> dict[str, 
     if unknown := set(names) - {LINEAR, *SETS}:
         raise SystemExit(f"no row {unknown.pop()!r}: the rows are {', '.join((LINEAR, *SETS))}")
     try:
-        cells = {name: curves(name) for name in (SETS if row is None else {*names, SETS[0]} - {LINEAR})}
+        cells = {
+            name: curves(name) for name in dict.fromkeys(SETS[0] if it == LINEAR else it for it in names)
+        }
     except Unavailable as error:
         return {"skipped": f"PyBaMM cannot be had: {error}"}
-    result: dict[str, Any] = {"seed": SEED, "days": DAYS, "told": [_told_of(it) for it in cells.values()]}
+    result: dict[str, Any] = {
+        "seed": SEED,
+        "days": SHORT_DAYS if short else DAYS,
+        "told": [_told_of(it) for it in cells.values()],
+    }
     summary, bins, mission = [], [], []
     for name in names:
         for heard in HEARD[:1] if short else HEARD:
-            rows, figures = flown(name, heard, SEED, 2 if short else DAYS)
+            rows, figures = flown(name, heard, SEED, SHORT_DAYS if short else DAYS)
             head = {"boards": name, "heard": heard}
             summary.append(told(in_one_row(head, [rows])))
             bins += _binned_scores(head, [rows])
