@@ -22,7 +22,11 @@ from firmware_model.packets import QUANTITIES
 _DEFINITIONS = Path(__file__).parent.parent / "ros" / "definitions"
 _STANDARD = Path(__file__).parent / "definitions"
 """ROS's own texts of the standard messages that ours contain."""
-_PACKAGES = ("auv_msgs", "musselbed_msgs", "underwater_msgs")
+_FOLDERS = {
+    **dict.fromkeys(("auv_msgs", "musselbed_msgs", "underwater_msgs"), _DEFINITIONS),
+    **dict.fromkeys(("geometry_msgs", "std_msgs"), _STANDARD),
+}
+"""The folder of each package of a bag's messages."""
 
 TRUTH = "musselbed_msgs/msg/FleetTruth"
 BELIEFS = "musselbed_msgs/msg/FleetBeliefs"
@@ -62,13 +66,16 @@ _NAMES = b"".join(
 
 @cache
 def typestore() -> Typestore:
-    """The types of ROS 1's standard messages, of ours, and of the laboratory's messages in a bag."""
-    store = get_typestore(Stores.ROS1_NOETIC)
-    ours: dict[str, Any] = {}
-    for package in _PACKAGES:
-        for path in sorted((_DEFINITIONS / package / "msg").glob("*.msg")):
-            ours.update(get_types_from_msg(path.read_text(encoding="utf-8"), f"{package}/msg/{path.stem}"))
-    store.register(ours)
+    """The types of our messages in a bag, of the laboratory's, and of the standard ones that these contain.
+
+    The library's own store of all standard messages takes four times as long to make.
+    """
+    store = get_typestore(Stores.EMPTY)
+    types: dict[str, Any] = {}
+    for package, folder in _FOLDERS.items():
+        for path in sorted((folder / package / "msg").glob("*.msg")):
+            types.update(get_types_from_msg(path.read_text(encoding="utf-8"), f"{package}/msg/{path.stem}"))
+    store.register(types)
     return store
 
 
@@ -85,8 +92,7 @@ def definition(name: str) -> tuple[str, str]:
 
 def _text(name: str) -> str:
     package, _, message = name.partition("/msg/")
-    folder = _DEFINITIONS if package in _PACKAGES else _STANDARD
-    return (folder / package / "msg" / f"{message}.msg").read_text(encoding="utf-8")
+    return (_FOLDERS[package] / package / "msg" / f"{message}.msg").read_text(encoding="utf-8")
 
 
 def _nested(name: str) -> Iterator[str]:

@@ -22,9 +22,12 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.text_file import write_atomically
 
 
-def code_of(directory: RunDirectory) -> list[str]:
-    """The names of all code that a resumed run would execute, as people read them. ScenarioError as `load`."""
-    scenario = load(directory.scenario)
+def code_of(directory: RunDirectory, scenario: Scenario | None = None) -> list[str]:
+    """The names of all code that a resumed run would execute, as people read them. ScenarioError as `load`.
+
+    `scenario` is the run's, where it need not be loaded.
+    """
+    scenario = scenario or load(directory.scenario)
     strategies = (scenario.mission.collection, scenario.mission.redeployment)
     commands = _commands(scenario)
     if _prepared_commands(directory) not in (None, commands):
@@ -32,12 +35,12 @@ def code_of(directory: RunDirectory) -> list[str]:
     return list(dict.fromkeys([*(label(it) for it in strategies if InFile.of(it)), *commands]))
 
 
-def mark(directory: RunDirectory) -> None:
+def mark(directory: RunDirectory, scenario: Scenario | None = None) -> None:
     """Marks a run that begins, if it names code, and removes the marks of directories that are gone.
 
-    OSError where nothing can be kept; RuntimeError for a user without a home.
+    OSError where nothing can be kept; RuntimeError for a user without a home. `scenario` as for `code_of`.
     """
-    if not code_of(directory):
+    if not code_of(directory, scenario):
         return
     folder = _folder()
     folder.mkdir(mode=PRIVATE, parents=True, exist_ok=True)

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 from rosbags.rosbag1 import Writer
-from rosbags.typesys import get_types_from_msg
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from apad_bridge.records.bag import RecordedConnection, RecordedMessage
@@ -44,8 +44,8 @@ _CODES = {of_a.GoalOutcome.SUCCEEDED: 3, of_a.GoalOutcome.ABORTED: 4, of_a.GoalO
 
 @cache
 def types() -> Typestore:
-    store = typestore()
-    found: dict[str, Any] = {}
+    store = get_typestore(Stores.ROS1_NOETIC)
+    found: dict[str, Any] = dict(typestore().fielddefs)
     for name, text in _ACTION.items():
         found.update(get_types_from_msg(text, name))
     store.register({name: fields for name, fields in found.items() if name not in store.types})

@@ -188,7 +188,7 @@ def _mark_own(whole: RunDirectory, all_members: Sequence[Member]) -> None:
 
     try:
         for member in all_members:
-            mark(whole.of_apad(member.name, len(all_members)))
+            mark(whole.of_apad(member.name, len(all_members)), member.scenario)
     except (OSError, RuntimeError) as error:
         print(
             f"musselbed: warning: the run cannot be marked as begun here ({error}): to continue it, "
