@@ -358,7 +358,9 @@ class GuardedVehicle:
     def _look(self, now_ms: int) -> None:
         if self._under_way is not None and self.gate.watch.place_m is not None:
             self._under_way = self._under_way.moved_to(self.gate.watch.place_m, now_ms)
-        for change in self._safety.monitor.look(self.gate.situation(now_ms), self._under_way, now_ms):
+        monitor = self._safety.monitor
+        changes = monitor.look(self.gate.situation(now_ms), self._under_way, now_ms) if monitor.checks else []
+        for change in changes:
             if isinstance(change, MonitorFinding):
                 self._react(change, now_ms)
                 continue

@@ -230,7 +230,7 @@ class Monitor:
     """Looks at every tick. A bad position hides all other causes."""
 
     def __init__(self, checks: Sequence[MonitorCheck]) -> None:
-        self._checks = tuple(checks)
+        self.checks = tuple(checks)
         self._present: set[Cause] = set()
 
     def look(
@@ -238,7 +238,7 @@ class Monitor:
     ) -> list[MonitorFinding | Cause]:
         """The findings that begin, and the causes that are over."""
         changes: list[MonitorFinding | Cause] = []
-        for check in self._checks:
+        for check in self.checks:
             if situation.position_fault and check.cause is not Cause.POSITION:
                 continue  # what is wrong with the vehicle's place cannot be judged
             reason = check.look(situation, under_way, now_ms)
