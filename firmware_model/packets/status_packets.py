@@ -80,8 +80,17 @@ def _fields_of(body: bytes, more: int) -> StatusFields | None:
     )
     if state not in STATE_OF:
         return None
-    charges = primary / CHARGE_STEPS, secondary / CHARGE_STEPS
-    return agent_id, sequence, STATE_OF[state], *charges, north / 100, east / 100, depth / 100, agent_ms
+    return (
+        agent_id,
+        sequence,
+        STATE_OF[state],
+        primary / CHARGE_STEPS,
+        secondary / CHARGE_STEPS,
+        north / 100,
+        east / 100,
+        depth / 100,
+        agent_ms,
+    )
 
 
 @value
