@@ -67,7 +67,6 @@ if TYPE_CHECKING:
 
 
 _Fire = Callable[[int], list[Output]]
-"""Does what a timer is set for, at its time; returns the outputs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -337,18 +336,15 @@ class Agent:
 
     def _changed(self) -> None:
         """Sets the timers anew, after anything but a drift step or the worst case's report."""
-        is_worst_case = self._logbook is None and self._others is None
+        body, is_worst_case = self.body, self._logbook is None and self._others is None
         self._routine: list[_Fire] = [self._drift, self._report] if is_worst_case else [self._drift]
-        body = self.body
-        fire: _Fire = self._arrive
-        first_ms = body.arrival_ms
-        due_ms = self.board.next_due_ms
-        if due_ms is not None and (first_ms is None or due_ms < first_ms):
-            first_ms, fire = due_ms, self._advance_board
-        due_ms = body.pin_due_ms
-        if due_ms and (first_ms is None or due_ms < first_ms):
-            first_ms, fire = due_ms, self._align
-        self._change = first_ms, fire
+        dues = (
+            (body.arrival_ms, self._arrive),
+            (self.board.next_due_ms, self._advance_board),
+            (body.pin_due_ms or None, self._align),
+        )
+        found = [(due_ms, fire) for due_ms, fire in dues if due_ms is not None]
+        self._change = min(found, key=lambda it: it[0], default=None)
         self._timer = self._next_timer()
 
     def _next_timer(self) -> tuple[int, _Fire] | None:
@@ -357,7 +353,7 @@ class Agent:
         Only events change it: time that passes does not.
         """
         # Written out, because agents do this more often than anything else.
-        first_ms, fire = self._change
+        first_ms, fire = self._change or (None, self._arrive)
         due_ms = self.body.drift_due_ms
         if due_ms is not None and (
             first_ms is None or due_ms < first_ms or (due_ms == first_ms and fire != self._arrive)

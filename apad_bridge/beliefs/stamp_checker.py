@@ -48,8 +48,7 @@ class StampChecker:
             return StampVerdict.IN_TIME
         off, is_older = self._off(newest, stamp), stamp.agent_ms < newest.agent_ms
         if off == 0 or (off < 0 and not is_older):
-            if self._doubted:
-                self._doubted.pop(packet.agent_id, None)
+            self._doubted.pop(packet.agent_id, None)
             return StampVerdict.OVERTAKEN if is_older else StampVerdict.IN_TIME
         before = self._doubted.get(packet.agent_id)
         if before is not None and before[0] == packet.sequence and before[1].agent_ms == stamp.agent_ms:
@@ -64,10 +63,13 @@ class StampChecker:
         newest, stamp = self.newest.get(packet.agent_id), Stamp(packet.agent_ms, at_ms)
         if self._doubted:
             self._doubted.pop(packet.agent_id, None)
-        if self._scale is not None and newest is not None and self._off(newest, stamp) < 0:
-            advanced_ms = stamp.agent_ms - newest.agent_ms
-            if advanced_ms >= 0:
-                stamp = Stamp(stamp.agent_ms, newest.at_ms + self._scale.mission_span(advanced_ms))
+        if (
+            self._scale is not None
+            and newest is not None
+            and (advanced_ms := stamp.agent_ms - newest.agent_ms) >= 0
+            and self._off(newest, stamp) < 0
+        ):
+            stamp = Stamp(stamp.agent_ms, newest.at_ms + self._scale.mission_span(advanced_ms))
         self.newest[packet.agent_id] = stamp
 
     def forget(self, agent_id: int) -> None:
