@@ -66,9 +66,6 @@ if TYPE_CHECKING:
     from firmware_model.sampling.flash import Flash
 
 
-_Fire = Callable[[int], list[Output]]
-
-
 @dataclass(frozen=True, slots=True)
 class AgentConfig:
     """An agent's configuration: everything but its physical state."""
@@ -111,7 +108,7 @@ class Agent:
         self._last: tuple[State, Physical] | None = None
         self._boot_outputs = self._power_on(physical, now_ms, cause)
         self._note_truth(now_ms)
-        self._changed()
+        self._timer = self._next_timer()
 
     def copy(self) -> Agent:
         """An agent in the same state that goes on by itself. TypeError for a whole board, whose log is not its own."""
@@ -120,7 +117,7 @@ class Agent:
         other._reporter = self._reporter.copy(other.board, other.body)
         other._defects = copy(self._defects)
         other._truths, other._boot_outputs = list(self._truths), list(self._boot_outputs)
-        other._changed()
+        other._timer = other._next_timer()
         return other
 
     def _power_on(self, physical: Physical, now_ms: int, cause: ResetCause) -> list[Output]:
@@ -295,10 +292,7 @@ class Agent:
                 outputs += self._brown_out(due_ms)
             if self._others is not None:
                 outputs += self._doubted(due_ms)
-            if fire in self._routine:
-                self._timer = self._next_timer()
-            else:
-                self._changed()
+            self._timer = self._next_timer()
         self._now_ms = now_ms
         return outputs
 
@@ -312,7 +306,7 @@ class Agent:
         if self._others is not None:
             outputs += self._doubted(now_ms)
         self._note_truth(now_ms)
-        self._changed()
+        self._timer = self._next_timer()
         return outputs
 
     def _doubted(self, now_ms: int) -> list[Output]:
@@ -334,31 +328,23 @@ class Agent:
             self._note_truth(now_ms)
         return outputs
 
-    def _changed(self) -> None:
-        """Sets the timers anew, after anything but a drift step or the worst case's report."""
-        body, is_worst_case = self.body, self._logbook is None and self._others is None
-        self._routine: list[_Fire] = [self._drift, self._report] if is_worst_case else [self._drift]
-        dues = (
-            (body.arrival_ms, self._arrive),
-            (self.board.next_due_ms, self._advance_board),
-            (body.pin_due_ms or None, self._align),
-        )
-        found = [(due_ms, fire) for due_ms, fire in dues if due_ms is not None]
-        self._change = min(found, key=lambda it: it[0], default=None)
-        self._timer = self._next_timer()
-
-    def _next_timer(self) -> tuple[int, _Fire] | None:
+    def _next_timer(self) -> tuple[int, Callable[[int], list[Output]]] | None:
         """When the next timer is due, and what it does then; of those due at one time the first in the stated order.
 
         Only events change it: time that passes does not.
         """
         # Written out, because agents do this more often than anything else.
-        first_ms, fire = self._change or (None, self._arrive)
-        due_ms = self.body.drift_due_ms
-        if due_ms is not None and (
-            first_ms is None or due_ms < first_ms or (due_ms == first_ms and fire != self._arrive)
-        ):
+        body = self.body
+        first_ms, fire = body.arrival_ms, self._arrive
+        due_ms = body.drift_due_ms
+        if due_ms is not None and (first_ms is None or due_ms < first_ms):
             first_ms, fire = due_ms, self._drift
+        due_ms = self.board.next_due_ms
+        if due_ms is not None and (first_ms is None or due_ms < first_ms):
+            first_ms, fire = due_ms, self._advance_board
+        due_ms = body.pin_due_ms
+        if due_ms and (first_ms is None or due_ms < first_ms):
+            first_ms, fire = due_ms, self._align
         due_ms = self._report_due_ms
         if (first_ms is None or due_ms < first_ms) and (
             # A body under water keeps the time of the report that it last missed.
