@@ -31,13 +31,16 @@ class Flying:
     """A flight of the pool that the test moves tick by tick, and calls as a ROS service would."""
 
     def __init__(
-        self, pool: Scenario, join: Callable[[FlightContext], FlightContext] = lambda context: context
+        self,
+        pool: Scenario,
+        join: Callable[[FlightContext], FlightContext] = lambda context: context,
+        **spec: Any,
     ) -> None:
         """The scenario's own mission, which the calls may take over. `join` changes the flight's context."""
         self.calls = CallQueue()
         self.flight: Flight
         self.records: MemoryRecorder
-        self.flight, self.records = open_flight(pool, RunSpec(calls=self.calls), join)
+        self.flight, self.records = open_flight(pool, RunSpec(calls=self.calls, **spec), join)
         self.now_ms = -1000
 
     @classmethod
@@ -45,13 +48,7 @@ class Flying:
         cls, pool: Scenario, join: Callable[[FlightContext], FlightContext] = lambda context: context
     ) -> "Flying":
         """A flight by hand: no mission plans."""
-        flying = cls.__new__(cls)
-        flying.calls = CallQueue()
-        flying.flight, flying.records = open_flight(
-            pool, RunSpec(command_sources=(), calls=flying.calls), join
-        )
-        flying.now_ms = -1000
-        return flying
+        return cls(pool, join, command_sources=())
 
     def until(self, holds: Callable[[], bool], limit_s: int = 1200) -> None:
         last_ms = self.now_ms + 1000 * limit_s
