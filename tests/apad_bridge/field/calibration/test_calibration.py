@@ -54,6 +54,11 @@ def measured(messages: list[RecordedMessage]) -> Calibration:
     return calibrate([ReadBag(vehicle_log("the log", facts, reader.missing.values()), facts)], POOL)
 
 
+@cache
+def measured_day(generation: str, seed: int) -> Calibration:
+    return measured(day(generation, seed)[1])
+
+
 def truths(vehicle: Vehicle) -> dict[str, float]:
     config = vehicle.config
     return {
@@ -73,9 +78,9 @@ def trials(generation: str) -> list[tuple[str, float, Figure]]:
     """(name, truth, figure) of several vehicles."""
     found = []
     for seed in SEEDS:
-        vehicle, messages = day(generation, seed)
-        figures = measured(messages).figures
-        found += [(name, truth, figures[name]) for name, truth in truths(vehicle).items() if name in figures]
+        figures = measured_day(generation, seed).figures
+        known = truths(day(generation, seed)[0])
+        found += [(name, truth, figures[name]) for name, truth in known.items() if name in figures]
     return found
 
 
@@ -119,7 +124,7 @@ def test_the_intervals_are_narrow_enough_to_be_of_use(generation: str) -> None:
 
 
 def test_what_a_log_of_each_generation_cannot_tell_has_its_reason() -> None:
-    of_a, of_b = measured(day("a", 0)[1]), measured(day("b", 0)[1])
+    of_a, of_b = measured_day("a", 0), measured_day("b", 0)
     assert "let it drift for two minutes" in of_a.unmeasured["drift north"]
     assert "answers at once" in of_a.unmeasured["docking time"]
     assert "never says whether it caught one" in of_b.unmeasured["dockings missed"]
@@ -130,7 +135,7 @@ def test_what_a_log_of_each_generation_cannot_tell_has_its_reason() -> None:
 
 
 def test_a_go_to_that_is_flown_again_by_the_measured_numbers_takes_as_long() -> None:
-    residuals = measured(day("a", 1)[1]).residuals
+    residuals = measured_day("a", 1).residuals
     assert residuals is not None and residuals.go_tos == GO_TOS
     assert residuals.rms_s is not None and residuals.rms_s < 0.5
     assert residuals.mean_go_to_s is not None and residuals.mean_go_to_s > 10
