@@ -132,7 +132,8 @@ class Cell:
         )
 
     def lost_after(self, days: float) -> float:
-        return float(np.interp(days, *zip(*self.lost, strict=True)))
+        known, shares = zip(*self.lost, strict=True)
+        return float(np.interp(days, known, shares))
 
     def segments(self, coils: int) -> tuple[tuple[int, int], ...]:
         """(end, rate) in grains and grains a ms of the coulombs that a charge takes."""
@@ -204,7 +205,7 @@ def fits(cell: Cell) -> tuple[BatteryFit, BatteryFit]:
 
 
 def scenario_of(cell: Cell, seed: int) -> Scenario:
-    """What the supervisor is told: the fit, and the cell's resistance and lift half full at 15 degrees."""
+    """The numbers that the supervisor is told: the fit, and the cell's resistance and lift half full at 15 degrees."""
     discharge, charge = fits(cell)
     shipped = load(SCENARIO)
     data = resolve(shipped)
@@ -372,7 +373,9 @@ def measure(short: bool = False, row: Sequence[str] | None = None) -> dict[str, 
         "days": SHORT_DAYS if short else DAYS,
         "told": [_told_of(it) for it in cells.values()],
     }
-    summary, bins, mission = [], [], []
+    summary: list[Any] = []
+    bins: list[Any] = []
+    mission: list[Any] = []
     for name in names:
         for heard in HEARD[:1] if short else HEARD:
             rows, figures = flown(name, heard, SEED, SHORT_DAYS if short else DAYS)

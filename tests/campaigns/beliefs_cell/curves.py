@@ -11,11 +11,15 @@ from __future__ import annotations
 import json
 import os
 import sys
-
-os.environ["PYBAMM_DISABLE_TELEMETRY"] = "true"
+from importlib import import_module
+from typing import Any
 
 import numpy as np
-import pybamm
+import numpy.typing as npt
+
+os.environ["PYBAMM_DISABLE_TELEMETRY"] = "true"
+pybamm: Any = import_module("pybamm")
+Numbers = npt.NDArray[np.float64]
 
 KELVIN = 273.15
 TEMPERATURES = (5.0, 15.0, 25.0)
@@ -30,7 +34,9 @@ SHELF_DAYS = (0, 30, 90, 180, 365, 730)
 CUT_V, FULL_V, EMPTY_V = 3.2, 4.2, 3.6
 
 
-def solved(values, steps, celsius, soc, options=None):
+def solved(
+    values: Any, steps: list[Any], celsius: float, soc: float, options: dict[str, str] | None = None
+) -> Any:
     values = values.copy()
     for name in ("Ambient temperature [K]", "Initial temperature [K]"):
         values[name] = celsius + KELVIN
@@ -41,11 +47,11 @@ def solved(values, steps, celsius, soc, options=None):
     return pybamm.Simulation(model, parameter_values=values, experiment=experiment).solve(initial_soc=soc)
 
 
-def entries(solution, *names):
+def entries(solution: Any, *names: str) -> list[Numbers]:
     return [np.asarray(solution[name].entries, dtype=float) for name in names]
 
 
-def discharged(values, amps, celsius):
+def discharged(values: Any, amps: float, celsius: float) -> list[Numbers]:
     """Minutes, volts and Ah given, from full on."""
     step = pybamm.step.current(amps, termination=f"{CUT_V} V", duration="400 hours", period="10 minutes")
     return entries(
@@ -53,7 +59,7 @@ def discharged(values, amps, celsius):
     )
 
 
-def charged(values, amps, celsius, least_amps):
+def charged(values: Any, amps: float, celsius: float, least_amps: float) -> tuple[Numbers, Numbers, Numbers]:
     """Minutes, volts and Ah taken, from a low charge to a taper of `least_amps`; and the Ah at which it began."""
     steps = [
         pybamm.step.current(-amps, termination=f"{FULL_V} V", duration="40 hours", period="5 minutes"),
@@ -66,7 +72,7 @@ def charged(values, amps, celsius, least_amps):
     return minutes, volts, -given
 
 
-def curves(name):
+def curves(name: str) -> dict[str, Any]:
     values = pybamm.ParameterValues(name)
     nominal = float(values["Nominal cell capacity [A.h]"])
     _, volts, given = discharged(values, nominal * RESTING, 15.0)

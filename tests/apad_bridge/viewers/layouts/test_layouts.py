@@ -13,6 +13,7 @@ import pytest
 import yaml
 from rosbags.interfaces import Nodetype
 from rosbags.rosbag1 import Reader
+from rosbags.typesys import Stores, get_typestore
 
 from agents.time_scale import TimeScale
 from apad_bridge.assembly.division import Member, members
@@ -193,10 +194,14 @@ def test_a_namespace_comes_before_all_names_but_those_of_a_bag() -> None:
     ] == ("/diagnostics")
 
 
+ALL_TYPES = get_typestore(Stores.ROS1_NOETIC)
+ALL_TYPES.register({name: it for name, it in typestore().fielddefs.items() if name not in ALL_TYPES.types})
+
+
 def field_type(type_name: str, path: str) -> str:
     """The basic type at the end of a path of fields, as `agents[0].charge`; KeyError when a message has no such field."""
     for step in re.sub(r"\[[^]]*\](\{[^}]*\})?", "", path).split("."):
-        _, fields = typestore().fielddefs[type_name]
+        _, fields = ALL_TYPES.fielddefs[type_name]
         kind, detail = dict(fields)[step]
         if kind in (Nodetype.ARRAY, Nodetype.SEQUENCE):
             (kind, detail), _ = detail
