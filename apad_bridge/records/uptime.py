@@ -112,6 +112,9 @@ class UptimeMeter:
             return
         if truth.at_ms < ledger.truth.at_ms:
             raise ValueError(f"time went back: {truth.at_ms} before {ledger.truth.at_ms}")
+        if ledger.ended_ms is None and _counts_like(ledger.truth, truth):
+            ledger.truth = truth  # its span goes on: most truths of a fleet are of a drift step
+            return
         ledger.counted = self._count(ledger, truth.at_ms)
         ledger.since_ms = max(ledger.since_ms, truth.at_ms)
         if self._presence(truth.agent_id) is not Presence.SIMULATED:
@@ -200,6 +203,18 @@ class UptimeMeter:
     def _ticks_between(self, start_ms: int, end_ms: int) -> int:
         """Ticks in [start, end) of agent time."""
         return max(0, max(0, (end_ms - 1) // self._step_ms) - max(0, (start_ms - 1) // self._step_ms))
+
+
+def _counts_like(before: Truth, truth: Truth) -> bool:
+    """True if all that a count reads is the same, so that one span of both counts what two do."""
+    was, now = before.physical, truth.physical
+    return (
+        before.state is truth.state
+        and was.docked == now.docked
+        and was.samples == now.samples
+        and was.primary == now.primary
+        and was.secondary == now.secondary
+    )
 
 
 def _span_at_zero(model: ChargeModel, battery: Battery, start_ms: int, end_ms: int) -> tuple[int, int]:
