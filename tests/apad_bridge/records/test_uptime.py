@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from agents.mussel.outputs import Truth
@@ -62,7 +62,14 @@ def literal(
             secondary = _step(secondary, standing.physical.secondary)
         while waiting and waiting[0].at_ms == ms:
             standing = waiting.pop(0)
-            primary, secondary = standing.physical.primary.charge, standing.physical.secondary.charge
+            # A battery that flowed on keeps what the steps gave it.
+            primary, secondary = (
+                battery.charge if battery.anchor_ms == ms else stepped
+                for battery, stepped in (
+                    (standing.physical.primary, primary),
+                    (standing.physical.secondary, secondary),
+                )
+            )
         if standing is None:
             continue
         is_tick = ms % (TICK_MS * THETA) == 0
@@ -119,17 +126,48 @@ events = st.lists(
         st.booleans(),
         batteries,
         batteries,
+        st.sampled_from(("all anew", "batteries flow on", "primary anew", "secondary anew", "drift step")),
     ),
     max_size=8,
 )
 
 
-@given(first_ms=st.integers(0, 20), events=events, ticks=st.integers(0, 20), in_use=st.booleans())
-def test_the_meter_counts_what_a_literal_stepper_counts(first_ms, events, ticks, in_use):
+def truths_of(events, first_ms=0):
+    """The truths, and the time after the last one. What is not anew stays as it was; a drift step changes the place."""
     truths, at_ms = [], first_ms
-    for gap_ms, *rest in events:
-        truths.append(truth(at_ms, *rest))
+    for gap_ms, state, docked, primary, secondary, kind in events:
+        now = truth(at_ms, state, docked, primary, secondary)
+        if truths and kind != "all anew":
+            before, anew = truths[-1], now.physical
+            if kind == "batteries flow on":
+                changed = {"docked": docked}
+            elif kind == "drift step":
+                changed = {"north_um": at_ms}
+            else:
+                changed = {kind.removesuffix(" anew"): getattr(anew, kind.removesuffix(" anew"))}
+            kept = state if kind == "batteries flow on" else before.state
+            now = replace(now, state=kept, physical=replace(before.physical, **changed))
+        truths.append(now)
         at_ms += gap_ms
+    return truths, at_ms
+
+
+EMPTY, FED = (0, Flow.DISCHARGING, 0), (FULL, Flow.RESTING, FULL // 100)
+"""A battery that is empty, and a full one that feeds the board."""
+
+
+@given(first_ms=st.integers(0, 20), events=events, ticks=st.integers(0, 20), in_use=st.booleans())
+@example(
+    first_ms=0,
+    events=[
+        (20, State.ACTIVE, False, EMPTY, FED, "all anew"),
+        (20, State.ACTIVE, False, EMPTY, EMPTY, "secondary anew"),
+    ],
+    ticks=2,
+    in_use=True,
+)
+def test_the_meter_counts_what_a_literal_stepper_counts(first_ms, events, ticks, in_use):
+    truths, _ = truths_of(events, first_ms)
     until_ms = ticks * TICK_MS * THETA
     truths = [it for it in truths if it.at_ms <= until_ms]
     meter = UptimeMeter(SCALE, lambda _: MODEL, TICK_MS, secondary_in_use=in_use)
@@ -144,10 +182,7 @@ presences = st.dictionaries(st.integers(0, 20), st.sampled_from(Presence), max_s
 @given(events=events, ticks=st.integers(0, 20), presence_by_tick=presences)
 def test_only_a_simulated_one_in_the_water_is_counted(events, ticks, presence_by_tick):
     """The counts without `charge`, which is that of the last time when it was simulated."""
-    truths, at_ms = [], 0
-    for gap_ms, *rest in events:
-        truths.append(truth(at_ms, *rest))
-        at_ms += gap_ms
+    truths, _ = truths_of(events)
     until_ms = ticks * TICK_MS * THETA
     truths = [it for it in truths if it.at_ms <= until_ms]
     stimuli = [(it.at_ms, 0, it) for it in truths]
@@ -227,12 +262,11 @@ def test_asking_early_changes_nothing(events, ticks):
         UptimeMeter(SCALE, lambda _: MODEL, TICK_MS, secondary_in_use=True),
         UptimeMeter(SCALE, lambda _: MODEL, TICK_MS, secondary_in_use=True),
     )
-    at_ms = 0
-    for gap_ms, *rest in events:
+    truths, at_ms = truths_of(events)
+    for it in truths:
         for meter in (asked, silent):
-            meter.take(truth(at_ms, *rest))
-        asked.at(at_ms // THETA)
-        at_ms += gap_ms
+            meter.take(it)
+        asked.at(it.at_ms // THETA)
     end_ms = max(ticks * TICK_MS, at_ms)
     assert asked.at(end_ms) == silent.at(end_ms)
 
@@ -274,11 +308,14 @@ def test_active_now_follows_the_dock_and_the_battery(meter):
     assert meter.active_now(15) == 0
 
 
-def test_an_aMussel_that_is_gone_is_active_no_more(meter):
-    meter.take(truth(0, State.ACTIVE, False, (FULL, Flow.RESTING), (FULL, Flow.RESTING)))
+def test_an_aMussel_that_is_gone_is_active_no_more_until_it_is_back(meter):
+    first = truth(0, State.ACTIVE, False, (FULL, Flow.RESTING), (FULL, Flow.RESTING))
+    meter.take(first)
     meter.ended(7, 4 * TICK_MS * THETA)
     assert [uptime.paper for uptime in meter.at(10 * TICK_MS)] == [3]
     assert meter.active_now(3 * TICK_MS) == 1 and meter.active_now(4 * TICK_MS) == 0
+    meter.take(replace(first, at_ms=8 * TICK_MS * THETA))  # somebody started it again
+    assert [uptime.paper for uptime in meter.at(10 * TICK_MS)] == [6]
 
 
 def test_an_older_truth_is_refused_and_changes_nothing(meter):
