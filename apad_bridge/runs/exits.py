@@ -17,6 +17,8 @@ _SAYS_NO_MEMORY = ("failed to map segment", "annot allocate memory")
 _ONE_REQUEST, _ONE_LIBRARY = 2 << 20, 64 << 20
 """Bytes: as much as an object of ours may ask for at once, and a package's library where it is loaded. CPython takes 1 MiB
 at a time for its small objects; numpy's library of linear algebra is 25 MiB long."""
+_OURS = tuple(Path(__file__).parents[2] / it for it in ("agents", "apad_bridge", "firmware_model"))
+"""A file that is missing there is a bug of ours, or of the installation."""
 LEAST_ADDRESS_SPACE = 160_000 * 1024
 """Bytes. The interpreter takes 141 440 kB with numpy, whose library of linear algebra may ask for ever with less."""
 
@@ -76,8 +78,10 @@ def shortage(error: OSError) -> str | None:
 
 
 def fault_of_file(error: OSError) -> str | None:
-    """One line for a file that cannot be read or written. None for an error that names no file."""
-    return None if error.filename is None else f"{error.filename}: {error.strerror}"
+    """One line for a file that a user's command cannot read or write; None where the error names none, or one of ours."""
+    if error.filename is None or any(Path(str(error.filename)).is_relative_to(it) for it in _OURS):
+        return None
+    return f"{error.filename}: {error.strerror}"
 
 
 def memory_shortage() -> str:

@@ -117,7 +117,7 @@ def table_two(plan: StudyPlan, rows: Sequence[Row]) -> list[dict[str, Any]]:
             and row["strategy"] == paper.collection
         ]
         is_papers = plan.settings[ours[0]["setting"]].theta == THETA
-        for column, figure in (FIGURES | dict(zip(BESIDE, BESIDE, strict=True))).items():
+        for column, figure in (FIGURES | {it: it for it in BESIDE}).items():
             values = [row[figure] for row in ours]
             compared: dict[str, Any] = {"charges": charges, "row": paper.name, "column": column}
             compared |= beside(getattr(paper, column, None), values)

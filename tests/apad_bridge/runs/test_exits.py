@@ -5,6 +5,7 @@ import shutil
 import subprocess
 import sys
 from dataclasses import replace
+from errno import ENOENT
 from pathlib import Path
 
 import pytest
@@ -18,6 +19,7 @@ from apad_bridge.events.mission import MissionEnd
 from apad_bridge.events.run import EndReason
 from apad_bridge.records.recorder import Recorder, RecordsFailed
 from apad_bridge.records.run_directory import RunDirectory
+from apad_bridge.runs import exits
 from apad_bridge.runs.exits import Exit, peers_may_fail
 from apad_bridge.runs.flying import fly, in_process_context, journal_start, open_fleet
 from apad_bridge.runs.progress import FlightProgress
@@ -153,3 +155,12 @@ assert is_for_lack_of_memory(ValueError("field 'target' is required for AnnAssig
 assert is_for_lack_of_memory(ImportError("numpy._core.multiarray failed to import"))
 """
     subprocess.run([sys.executable, "-c", program], check=True, timeout=60)
+
+
+def test_a_file_of_ours_that_is_missing_is_no_mistake_of_the_user() -> None:
+    ours = Path(exits.__file__).with_name("gone.py")
+    assert exits.fault_of_file(FileNotFoundError(ENOENT, "No such file", str(ours))) is None
+    assert exits.fault_of_file(OSError(ENOENT, "No such file")) is None
+    assert (
+        exits.fault_of_file(FileNotFoundError(ENOENT, "No such file", "mine.csv")) == "mine.csv: No such file"
+    )

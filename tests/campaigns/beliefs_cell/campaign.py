@@ -35,10 +35,10 @@ from beliefs_untold.campaign import (
     Drawn,
     Judge,
     Row,
-    _binned_scores,
-    _heard_by_sensors,
-    _told_of_losses,
+    binned_scores,
+    heard_by_sensors,
     in_one_row,
+    told_of_losses,
 )
 
 from agents.fleet import Spread
@@ -337,7 +337,7 @@ def flown(name: str, heard: float, seed: int, days: float = DAYS) -> tuple[list[
     cell = None if name == LINEAR else told_cell
     scenario = scenario_of(told_cell, seed)
     scenario = replace(scenario, duration_s=scenario.duration_s * days / DAYS)
-    config = _told_of_losses(flight_config(scenario), Case(Boards.UNTOLD, heard))
+    config = told_of_losses(flight_config(scenario), Case(Boards.UNTOLD, heard))
     boards = population(cell, seed, scenario.fleet.ids)
     initial_states = fleet_parts.initial_states(scenario, starts_of(scenario))
     drawn = replace(fleet_parts.fleet_config(config), spread=Cells(cell, boards))
@@ -349,7 +349,7 @@ def flown(name: str, heard: float, seed: int, days: float = DAYS) -> tuple[list[
         context = in_process_context(config, fleet)
         flight = parts.flight(config, context, judge, samples=SampleCollection(config.ids))
         unbiased = dict.fromkeys(boards, Drawn())
-        _heard_by_sensors(flight, unbiased, seed, heard, scenario.time_scale)
+        heard_by_sensors(flight, unbiased, seed, heard, scenario.time_scale)
         flight.run()
     figures = uptime_figures(judge.meter, flight.now_ms) | mission_figures(flight.supervisor.mission.state)
     return judge.rows, figures
@@ -381,7 +381,7 @@ def measure(short: bool = False, row: Sequence[str] | None = None) -> dict[str, 
             rows, figures = flown(name, heard, SEED, SHORT_DAYS if short else DAYS)
             head = {"boards": name, "heard": heard}
             summary.append(told(in_one_row(head, [rows])))
-            bins += _binned_scores(head, [rows])
+            bins += binned_scores(head, [rows])
             mission.append(told(head | _short(figures)))
     result |= {"summary": summary, "bins": bins, "mission": mission}
     return result | {"picture": str(draw(list(cells.values()), KEPT / "charge.png"))}

@@ -250,7 +250,7 @@ def flown(job: tuple[int, Case], mission_s: float = MISSION_S) -> list[Row]:
     """Flies the population of a seed, and compares each belief with its truth each 10 s of the mission."""
     seed, case = job
     scenario = replace(scenario_of(seed, case.told_swing), duration_s=mission_s)
-    config = _told_of_losses(flight_config(scenario), case)
+    config = told_of_losses(flight_config(scenario), case)
     boards = population(seed, tuple(scenario.fleet.ids), case.boards)
     initial_states = fleet_parts.initial_states(scenario, starts_of(scenario))
     drawn = replace(fleet_parts.fleet_config(config), spread=Population(boards))
@@ -272,12 +272,12 @@ def _flown(
     recorder = Judge(scenario, config.board, boards)
     context = in_process_context(config, fleet)
     flight = parts.flight(config, context, recorder, samples=SampleCollection(config.ids))
-    _heard_by_sensors(flight, boards, seed, case.heard, scenario.time_scale)
+    heard_by_sensors(flight, boards, seed, case.heard, scenario.time_scale)
     flight.run()
     return recorder.rows
 
 
-def _told_of_losses(config: FlightConfig, case: Case) -> FlightConfig:
+def told_of_losses(config: FlightConfig, case: Case) -> FlightConfig:
     """The share of lost packets is no part of a board: a twin that weighs silence has to know it."""
     assert config.twin is not None
     parameters = config.twin.parameters
@@ -289,7 +289,7 @@ def _told_of_losses(config: FlightConfig, case: Case) -> FlightConfig:
     return replace(config, twin=replace(config.twin, parameters=told))
 
 
-def _heard_by_sensors(
+def heard_by_sensors(
     flight: Flight, boards: dict[int, Drawn], seed: int, heard: float, scale: TimeScale
 ) -> None:
     """Has the beliefs learn from the share `heard` of the packets, with what each board's sensors read."""
@@ -537,10 +537,10 @@ def judged(seeds: tuple[int, ...], mission_s: int, found: dict[Case, list[list[R
     for case, flights in found.items():
         head = _head(case)
         if not case.learns:
-            before += _binned_scores(head, flights)
+            before += binned_scores(head, flights)
             continue
         if case.arrives is not None:
-            assumed += _binned_scores(head, flights)
+            assumed += binned_scores(head, flights)
             continue
         summary.append(in_one_row(head, flights))
         if case.boards is Boards.LIAR:
@@ -576,7 +576,7 @@ def judged(seeds: tuple[int, ...], mission_s: int, found: dict[Case, list[list[R
         )
         false = _reasons(flights)
         suspects.append({**head, "suspects": len(false), "reasons": false})
-        bins += _binned_scores(head, flights)
+        bins += binned_scores(head, flights)
     return {
         "seeds": list(seeds),
         "mission_s": mission_s,
@@ -658,7 +658,7 @@ def _by_rounds(flights: list[list[Row]]) -> Iterator[tuple[int, str, list[Row]]]
             yield after, name, here
 
 
-def _binned_scores(head: dict[str, Any], flights: list[list[Row]]) -> Iterator[dict[str, Any]]:
+def binned_scores(head: dict[str, Any], flights: list[list[Row]]) -> Iterator[dict[str, Any]]:
     for after, name, here in _by_rounds(flights):
         yield {**head, "rounds": after, "bin": name, **score(here)}
     by_amussel = [
