@@ -43,6 +43,8 @@ _STATES = {
     Mode.FULL: State.CHARGING,
     Mode.LOST: State.LOST,
 }
+_SAMPLED_IN = {State.TRANSMITTING: State.AWAITING_SLOT, State.REPORTING: State.CHARGING}
+"""The state whose load a reading has that a packet of another state reports."""
 _READING_APART_MS = 300_000
 _MISSION_APART_MS = 20_000
 """The least time between used readings of one aMussel, in agent and in mission time. Because of it, fleets that report each
@@ -237,13 +239,12 @@ def _offsets(firmware: FullFirmware | None) -> dict[State, tuple[float, float]]:
     power, never_asleep, lift = firmware.power, firmware.cycle is None, metering.lift / FULL
     offsets = {}
     for state in State:
-        load = power.loads.total(rails_of(state, power.kept_on, never_asleep, 0))
+        # A transmission is over before the monitor samples again, and a docked board reports as soon as its alarm rings.
+        before = _SAMPLED_IN.get(state, state)
+        load = power.loads.total(rails_of(before, power.kept_on, never_asleep, 0))
         if state in DOCKED:
             offsets[state] = lift - sag(load * power.path / PATH_UNIT), lift
         elif state not in NOT_ON_THE_PRIMARY:
-            # A transmission is over before the monitor samples again, so it reports the reading from before.
-            before = State.AWAITING_SLOT if state is State.TRANSMITTING else state
-            load = power.loads.total(rails_of(before, power.kept_on, never_asleep, 0))
             offsets[state] = -sag(load), 0.0
     return offsets
 

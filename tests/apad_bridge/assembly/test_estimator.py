@@ -20,10 +20,10 @@ from apad_bridge.scenario.estimator_options import Beliefs, EstimatorKind, TwinM
 from apad_bridge.scenario.firmware_config import board_config
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
+from firmware_model.actions import SendStatus
 from firmware_model.bench import Bench
-from firmware_model.hardware.voltage import Meter
-from firmware_model.power.charge import FULL, Battery, Flow, grains
-from firmware_model.power.rails import rails_of
+from firmware_model.packets import Kind
+from firmware_model.power.charge import FULL
 from firmware_model.states import State
 
 POOL = load(POOL_FILE)
@@ -39,7 +39,7 @@ WHOLE = load(WHOLE_FILE)
 
 def _metered() -> Scenario:
     data = resolve(WHOLE)
-    data["board"]["whole"]["power"]["metering"] = "table-one"
+    data["board"]["whole"]["power"]["metering"] = {"profile": "table-one", "noise_mv": 0.0}
     return from_data(data, "metered")
 
 
@@ -86,27 +86,43 @@ def test_a_sleeper_is_told_what_its_board_will_draw(timeslot: int) -> None:
         assert began - bench.primary_fraction == pytest.approx(cycle.spent(began_ms, bench.now_ms), abs=1e-5)
 
 
-def test_a_twin_is_told_what_a_metered_board_reads() -> None:
-    """Compares with the battery monitor's own sums, and by hand with a known figure: 24 of 600 mV of a charger."""
-    board = board_config(METERED.board)
+def test_a_twin_is_told_what_a_metered_board_reports() -> None:
+    """Compares with the firmware on the bench: at each of its own reports, and where its host asks it for one."""
     offsets = parameters_of(METERED).sensor.offsets
-    whole = board.whole
-    assert whole is not None and whole.power.metering is not None
-    meter = Meter(board.charge, whole.power.metering, 1)
-    for state, flow in (
-        (State.SLEEPING, Flow.DISCHARGING),
-        (State.PROCESSING, Flow.DISCHARGING),
-        (State.FLOATING, Flow.DISCHARGING),
-        (State.CHARGING, Flow.CHARGING),
-        (State.REPORTING, Flow.CHARGING),
-    ):
-        load = whole.power.loads.total(rails_of(state, 0, False, 0))
-        if flow is Flow.CHARGING:
-            load = load * whole.power.path // 10_000
-        battery = Battery(0, grains(0.5), flow, load, 2)
-        assert offsets[state][0] == pytest.approx(meter.offset(battery) / FULL, abs=1e-6), state
+    bench = Bench(replace(board_config(METERED.board), agent_id=1, slot=0), primary=0.6, secondary=0.5)
+    seen = []
+
+    def compare() -> None:
+        seen.append(bench.state)
+        readings = (it / FULL for it in bench.board.readings(bench.now_ms))
+        charges = bench.primary_fraction, bench.secondary_fraction
+        apart = [reading - charge for reading, charge in zip(readings, charges, strict=True)]
+        # The monitor samples each 10 s.
+        assert apart == pytest.approx(offsets[bench.state], abs=0.002), bench.state
+
+    def run(minutes: int) -> None:
+        for _ in range(minutes * 60):
+            for _ in (it for it in bench.run(seconds=1) if isinstance(it, SendStatus)):
+                compare()
+
+    run(61)
+    bench.command(Kind.PERMISSION)
+    run(12)
+    compare()
+    bench.charge_pin_rises()
+    run(110)
+    compare()
+    bench.charge_pin_falls()
+    run(2)
+    compare()
+    bench.command(Kind.SINK)
+    run(70)
+    compare()
+    asked = [State.FLOATING, State.CHARGING, State.RELEASED, State.SLEEPING]
+    assert [it for it in seen if it in asked] == asked
+    assert {State.TRANSMITTING, State.REPORTING} == {it for it in seen if it not in asked}
+    # By hand: 24 of 600 mV of a charger; 950 mW of radios beside an idle board are 257 mA at 3.7 V, 25.7 mV across 0.1 ohm.
     assert offsets[State.CHARGING] == pytest.approx((0.04, 0.04))
-    # 950 mW of radios beside an idle board are 257 mA at 3.7 V: 25.7 mV across 0.1 ohm.
     assert offsets[State.FLOATING] == pytest.approx((-0.0257 / 0.6, 0.0), abs=1e-4)
     assert offsets[State.TRANSMITTING][0] == 0.0 and State.EMPTY not in offsets
     assert parameters_of(METERED).sensor.saturates
