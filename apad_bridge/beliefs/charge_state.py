@@ -33,6 +33,9 @@ _UNINFORMATIVE = 1e4
 """Variance of an uninformative reading at the end of its scale: the expected value lies far beyond that end."""
 _NEAR_FULL = 2.5
 """A reading within so many noise deviations of the full voltage may come from a voltage that the charger holds there."""
+_SURELY_FREE = 20.0
+"""A lower reading may come from it too, unless a voltage that still rises is so much likelier. The filter would take the
+noise of a held voltage for a bias."""
 _CERTAIN = 1e-16
 """A smaller variance is only rounding."""
 _BIAS_WANDERS = 0.15
@@ -340,11 +343,13 @@ def measured(
     # filterpy's own log likelihood is not used: its function gives the posterior's, which no packet ever contradicts.
     variances = [float(reading[row] @ cov @ reading[row] + noise[row, row]) for row in (0, 1)]
     surprises = [abs(float(z[row] - expected[row])) / math.sqrt(variances[row]) for row in (0, 1)]
-    on_charger = bias == CHARGING
-    top = 1 - _NEAR_FULL * sensor.noise if sensor.saturates and on_charger else 1.0
-    clamped = [row for row in (0, 1) if on_charger and z[row] >= top]
+    clamped = [
+        row
+        for row in (0, 1)
+        if bias == CHARGING and _may_be_held(float(z[row]), float(expected[row]), variances[row], sensor)
+    ]
     for row in (0, 1):
-        if z[row] <= 0 or z[row] >= top:
+        if z[row] <= 0 or z[row] >= 1 or row in clamped:
             if bool(expected[row] > z[row]) is bool(z[row] > 0):
                 surprises[row] = 0.0  # the expected value lies beyond the end
             if row not in clamped:
@@ -362,6 +367,16 @@ def measured(
         surprise**2 + math.log(variance) for surprise, variance in zip(surprises, variances, strict=True)
     )
     return mean, cov, density, surprises[0]
+
+
+def _may_be_held(z: float, expected: float, variance: float, sensor: SensorParameters) -> bool:
+    """True if a charger may hold the voltage at the full one, under the noise; `variance` is that of z - expected."""
+    noise = sensor.noise
+    if not sensor.saturates or z >= 1 - _NEAR_FULL * noise:
+        return z >= 1 or sensor.saturates
+    spread, sd = math.sqrt(max(variance - noise**2, _CERTAIN)), math.sqrt(variance)
+    held = normal_cdf((expected - 1) / spread) * normal_pdf((z - 1) / noise) / noise
+    return _SURELY_FREE * held > normal_pdf((z - expected) / sd) / sd
 
 
 def _considered_update(

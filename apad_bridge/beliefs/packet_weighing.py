@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 from apad_bridge.beliefs import charge_state as charge
-from apad_bridge.beliefs.charge_state import PRIMARY, SECONDARY, Anchor, Array
+from apad_bridge.beliefs.charge_state import PRIMARY, SECONDARY, SENSOR, Anchor, Array
 from apad_bridge.beliefs.modes import DOCKED, SUBMERGED, Mode, mode_of
 from apad_bridge.beliefs.spent_charge import Load, Spent
 from apad_bridge.beliefs.twin_parameters import Schedule, TwinParameters
@@ -221,7 +221,7 @@ class HypothesisWeigher:
         """
         before = charge.moment_matched(hypotheses)
         offset, _ = self.parameters.sensor.offsets.get(reading.state, _NO_OFFSETS)
-        away = reading.primary - offset - float(before.mean[PRIMARY])
+        away = reading.primary - offset - float(before.mean[PRIMARY] + before.mean[SENSOR])
         doubted = before.cov.copy()
         doubted[PRIMARY, PRIMARY] += (away / 2) ** 2
         anchor = bounded(Anchor(1.0, before.mean, doubted), after_measuring=False)

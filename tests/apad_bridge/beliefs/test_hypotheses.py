@@ -95,16 +95,23 @@ def test_a_lost_one_s_last_words_are_read_as_a_sleeper_s() -> None:
     assert both[0][0] == pytest.approx(both[1][0]) and both[0][0][charge.ASLEEP] < 0
 
 
-@pytest.mark.parametrize(("second", "believed"), [(0.2, 0.2), (0.35, 0.35), (0.8, 0.8)])
+@pytest.mark.parametrize(
+    ("bias", "first", "second", "believed"),
+    [(0.0, 0.2, 0.2, 0.2), (0.0, 0.2, 0.35, 0.35), (0.0, 0.2, 0.8, 0.8), (-0.4, 0.8, 0.8, 1.0)],
+)
 def test_after_a_doubted_reading_the_next_one_decides_whatever_it_says(
-    second: float, believed: float
+    bias: float, first: float, second: float, believed: float
 ) -> None:
-    """The deviation becomes half of the doubted reading's distance: five of these reach farther than that reading."""
+    """The deviation becomes half of the doubted reading's distance: five of these reach farther than that reading.
+
+    A sensor with a bias that states the believed charge is as far off as its bias.
+    """
     twin_state = state_of(heard(0, 0.8))
-    weigher, first = HypothesisWeigher(KNOWLEDGE), Reading.stated(State.ACTIVE, 0.2, 1.0)
-    doubted = weigher.corrected(twin_state, UNKNOWN, [anchor(1.0, 0.8)], first)
-    assert doubted.gated == 1 and doubted.mean[PRIMARY] > 0.75
-    assert doubted.cov[PRIMARY, PRIMARY] > 0.2**2
+    weigher, expected = HypothesisWeigher(KNOWLEDGE), anchor(1.0, 0.8)
+    expected.mean[charge.SENSOR] = bias
+    doubted = weigher.corrected(twin_state, UNKNOWN, [expected], Reading.stated(State.ACTIVE, first, 1.0))
+    assert doubted.gated == 1 and doubted.mean[PRIMARY] == pytest.approx(0.8, abs=0.05)
+    assert doubted.cov[PRIMARY, PRIMARY] > 0.1**2
     after = weigher.corrected(
         doubted, UNKNOWN, list(doubted.anchors), Reading.stated(State.ACTIVE, second, 1.0)
     )

@@ -7,6 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from apad_bridge.beliefs.charge_state import ASLEEP, CHARGING, PRIMARY, SECONDARY, SIZE, bounded, measured
+from apad_bridge.beliefs.charge_state import SENSOR as SENSOR_BIAS
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.beliefs.twin_parameters import SensorParameters
 
@@ -91,6 +92,16 @@ def test_a_voltage_that_is_held_at_the_full_one_is_not_what_the_battery_holds() 
     # A lower reading is the charge plus the lift.
     found, _, _, _ = measured(low, low_cov, METERED, Mode.CHARGING_PRIMARY, (0.965, 0.99), offsets)
     assert found[PRIMARY] == pytest.approx(0.926, abs=0.001)
+
+
+def test_the_noise_of_a_held_voltage_is_no_bias() -> None:
+    """2000 full batteries on a charger, which know their lift and not their sensor: 10 read more than 2.5 deviations low."""
+    luck = np.random.default_rng(7)
+    for reading in np.minimum(1.0, 1 + luck.normal(0, METERED.noise, 2000)):
+        mean, cov = state(1.0, 1e-4, SENSOR_BIAS, 0.0135, 0.0)
+        both = (float(reading), 0.99)
+        found, _, _, _ = measured(mean, cov, METERED, Mode.CHARGING_PRIMARY, both, (0.0436, 0.0436))
+        assert abs(found[SENSOR_BIAS]) < 0.0135, reading
 
 
 def test_who_would_read_beyond_the_scale_does_not_surprise_at_its_end() -> None:
