@@ -1,35 +1,32 @@
-"""Real aMussels on ROS: a node that carries their packets between a nanomodem and the topics `heard` and `said`."""
+"""Real aMussels on ROS: a node that carries packets between the ways to them and the topics `heard` and `said`.
+
+The nodes may have a codec of their own. Then the bridge translates: on the graph all packets are in the scenario's codec.
+"""
 
 from __future__ import annotations
 
+import struct
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Self
 
 import genpy
 import rosgraph
 import rospy
 
-from agents.packet_medium import Medium
 from agents.time_scale import MissionMs
-from apad_bridge.acoustics.serial.attached import AttachedModem, NanomodemResult
-from apad_bridge.acoustics.serial.nanomodem import (
-    ModemNotice,
-    PacketDirection,
-    PacketDropped,
-    PacketReceived,
-    PacketSent,
-    RoutedPacket,
-)
+from apad_bridge.beliefs.input_ranges import out_of_range
 from apad_bridge.ros.gateway.claims import LEASE_S, PERIOD_S, TOPIC
 from apad_bridge.ros.links.packet_topics import PacketTopics
+from apad_bridge.ros.node_links import FromNode, LinkNotice, LinkResult, NodeLink, NotCarried, SentToNode
 from apad_bridge.ros.system.node import start_node
 from apad_bridge.ros.system.ros_time import follow_master
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.supervisor.packet_relay import PacketOrigin, RelayedPacket
 from apad_bridge.vehicle.errors import PeerFailed
-from firmware_model.packets import ShortStatus, StatusPacket
+from firmware_model.packets import EVERYONE, CommandPacket, LogRecords, Packet, ShortStatus, StatusPacket
 from firmware_model.packets.codec import Codec
 
 use_generated_messages()
@@ -39,7 +36,7 @@ from musselbed_msgs.msg import FleetClaim  # noqa: E402
 _POLL_S = 0.03
 _NO_MISSIONS_TIME = MissionMs(0)
 """A bridge begins and ends when it likes, and knows no mission's time. The stamps of its messages are the master's."""
-_SKIPPED = "bytes of the modem that belong to no answer"
+_OF_AMUSSELS = StatusPacket | ShortStatus | LogRecords
 
 Tell = Callable[[str, str], None]
 """Takes the kind of a line, and its text for a person."""
@@ -51,11 +48,19 @@ class AMusselBridge:
     `counts` has every packet, by what became of it. The first one of each kind that is dropped is told.
     """
 
-    def __init__(self, ids: Sequence[int], codec: Codec, modem: AttachedModem, tell: Tell) -> None:
+    def __init__(
+        self,
+        ids: Sequence[int],
+        codec: Codec,
+        links: Sequence[NodeLink],
+        tell: Tell,
+        nodes_codec: Codec | None = None,
+    ) -> None:
+        """`links` are of one medium each; `nodes_codec` is the nodes' own, and None for the scenario's `codec`."""
         self.counts: Counter[str] = Counter()
         self._ids = frozenset(ids)
-        self._codec = codec
-        self._modem = modem
+        self._codec, self._nodes_codec = codec, nodes_codec
+        self._links = {it.medium: it for it in links}
         self._tell = tell
         self._topics = PacketTopics(ids, [PacketOrigin.REMOTE_SUPERVISOR])
         self._claims = rospy.Publisher(TOPIC, FleetClaim, queue_size=1, latch=True)
@@ -64,7 +69,14 @@ class AMusselBridge:
         self._claimed_ms = -round(1000 * PERIOD_S)
 
     @classmethod
-    def on_graph(cls, ids: Sequence[int], codec: Codec, modem: AttachedModem, tell: Tell) -> Self:
+    def on_graph(
+        cls,
+        ids: Sequence[int],
+        codec: Codec,
+        links: Sequence[NodeLink],
+        tell: Tell,
+        nodes_codec: Codec | None,
+    ) -> Self:
         """Puts the node on the graph. PeerFailed, in one line, where no master answers."""
         master_uri = rosgraph.get_master_uri()
         try:
@@ -73,61 +85,99 @@ class AMusselBridge:
             start_node(f"musselbed_bridge_{min(ids)}")
         except (OSError, rosgraph.MasterException, rospy.ROSException) as error:
             raise PeerFailed(f"no ROS master answers at {master_uri} ({error})") from error
-        return cls(ids, codec, modem, tell)
+        for link in links:
+            link.begin()
+        return cls(ids, codec, links, tell, nodes_codec)
 
     def advance(self, now_ms: MissionMs) -> None:
-        """Waits until the modem has bytes, for some 30 ms at most; then carries what has come both ways."""
+        """Waits until the first link has something, for some 30 ms at most; then carries what has come both ways."""
         if now_ms - self._claimed_ms >= 1000 * PERIOD_S:
             self._claimed_ms = now_ms
             self._claims.publish(self._claim)
-        self._modem.port.wait(_POLL_S)
-        self._take(self._modem.poll(now_ms), now_ms)
+        next(iter(self._links.values())).wait(_POLL_S)
+        for link in self._links.values():
+            self._take(link, link.poll(now_ms))
         for packet in self._topics.take(now_ms):
-            if packet.medium is Medium.SOUND:
-                self._take(self._modem.command(packet.agent_id, packet.data, now_ms), now_ms)
-            else:
-                self._drop("to an aMussel by another medium than sound")
-        if (skipped := self._modem.queue.skipped_bytes) > self.counts[_SKIPPED]:
-            self._drop(_SKIPPED, skipped - self.counts[_SKIPPED])
+            self._say(packet, now_ms)
         for reason, count in self._topics.dropped.items():
             if count > self.counts[reason]:
                 self._drop(reason, count - self.counts[reason])
 
     def close(self) -> None:
-        self._modem.close()
+        for link in self._links.values():
+            link.close()
         self._topics.close()
         self._claims.unregister()
 
-    def _take(self, results: list[NanomodemResult], now_ms: MissionMs) -> None:
+    def _take(self, link: NodeLink, results: list[LinkResult]) -> None:
         for result in results:
             match result:
-                case PacketReceived(_, packet):
-                    self._hear(packet)
-                case PacketSent():
+                case FromNode():
+                    self._hear(link, result)
+                case SentToNode():
                     self.counts["sent to aMussels"] += 1
-                case PacketDropped(_, reason):
-                    self._drop(reason)
-                case ModemNotice(_, what):
-                    self._tell("modem", what)
+                case NotCarried(reason, count):
+                    self._drop(reason, count)
+                case LinkNotice(text):
+                    self._tell("modem", text)
 
-    def _hear(self, packet: RoutedPacket) -> None:
-        read = self._codec.decode(packet.data)
-        if packet.direction is not PacketDirection.FROM_AMUSSEL:
+    def _say(self, packet: RelayedPacket, now_ms: MissionMs) -> None:
+        assert packet.medium is not None, "contacts are on another topic"
+        data = packet.data
+        if (link := self._links.get(packet.medium)) is None:
+            self._drop(f"to an aMussel by {packet.medium.value}, by which this bridge reaches none")
+            return
+        if self._nodes_codec is not None:
+            if (read := self._codec.decode(data)) is None:
+                self._drop("to an aMussel: damaged, or another layout than the scenario's codec")
+                return
+            if not (data := self._nodes_codec.encode(read)):
+                kind = read.kind.name if isinstance(read, CommandPacket) else type(read).__name__
+                self._drop(f"to an aMussel: the nodes' codec has no bytes for {kind}")
+                return
+        self._take(link, link.send(packet.agent_id, data, now_ms))
+
+    def _hear(self, link: NodeLink, packet: FromNode) -> None:
+        read = (self._nodes_codec or self._codec).decode(packet.data)
+        if read is None:
+            whose = "scenario's" if self._nodes_codec is None else "nodes'"
+            self._drop(f"heard: damaged, or another layout than the {whose} codec")
+            return
+        if not isinstance(read, _OF_AMUSSELS):
             self._drop("heard: another bridge's packet to an aMussel")
-        elif packet.agent_id not in self._ids:
-            self._drop(f"heard: aMussel {packet.agent_id} is none of --ids")
-        elif read is None:
-            self._drop("heard: damaged, or another layout than the scenario's codec")
-        elif isinstance(read, StatusPacket | ShortStatus) and read.agent_id != packet.agent_id:
-            self._drop("heard: the header names another aMussel than the packet")
-        else:
+            return
+        if read.agent_id == EVERYONE and packet.agent_id is not None:
+            read = replace(read, agent_id=packet.agent_id)
+        if (agent_id := packet.agent_id or read.agent_id) not in self._ids:
+            self._drop(f"heard: aMussel {agent_id} is none of --ids")
+        elif read.agent_id != agent_id:
+            self._drop("heard: what stands beside the packet names another aMussel than the packet")
+        elif (data := packet.data if self._nodes_codec is None else self._written(read)) is not None:
             self.counts["heard from aMussels"] += 1
+            link.found(agent_id, packet.sender)
             follow_master(_NO_MISSIONS_TIME)
             self._topics.publish(
-                RelayedPacket(
-                    PacketOrigin.LOCAL_AMUSSEL, packet.agent_id, Medium.SOUND, packet.data, _NO_MISSIONS_TIME
-                )
+                RelayedPacket(PacketOrigin.LOCAL_AMUSSEL, agent_id, link.medium, data, _NO_MISSIONS_TIME)
             )
+
+    def _written(self, read: Packet) -> bytes | None:
+        """A node's packet in the scenario's codec. A number of it that the codec cannot write makes it dropped."""
+        if isinstance(read, StatusPacket):
+            wrong = out_of_range(
+                north_m=read.north_m,
+                east_m=read.east_m,
+                depth_m=read.depth_m,
+                charge=read.primary,
+                secondary_charge=read.secondary,
+            )
+            if wrong is not None:
+                self._drop(f"heard: {wrong}")
+                return None
+        try:
+            return self._codec.encode(read)
+        except (struct.error, ValueError, OverflowError):
+            self._drop("heard: a number of the packet is beyond what the scenario's codec writes")
+            return None
 
     def _drop(self, reason: str, count: int = 1) -> None:
         if not self.counts[reason]:

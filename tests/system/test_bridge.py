@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import signal
+import socket
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -15,6 +16,7 @@ from typing import Any
 
 import pytest
 import serial
+from doc_blocks import install_template
 from programs import MUSSELBED, ROOT, Begin, code_here, line_of
 
 from apad_bridge.acoustics.serial.table_modems import TableModems
@@ -109,7 +111,90 @@ def test_a_real_amussels_packets_reach_the_mission_and_the_missions_reach_it(
     assert bridge.wait(PATIENCE_S) == 130
     node.close()
     assert counts["heard from aMussels"] == 1
-    assert counts["to an aMussel by another medium than sound"] == 1
+    assert counts["to an aMussel by wifi, by which this bridge reaches none"] == 1
+
+
+LINE = b"$STATUS,7,0,FLOATING,0.50000,1.00000,12.50,3.00,0.00,60000*"
+"""The same status in the template's codec, without its check."""
+PERMISSION = b"$COMMAND,PERMISSION,7*"
+
+
+@pytest.mark.parametrize("way", ["modem", "wifi", "topic"])
+def test_nodes_with_bytes_of_their_own_are_heard_and_told_in_their_own_words(
+    way: str, modems: TableModems, shell: dict[str, str], tmp_path: Path, begin: Begin
+) -> None:
+    """The mission speaks the built-in codec, and the node the template's: the bridge translates both ways."""
+    install_template(tmp_path, "codec")
+    inside = shell | {"PYTHONPATH": f"{ROOT}:{tmp_path}"}
+    mission = begin(
+        sys.executable, Path(__file__).with_name("beside_a_bridge.py"), env=inside, stdin=subprocess.PIPE
+    )
+    until(mission, lambda it: it == ["ready"])
+    assert mission.stdin is not None
+
+    def say(*words: object) -> None:
+        assert mission.stdin is not None
+        mission.stdin.write(json.dumps(words) + "\n")
+        mission.stdin.flush()
+
+    wifi, modem = socket.socket(socket.AF_INET, socket.SOCK_DGRAM), serial.Serial(modems.path(2), 9600)
+    wifi.settimeout(PATIENCE_S)
+    modem.timeout = PATIENCE_S
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    ports = {
+        "modem": modems.path(1),
+        "wifi": f"udp:{port}",
+        "topic": ROOT / "launch_scripts/interfaces/nodes.yaml",
+    }
+    send: Callable[[bytes], Any] = {
+        "modem": lambda data: broadcast(modem, data),
+        "wifi": lambda data: wifi.sendto(data, ("127.0.0.1", port)),
+        "topic": lambda data: say(0, "modem", data.hex()),
+    }[way]
+    words = ("bridge", POOL_FILE, ports[way], "--ids", 7, "--codec", "lines", "--json")
+    bridge = begin(*MUSSELBED, *words, env=inside, ends_by=signal.SIGKILL)
+    until(bridge, lambda it: "ready" in it)
+    if way == "modem":
+        until(bridge, lambda it: "modem" in it)
+
+    medium = "wifi" if way == "wifi" else "sound"
+    send(LINE + b"00")
+    until(bridge, lambda it: "damaged" in it.get("dropped", ""))
+    send(checked(LINE.replace(b"S,7", b"S,8")))
+    until(bridge, lambda it: "aMussel 8 is none of --ids" in it.get("dropped", ""))
+    send(checked(LINE.replace(b"12.50", b"nan")))
+    until(bridge, lambda it: "north_m is outside" in it.get("dropped", ""))
+    say(0, "connected", "")
+    until(mission, lambda it: it == ["connected"])
+    send(checked(LINE))
+    *packet, _, _ = until(mission, lambda it: it[0] == "heard")
+    assert packet == ["heard", 7, medium, STATUS.hex()]
+
+    say(7, medium, CommandPacket(Kind.PERMISSION, 7).encode().hex())
+    match way:
+        case "modem":
+            assert modem.read_until(PERMISSION).endswith(b"#B00124" + PERMISSION)
+        case "wifi":
+            assert wifi.recv(100) == checked(PERMISSION)
+        case "topic":
+            told = until(mission, lambda it: it[0] == "request")
+            assert told == ["request", 7, 1, checked(PERMISSION).hex()]
+    bridge.send_signal(signal.SIGINT)
+    counts = until(bridge, lambda it: "counts" in it)["counts"]
+    assert bridge.wait(PATIENCE_S) == 130
+    modem.close()
+    wifi.close()
+    assert counts["heard from aMussels"] == 1
+
+
+def checked(line: bytes) -> bytes:
+    """The line with the template's check, by hand: the exclusive or of what stands between $ and *, as digits."""
+    check = 0
+    for byte in line[1:-1]:
+        check ^= byte
+    return line + b"%02X" % check
 
 
 def test_the_status_of_the_page_is_what_a_board_sends() -> None:
@@ -138,6 +223,10 @@ def test_modems_on_a_table_answer_and_hear_each_other_until_ctrl_c(tmp_path: Pat
     ("words", "says"),
     [
         (["/dev/no-such-modem"], "/dev/no-such-modem"),
+        (["udp:5005", "--codec", "no-such"], "no codec is called 'no-such'; there are: musselbed-1"),
+        (["udp:192.0.2.1:5005"], "udp:192.0.2.1:5005: nobody can listen there"),
+        (["udp:0", "udp:0"], "a bridge has one port by wifi"),
+        ([ROOT / "launch_scripts/interfaces/modem.yaml"], "a bridge hears packets and tells packets"),
         (["/dev/no-such-modem", "--ids", "99"], "--ids 99: the scenario's aMussels are 1 to 12"),
     ],
 )

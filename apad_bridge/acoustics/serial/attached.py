@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from agents.serial_port import BytesRead, Lost, Opened, SerialPort
 from apad_bridge.acoustics.serial.nanomodem import (
+    Framing,
     ModemNotice,
     ModemQueue,
     NanomodemAction,
@@ -26,9 +27,9 @@ NanomodemResult = PacketSent | PacketReceived | PacketDropped | ModemNotice
 class AttachedModem:
     """The modem with its port and queue. Times are mission milliseconds, which must run as fast as real ones."""
 
-    def __init__(self, port: SerialPort, now_ms: int = 0) -> None:
+    def __init__(self, port: SerialPort, now_ms: int = 0, framing: Framing = Framing.HEADER) -> None:
         self.port = port
-        self.queue = ModemQueue(now_ms)
+        self.queue = ModemQueue(now_ms, framing)
         self._has_reported_closed = False
 
     def poll(self, now_ms: int) -> list[NanomodemResult]:

@@ -1,7 +1,8 @@
 """Drives a physical V3 nanomodem that sends and receives for a whole fleet: its packets, its queue and its answers.
 
 The modem has one address of its own, and a unicast that it receives names no sender. So a header of three bytes precedes
-each packet: the direction (from or to the aMussel), and the aMussel's id, little-endian.
+each packet: the direction (from or to the aMussel), and the aMussel's id, little-endian. Nodes whose packets name their
+sender need none (`Framing.BARE`).
 
 The queue gives the modem one command at a time: a broadcast. It sends no unicasts, because only a modem with address 24
 would receive a unicast to aMussel 24. The modem's address is read and shown, and never written. The queue requests no
@@ -21,6 +22,7 @@ from dataclasses import dataclass
 from enum import Enum, IntEnum
 
 from agents.modem.frames import PAYLOAD_BYTES, ModemGeneration, duration_ms
+from firmware_model.packets import EVERYONE
 
 _FORMAT = struct.Struct("<BH")
 HEADER_BYTES = _FORMAT.size
@@ -33,7 +35,6 @@ ANSWER_MS = 1_000
 ATTEMPTS = 3
 _TURNAROUND_MS = 20
 _FEWEST, _MOST = PAYLOAD_BYTES[ModemGeneration.V3]
-MOST_BYTES = _MOST - HEADER_BYTES
 _LINE_BYTES = 120
 """Longer than any answer that is only text, except the help, which is never requested here."""
 _QUALITY = re.compile(rb"Q\d\d(D[+-]\d{3})?")
@@ -57,17 +58,28 @@ class RoutedPacket:
     agent_id: int
     data: bytes
 
-    def encode(self) -> bytes:
-        return _FORMAT.pack(self.direction, self.agent_id) + self.data
 
+class Framing(Enum):
+    """The bytes on the modem around a packet; the value is the size of the header."""
 
-def decode(payload: bytes) -> RoutedPacket | None:
-    """The packet in a received payload; None for bytes without the header."""
-    if len(payload) <= HEADER_BYTES:
-        return None
-    direction, agent_id = _FORMAT.unpack_from(payload)
-    known = _DIRECTIONS.get(direction)
-    return None if known is None else RoutedPacket(known, agent_id, payload[HEADER_BYTES:])
+    HEADER = HEADER_BYTES
+    BARE = 0
+    """The packet's bytes alone: only they tell the direction, and whose they are."""
+
+    def encode(self, packet: RoutedPacket) -> bytes:
+        if self is Framing.BARE:
+            return packet.data
+        return _FORMAT.pack(packet.direction, packet.agent_id) + packet.data
+
+    def decode(self, payload: bytes) -> RoutedPacket | None:
+        """The packet in a received payload; None for bytes without the header. A bare one has EVERYONE for its id."""
+        if self is Framing.BARE:
+            return RoutedPacket(PacketDirection.FROM_AMUSSEL, EVERYONE, payload)
+        if len(payload) <= HEADER_BYTES:
+            return None
+        direction, agent_id = _FORMAT.unpack_from(payload)
+        known = _DIRECTIONS.get(direction)
+        return None if known is None else RoutedPacket(known, agent_id, payload[HEADER_BYTES:])
 
 
 class Priority(IntEnum):
@@ -143,12 +155,13 @@ class ModemQueue:
     Times are mission milliseconds, which are real ones: sound cannot be accelerated.
     """
 
-    def __init__(self, now_ms: int = 0) -> None:
+    def __init__(self, now_ms: int = 0, framing: Framing = Framing.HEADER) -> None:
         self.stage = ModemStage.CLOSED
         self.address: int | None = None
         """The modem's own address, as it reported it."""
         self.dropped: Counter[str] = Counter()
         self._now_ms = now_ms
+        self._framing = framing
         self._reader = AnswerReader()
         self._waiting: list[_Waiting] = []
         self._sending: _Waiting | None = None
@@ -191,8 +204,11 @@ class ModemQueue:
     def send(self, packet: RoutedPacket, priority: Priority, now_ms: int) -> list[NanomodemAction]:
         """Queues a packet. A report replaces an older waiting report of the same aMussel."""
         actions = self.advance(now_ms)
-        if not _FEWEST <= len(packet.encode()) <= _MOST:
-            reason = f"sound: more than the {MOST_BYTES} bytes that a modem carries besides the id"
+        if not _FEWEST <= len(self._framing.encode(packet)) <= _MOST:
+            besides = " besides the id" if self._framing is Framing.HEADER else ""
+            reason = f"sound: more than the {_MOST - self._framing.value} bytes that a modem carries{besides}"
+            if len(packet.data) < _FEWEST:
+                reason = f"sound: fewer than the {_FEWEST} bytes that a modem carries"
             return [*actions, self._drop(reason, packet)]
         if priority is Priority.REPORT:
             for older in [it for it in self._waiting if _is_superseded_by(it, packet)]:
@@ -226,7 +242,7 @@ class ModemQueue:
         return actions
 
     def _receive(self, message: ReceivedData) -> list[NanomodemAction]:
-        if (packet := decode(message.data)) is None:
+        if (packet := self._framing.decode(message.data)) is None:
             return [self._drop("sound: without an aMussel's id", None)]
         return [PacketReceived(self._now_ms, packet)]
 
@@ -246,7 +262,7 @@ class ModemQueue:
             and self.stage is ModemStage.AWAITING_ACCEPTANCE
             and self._sending is not None
         ):
-            size = len(self._sending.packet.encode())
+            size = len(self._framing.encode(self._sending.packet))
             if text == b"$B%02d" % size:
                 self._enter(ModemStage.SENDING, duration_ms(ModemGeneration.V3, size) + _TURNAROUND_MS)
                 return []
@@ -280,7 +296,7 @@ class ModemQueue:
             return []
         self._sending = self._waiting.pop(0)
         self._sending.attempts += 1
-        payload = self._sending.packet.encode()
+        payload = self._framing.encode(self._sending.packet)
         self._enter(ModemStage.AWAITING_ACCEPTANCE, ANSWER_MS)
         return [WriteLine(b"$B%02d" % len(payload) + payload)]
 

@@ -1,4 +1,4 @@
-"""`musselbed bridge SCENARIO.yaml PORT`: real aMussels, heard by a nanomodem on a serial port, for a mission on ROS."""
+"""`musselbed bridge SCENARIO.yaml PORT`: real aMussels by a nanomodem, Wi-Fi or an aPad's modem, for a mission on ROS."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from apad_bridge.scenario.errors import UserError
 def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "bridge",
-        description="Carries packets between real aMussels and a mission on ROS, by a V3 nanomodem on a serial port. It "
-        "claims the aMussels as real, so that no fleet simulates them; they stay real when it ends. A cable that is pulled "
-        "out is told, and its port is tried again.",
+        description="Carries packets between real aMussels and a mission on ROS, by a V3 nanomodem on a serial port, by "
+        "datagrams (UDP), or by the topics of an aPad's modem. It claims the aMussels as real, so that no fleet simulates "
+        "them; they stay real when it ends. A cable that is pulled out is told, and its port is tried again.",
         epilog=ending(
             "musselbed bridge runs/pool-12-1 /dev/ttyUSB0 --ids 3 7",
-            "musselbed bridge sound-12 /dev/ttyUSB0 --json",
+            "musselbed bridge sound-12 /dev/ttyUSB0 udp:10.0.0.2:5005 --ids 3 --codec ours-2",
             note="It runs until Ctrl-C, on the run's master, or for a scenario on that at ROS_MASTER_URI. What a node must "
             "transmit, byte by byte: docs/mixing.md.",
         ),
@@ -37,9 +37,21 @@ def add_parser(commands: Any) -> None:
         metavar="RUN|SCENARIO.yaml",
         help="the directory of the run that flies, or the scenario of the mission at ROS_MASTER_URI",
     )
-    parser.add_argument("port", type=Path, metavar="PORT", help="the modem's serial port")
+    parser.add_argument(
+        "ports",
+        nargs="+",
+        metavar="PORT",
+        help="the modem's serial port, udp:PORT on loopback, udp:ADDRESS:PORT, or a file as "
+        "launch_scripts/interfaces/nodes.yaml; one by sound, and one by Wi-Fi",
+    )
     parser.add_argument(
         "--ids", type=int, nargs="+", metavar="N", help="the real aMussels (default: the whole fleet)"
+    )
+    parser.add_argument(
+        "--codec",
+        metavar="NAME",
+        help="the installed codec of the nodes, where they have other bytes than the scenario's; on a serial port their "
+        "packets then have no header",
     )
     parser.add_argument(
         "--json", action="store_true", help="print each line for a person, and the counts, as JSON"
@@ -47,10 +59,9 @@ def add_parser(commands: Any) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    from apad_bridge.acoustics.serial.attached import AttachedModem
-    from apad_bridge.doctor.modem import check_modem
     from apad_bridge.scenario.firmware_config import codec_of
     from apad_bridge.scenario.loader import load
+    from firmware_model.packets.codec import load_codec
 
     run_dir: Path | None = arguments.scenario if arguments.scenario.is_dir() else None
     scenario = load(arguments.scenario if run_dir is None else run_dir / "scenario.yaml")
@@ -58,29 +69,30 @@ def run(arguments: argparse.Namespace) -> int:
     if strangers := sorted(set(ids) - set(scenario.fleet.all_ids)):
         known = f"{scenario.fleet.all_ids[0]} to {scenario.fleet.all_ids[-1]}"
         raise UserError(f"--ids {strangers[0]}: the scenario's aMussels are {known}")
-    (finding,) = check_modem(arguments.port, None)
-    if finding.status is not CheckStatus.OK:
-        raise UserError(f"{finding.found}: {finding.mend}")
+    try:
+        nodes_codec = None if arguments.codec is None else load_codec(arguments.codec)
+    except ValueError as error:
+        raise UserError(f"--codec {arguments.codec}: {error}") from None
+    found = [_checked(port) for port in arguments.ports]
 
     def tell(kind: str, text: str) -> None:
         line = json.dumps({kind: text}) if arguments.json else text
         print(line, flush=True)
 
-    from agents.serial_port import SerialPort
     from apad_bridge.ros.amussel_bridge import AMusselBridge
+    from apad_bridge.ros.node_links import open_links
     from apad_bridge.ros.system.route import enter_graph_of
     from apad_bridge.supervisor.clock import StopSign
 
     stop = StopSign()
+    links = open_links(arguments.ports, scenario.apad.name, ids, has_header=nodes_codec is None)
     with interrupts.received_by(stop.set):
         if run_dir is not None and not enter_graph_of(run_dir, stop.wait):
             return Exit.INTERRUPTED
         begun_s = time.monotonic()
-        bridge = AMusselBridge.on_graph(
-            ids, codec_of(scenario), AttachedModem(SerialPort(str(arguments.port))), tell
-        )
+        bridge = AMusselBridge.on_graph(ids, codec_of(scenario), links, tell, nodes_codec)
         with closing(bridge):
-            tell("ready", f"{finding.found}; claims aMussels {', '.join(map(str, ids))} as real")
+            tell("ready", f"{', '.join(found)}; claims aMussels {', '.join(map(str, ids))} as real")
             while not stop.is_set():
                 bridge.advance(MissionMs(round(1000 * (time.monotonic() - begun_s))))
     if arguments.json:
@@ -89,3 +101,15 @@ def run(arguments: argparse.Namespace) -> int:
         for what, count in sorted(bridge.counts.items()):
             print(f"{count:6d}  {what}", file=sys.stderr)
     return Exit.INTERRUPTED
+
+
+def _checked(port: str) -> str:
+    """The port for a person, after a modem has answered there. UserError where none does."""
+    from apad_bridge.doctor.modem import check_modem
+
+    if port.startswith("udp:") or port.endswith((".yaml", ".yml")):
+        return port
+    (finding,) = check_modem(Path(port), None)
+    if finding.status is not CheckStatus.OK:
+        raise UserError(f"{finding.found}: {finding.mend}")
+    return finding.found

@@ -95,7 +95,7 @@ def test_a_voltage_that_is_held_at_the_full_one_is_not_what_the_battery_holds() 
 
 
 def test_the_noise_of_a_held_voltage_is_no_bias() -> None:
-    """2000 full batteries on a charger, which know their lift and not their sensor: 10 read more than 2.5 deviations low."""
+    """2000 full batteries on a charger with a known lift and an unknown bias: 10 read more than 2.5 deviations low."""
     luck = np.random.default_rng(7)
     for reading in np.minimum(1.0, 1 + luck.normal(0, METERED.noise, 2000)):
         mean, cov = state(1.0, 1e-4, SENSOR_BIAS, 0.0135, 0.0)

@@ -17,7 +17,13 @@ from scenario_files import WHOLE_FILE
 from agents.hosting.in_process import InProcessHost
 from agents.mussel.stimuli import SoundArrived, to_wire
 from apad_bridge.acoustics.serial.lines import SerialLines, open_serial_lines
-from apad_bridge.acoustics.serial.nanomodem import AnswerReader, PacketDirection, ReceivedData, RoutedPacket
+from apad_bridge.acoustics.serial.nanomodem import (
+    AnswerReader,
+    Framing,
+    PacketDirection,
+    ReceivedData,
+    RoutedPacket,
+)
 from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.events.mission import MissionEnd
@@ -106,12 +112,12 @@ def test_a_physical_modem_brings_packets_for_both_sides(physical: Make, tmp_path
             )
         )
         # A real aMussel reports through modem 2, and a command permits a simulated one to surface.
-        report_bytes = RoutedPacket(PacketDirection.FROM_AMUSSEL, 4, status(4)).encode()
+        report_bytes = Framing.HEADER.encode(RoutedPacket(PacketDirection.FROM_AMUSSEL, 4, status(4)))
         elsewhere.write(b"$B%02d" % len(report_bytes) + report_bytes)
         assert elsewhere.read_until(b"\r\n") == b"$B%02d\r\n" % len(report_bytes)
         until(lambda: flight.supervisor.beliefs.get(4) is not None)
         permission = MusselbedCodec().encode(CommandPacket(Kind.PERMISSION, 5))
-        command_bytes = RoutedPacket(PacketDirection.TO_AMUSSEL, 5, permission).encode()
+        command_bytes = Framing.HEADER.encode(RoutedPacket(PacketDirection.TO_AMUSSEL, 5, permission))
         elsewhere.write(b"$B%02d" % len(command_bytes) + command_bytes)
         assert elsewhere.read_until(b"\r\n") == b"$B%02d\r\n" % len(command_bytes)
         wire = [it.hex() if isinstance(it, bytes) else it for it in to_wire(SoundArrived(permission))]

@@ -11,6 +11,7 @@ from apad_bridge.acoustics.serial.nanomodem import (
     MAX_WAITING,
     WAIT_MS,
     AnswerReader,
+    Framing,
     Line,
     ModemNotice,
     ModemQueue,
@@ -24,7 +25,6 @@ from apad_bridge.acoustics.serial.nanomodem import (
     ReceivedData,
     RoutedPacket,
     WriteLine,
-    decode,
 )
 
 IDENTITY = b"#A001V21845R001.006.000B2024-02-15T00:00:00\r\n"
@@ -176,7 +176,7 @@ def test_too_many_bytes_are_one_reason_however_many(queue: ModemQueue) -> None:
 @given(st.sampled_from(PacketDirection), st.integers(0, 65535), st.binary(min_size=1, max_size=61))
 def test_the_header_goes_and_comes(direction: PacketDirection, agent_id: int, data: bytes) -> None:
     packet = RoutedPacket(direction, agent_id, data)
-    assert decode(packet.encode()) == packet
+    assert Framing.HEADER.decode(Framing.HEADER.encode(packet)) == packet
 
 
 @given(

@@ -1,0 +1,276 @@
+"""The ways by which real aMussels are reached: a nanomodem, Wi-Fi, and an aPad's own topics of its modem.
+
+Each carries bytes of the nodes' own and knows nothing of what they mean. One thread owns a link.
+"""
+
+from __future__ import annotations
+
+import select
+import socket
+import threading
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from agents.packet_medium import Medium
+from agents.serial_port import SerialPort
+from apad_bridge.acoustics.serial.attached import AttachedModem, NanomodemResult
+from apad_bridge.acoustics.serial.nanomodem import (
+    Framing,
+    ModemNotice,
+    PacketDirection,
+    PacketDropped,
+    PacketReceived,
+    PacketSent,
+)
+from apad_bridge.ros.links.laboratory_topics import LaboratoryPublishers, LaboratorySubscribers
+from apad_bridge.scenario.errors import UserError
+from apad_bridge.scenario.lab_interface.messages import LaboratoryPacket, MessageKind
+from apad_bridge.scenario.lab_interface.names import Names, Publication, Subscription, load_names
+from firmware_model.packets import EVERYONE
+
+_WIFI = "udp:"
+_LARGEST = 1024
+"""Bytes; a longer datagram is no packet of an aMussel."""
+_DATAGRAMS = 256
+"""The most that are read in one call, so that a flood holds up nothing else."""
+_SKIPPED = "bytes of the modem that belong to no answer"
+
+
+@dataclass(frozen=True, slots=True)
+class FromNode:
+    """Bytes that a node sent. `agent_id` is stated beside them; None where only the bytes name their sender."""
+
+    agent_id: int | None
+    data: bytes
+    sender: Any = None
+    """The address from which they came, where the link has addresses."""
+
+
+@dataclass(frozen=True, slots=True)
+class SentToNode:
+    pass
+
+
+@dataclass(frozen=True, slots=True)
+class NotCarried:
+    reason: str
+    count: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class LinkNotice:
+    """A line for a person."""
+
+    text: str
+
+
+LinkResult = FromNode | SentToNode | NotCarried | LinkNotice
+
+
+class NodeLink:
+    """One way to nodes, of one medium. It is opened before the bridge's node is on the graph, and begun after."""
+
+    medium: Medium
+
+    def begin(self) -> None:
+        """Does what needs the node on the graph."""
+
+    def wait(self, timeout_s: float) -> None:
+        """Waits until something has come, for `timeout_s` at most."""
+        raise NotImplementedError
+
+    def poll(self, now_ms: int) -> list[LinkResult]:
+        """All results since the last call."""
+        raise NotImplementedError
+
+    def send(self, agent_id: int, data: bytes, now_ms: int) -> list[LinkResult]:
+        """Sends bytes to an aMussel, or to EVERYONE."""
+        raise NotImplementedError
+
+    def found(self, agent_id: int, sender: Any) -> None:
+        """An aMussel's bytes came from the address `sender`, where the link has addresses."""
+
+    def close(self) -> None:
+        raise NotImplementedError
+
+
+def open_links(ports: Sequence[str], apad: str, ids: Iterable[int], *, has_header: bool) -> list[NodeLink]:
+    """Opens a link by each of `ports`, which are as `musselbed bridge` takes them.
+
+    Raises UserError for two of one medium, and for one that cannot be opened.
+    """
+    links: list[NodeLink] = []
+    try:
+        for port in ports:
+            links.append(_link(port, apad, ids, has_header))
+            if len({it.medium for it in links}) < len(links):
+                medium = links[-1].medium.value
+                raise UserError(
+                    f"{port}: a bridge has one port by {medium}: begin another bridge for its aMussels"
+                )
+    except BaseException:
+        for link in links:
+            link.close()
+        raise
+    return links
+
+
+def _link(port: str, apad: str, ids: Iterable[int], has_header: bool) -> NodeLink:
+    if port.startswith(_WIFI):
+        return WifiLink(port)
+    if port.endswith((".yaml", ".yml")):
+        return TopicLink(Path(port), apad, ids)
+    framing = Framing.HEADER if has_header else Framing.BARE
+    return ModemLink(AttachedModem(SerialPort(port), framing=framing))
+
+
+class ModemLink(NodeLink):
+    """A nanomodem on a serial port."""
+
+    medium = Medium.SOUND
+
+    def __init__(self, modem: AttachedModem) -> None:
+        self._modem = modem
+        self._skipped = 0
+
+    def wait(self, timeout_s: float) -> None:
+        self._modem.port.wait(timeout_s)
+
+    def poll(self, now_ms: int) -> list[LinkResult]:
+        results = [_of_modem(it) for it in self._modem.poll(now_ms)]
+        if (skipped := self._modem.queue.skipped_bytes) > self._skipped:
+            results.append(NotCarried(_SKIPPED, skipped - self._skipped))
+            self._skipped = skipped
+        return results
+
+    def send(self, agent_id: int, data: bytes, now_ms: int) -> list[LinkResult]:
+        return [_of_modem(it) for it in self._modem.command(agent_id, data, now_ms)]
+
+    def close(self) -> None:
+        self._modem.close()
+
+
+def _of_modem(result: NanomodemResult) -> LinkResult:
+    match result:
+        case PacketReceived(_, packet):
+            if packet.direction is not PacketDirection.FROM_AMUSSEL:
+                return NotCarried("heard: another bridge's packet to an aMussel")
+            return FromNode(None if packet.agent_id == EVERYONE else packet.agent_id, packet.data)
+        case PacketSent():
+            return SentToNode()
+        case PacketDropped(_, reason):
+            return NotCarried(reason)
+        case ModemNotice(_, what):
+            return LinkNotice(what)
+
+
+class WifiLink(NodeLink):
+    """Datagrams (UDP): a packet each, from nodes on the same Wi-Fi. A node is answered where it last sent from."""
+
+    medium = Medium.WIFI
+
+    def __init__(self, name: str) -> None:
+        """`name` is `udp:PORT`, on loopback, or `udp:ADDRESS:PORT`. UserError if nobody can listen there."""
+        host, _, port = name.removeprefix(_WIFI).rpartition(":")
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._senders: dict[int, Any] = {}
+        try:
+            self._socket.bind((host or "127.0.0.1", int(port)))
+        except (OSError, ValueError, OverflowError) as error:
+            self._socket.close()
+            mend = f"give {_WIFI}ADDRESS:PORT, with an address of this computer and a free port"
+            raise UserError(f"{name}: nobody can listen there ({error}): {mend}") from None
+        self._socket.setblocking(False)
+
+    def wait(self, timeout_s: float) -> None:
+        select.select([self._socket], [], [], timeout_s)
+
+    def poll(self, now_ms: int) -> list[LinkResult]:
+        results: list[LinkResult] = []
+        for _ in range(_DATAGRAMS):
+            try:
+                data, sender = self._socket.recvfrom(_LARGEST + 1)
+            except BlockingIOError:
+                break
+            except OSError as error:  # what an earlier datagram of ours met
+                results.append(NotCarried(f"wifi: {error.strerror}"))
+                continue
+            large = len(data) > _LARGEST
+            results.append(NotCarried("wifi: too large") if large else FromNode(None, data, sender))
+        return results
+
+    def send(self, agent_id: int, data: bytes, now_ms: int) -> list[LinkResult]:
+        them = self._senders if agent_id == EVERYONE else {agent_id} & self._senders.keys()
+        if not them:
+            return [NotCarried("wifi: to an aMussel that has not sent yet, so that its address is not known")]
+        results: list[LinkResult] = []
+        for one in sorted(them):
+            try:
+                self._socket.sendto(data, self._senders[one])
+                results.append(SentToNode())
+            except OSError as error:
+                results.append(NotCarried(f"wifi: {error.strerror}"))
+        return results
+
+    def found(self, agent_id: int, sender: Any) -> None:
+        self._senders[agent_id] = sender
+
+    def close(self) -> None:
+        self._socket.close()
+
+
+class TopicLink(NodeLink):
+    """An aPad's own topics, on which its modem says what it heard and is told what to send."""
+
+    def __init__(self, path: Path, apad: str, ids: Iterable[int]) -> None:
+        """`path` is a file of a laboratory's names (`scenario.lab_interface`), of packets of one medium alone.
+
+        Raises UserError for another file.
+        """
+        self._names, self._apad, self._ids = _names_of_packets(path), apad, tuple(ids)
+        self.medium = self._names.hear[0].medium
+        self._counted: Counter[str] = Counter()
+        self._pause = threading.Event()
+
+    def begin(self) -> None:
+        """Raises VehicleNotReady for a message type that is known nowhere."""
+        self._publishers = LaboratoryPublishers(self._names, self._apad, self._ids)
+        self._subscribers = LaboratorySubscribers(self._names, self._apad, self._ids)
+
+    def wait(self, timeout_s: float) -> None:
+        self._pause.wait(timeout_s)
+
+    def poll(self, now_ms: int) -> list[LinkResult]:
+        results: list[LinkResult] = []
+        for message in self._subscribers.take(now_ms):
+            assert isinstance(message, LaboratoryPacket), "the names are of packets alone"
+            results.append(FromNode(message.agent_id, message.data))
+        dropped = self._subscribers.dropped
+        results += [NotCarried(reason, count) for reason, count in (dropped - self._counted).items()]
+        self._counted = dropped
+        return results
+
+    def send(self, agent_id: int, data: bytes, now_ms: int) -> list[LinkResult]:
+        self._publishers.publish(MessageKind.PACKET, agent_id, now_ms, data=data)
+        return [SentToNode()]
+
+    def close(self) -> None:
+        self._subscribers.close()
+        self._publishers.close()
+
+
+def _names_of_packets(path: Path) -> Names:
+    mend = "see launch_scripts/interfaces/nodes.yaml"
+    try:
+        names = load_names(path)
+    except (OSError, ValueError) as error:
+        raise UserError(f"{path}: {error}; {mend}") from None
+    entries: list[Subscription | Publication] = [*names.hear, *names.tell]
+    if any(it.what is not MessageKind.PACKET for it in entries) or not (names.hear and names.tell):
+        raise UserError(f"{path}: a bridge hears packets and tells packets, and nothing else: {mend}")
+    if len({it.medium for it in entries}) > 1:
+        raise UserError(f"{path}: all its packets need one medium: {mend}")
+    return names
