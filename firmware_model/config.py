@@ -8,6 +8,7 @@ from enum import StrEnum
 
 from firmware_model.power.charge import ChargeModel
 from firmware_model.power.rails import Loads
+from firmware_model.power.voltage_curve import STRAIGHT, VoltageCurve
 
 PATH_UNIT = 10_000
 
@@ -25,7 +26,7 @@ class LastResort(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Metering:
-    """The battery monitor: voltage = charge - sag + lift + noise, all in grains of the scaled voltage.
+    """The battery monitor: voltage = curve(charge) - sag + lift + noise, all in grains of the scaled voltage.
 
     The curves of Table I and the equations are voltages of an idle board, so sag counts from that board's load.
     """
@@ -44,6 +45,7 @@ class Metering:
     """Readings are off by up to so much either way, uniformly."""
     seed: int = 0
     """The noise is a keyed hash of (seed, agent id, number of the sample)."""
+    curve: VoltageCurve = STRAIGHT
 
     def __post_init__(self) -> None:
         if self.period_ms <= 0 or min(self.settle_ms, self.sag_ms, self.sag_from, self.lift, self.noise) < 0:

@@ -30,6 +30,7 @@ from apad_bridge.scenario.schema import DriftMode, HearingMode, Positioning, Sce
 from firmware_model.config import PATH_UNIT, BoardConfig, FullFirmware, timeslots_of
 from firmware_model.power.charge import FULL, MS_PER_HOUR, MS_PER_MIN, ChargeModel, Segments
 from firmware_model.power.rails import Rail, rails_of
+from firmware_model.power.voltage_curve import STRAIGHT
 from firmware_model.state_groups import DOCKED
 from firmware_model.states import State
 
@@ -102,6 +103,7 @@ def twin_parameters(
     scenario: Scenario, model: TwinModel, board: BoardConfig, body: BodyConfig, reports: ReportConfig
 ) -> TwinParameters:
     scale, firmware, untold = scenario.time_scale, board.whole, _untold(scenario, model)
+    metering = None if firmware is None else firmware.power.metering
     deviations = (model.bias_deviation,) * 4
     drift = scenario.fleet.drift
     step_m = drift.amplitude_m if drift.mode is DriftMode.PAPER else 0.0
@@ -115,7 +117,8 @@ def twin_parameters(
             deviations,
             readings_apart_ms(scale),
             _offsets(firmware),
-            saturates=firmware is not None and firmware.power.metering is not None,
+            curve=STRAIGHT if metering is None else metering.curve,
+            saturates=metering is not None,
         ),
         habits=Habits(
             every_ms=MS_PER_HOUR,

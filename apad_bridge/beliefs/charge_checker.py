@@ -89,8 +89,11 @@ class ChargeChecker:
         self._parameters = parameters
         self._bias = untold.bias if bias is None else bias
         sensor, drain = parameters.sensor, parameters.drain
-        self.margin = _NOISE_DEVIATIONS * math.sqrt(2) * sensor.noise
-        self.margin += _BIAS_DEVIATIONS * max(sensor.bias_deviation)
+        stretch = sensor.curve.stretch
+        self._bias *= stretch
+        self._step = sensor.noise * stretch
+        self.margin = _NOISE_DEVIATIONS * math.sqrt(2) * self._step
+        self.margin += _BIAS_DEVIATIONS * max(sensor.bias_deviation) * stretch
         load = untold.drain + _LOAD_DEVIATIONS * (parameters.drain_deviation + untold.drain_swing)
         self._least, most, self._aged = max(0.0, 1 - load), 1 + load, 1 / (1 - untold.ageing)
         in_water = [drain.per_min[mode] for mode in Mode if mode not in DOCKED and mode is not Mode.LOST]
@@ -119,12 +122,14 @@ class ChargeChecker:
         charge, minutes = since.charge, (stated.at_ms - since.at_ms) / MS_PER_MIN
         if stated.docked:
             due = self._in_a_dock(charge, minutes, state)[0] - charge
-            due = min(due, 1 - self._bias - reading)  # a charger holds the voltage of a full battery
+            due = min(
+                due, 1 - self._bias - max(reading, stated.charge)
+            )  # a charger holds the voltage of a full battery
         else:
             falls = 0.0 if state in NOT_ON_THE_PRIMARY else self._asleep * before.drain * minutes
             # A reading at the end of its scale may be beyond it, and an empty battery falls no further.
             due = min(falls - (self._beyond_the_ends(charge)[1] - charge), charge - self._bias)
-        steps = max(0.0, due / self._parameters.sensor.noise)
+        steps = max(0.0, due / self._step)
         return before._replace(
             further=before.further + 1,
             steps=before.steps + steps,

@@ -40,6 +40,8 @@ _CERTAIN = 1e-16
 """A smaller variance is only rounding."""
 _BIAS_WANDERS = 0.15
 """The share of its deviation between aMussels by which a bias wanders in a day."""
+_CURVED_WANDERS = 1.0
+"""The same where the voltage is a curve, along which temperature and the curve's own error change the bias."""
 _SENSOR_WANDERS = 0.02
 """The same for the constant bias of a sensor."""
 _SWING_LASTS_MS = 21_600_000
@@ -174,11 +176,12 @@ def process_noise(parameters: TwinParameters, elapsed_ms: int) -> Array:
     swing, days = swing_over(parameters, elapsed_ms), elapsed_ms / 86_400_000
     noise = np.zeros((SIZE, SIZE) if swing is None else (SIZE + 1, SIZE + 1))
     noise[DRAIN, DRAIN] = parameters.ageing_per_day**2 * days
+    wanders = _BIAS_WANDERS if parameters.sensor.curve.is_straight else _CURVED_WANDERS
     for row, deviation in zip((ASLEEP, AWAKE, HIGH, CHARGING), parameters.sensor.bias_deviation, strict=True):
-        noise[row, row] = (_BIAS_WANDERS * deviation) ** 2 * days
+        noise[row, row] = (wanders * deviation) ** 2 * days
     if parameters.untold is not None:
-        wanders = (_SENSOR_WANDERS * parameters.untold.bias) ** 2 * days
-        noise[SENSOR, SENSOR] = noise[SECONDARY_SENSOR, SECONDARY_SENSOR] = wanders
+        variance = (_SENSOR_WANDERS * parameters.untold.bias) ** 2 * days
+        noise[SENSOR, SENSOR] = noise[SECONDARY_SENSOR, SECONDARY_SENSOR] = variance
     if swing is not None:
         noise[SWING, SWING] = swing.variance
     return noise
@@ -336,47 +339,62 @@ def measured(
 
     Returns mean, covariance, the log density of both readings, and the surprise of the primary's in deviations.
     """
-    reading, bias = _MEASUREMENT_MATRICES[mode, len(mean)], _BIAS_OF[mode]
-    expected = reading @ mean + offsets
-    z = np.array(charges)
-    noise = np.diag([sensor.noise**2] * 2)
+    bias = _BIAS_OF[mode]
+    reading = _MEASUREMENT_MATRICES[mode, len(mean)]
+    z = np.array([sensor.charge_of(*it) for it in zip(charges, offsets, strict=True)])
+    stretches = [sensor.stretch_at(*it) for it in zip(charges, offsets, strict=True)]
+    if stretches != [1.0, 1.0]:
+        reading = reading.copy()
+        reading[:, DRAIN:] *= np.array([stretches]).T  # a bias is one of the voltage
+    expected = reading @ mean
+    deviations = [sensor.noise * it for it in stretches]
+    noise = np.diag(np.square(deviations))
     # filterpy's own log likelihood is not used: its function gives the posterior's, which no packet ever contradicts.
     variances = [float(reading[row] @ cov @ reading[row] + noise[row, row]) for row in (0, 1)]
     surprises = [abs(float(z[row] - expected[row])) / math.sqrt(variances[row]) for row in (0, 1)]
+    tops = [sensor.charge_of(1.0, it) for it in offsets]
+    below = [(float(tops[row] - z[row]), float(tops[row] - expected[row])) for row in (0, 1)]
     clamped = [
         row
         for row in (0, 1)
-        if bias == CHARGING and _may_be_held(float(z[row]), float(expected[row]), variances[row], sensor)
+        if bias == CHARGING
+        and (
+            charges[row] >= 1
+            or (sensor.saturates and _may_be_held(*below[row], variances[row], deviations[row]))
+        )
     ]
     for row in (0, 1):
-        if z[row] <= 0 or z[row] >= 1 or row in clamped:
-            if bool(expected[row] > z[row]) is bool(z[row] > 0):
-                surprises[row] = 0.0  # the expected value lies beyond the end
+        if not 0 < charges[row] < 1 or row in clamped:
+            if bool(expected[row] > z[row]) is bool(charges[row] > 0):
+                # The expected value lies beyond the end, so only the noise below a held voltage surprises.
+                surprises[row] = max(0.0, below[row][0] / deviations[row]) if row in clamped else 0.0
             if row not in clamped:
                 spread = float(reading[row] @ cov @ reading[row])
+                side = 1.0 if charges[row] > 0 else -1.0
                 z[row], noise[row, row] = _censored(
-                    float(expected[row]), spread, float(z[row]), sensor.noise**2
+                    float(expected[row]), spread, float(z[row]), deviations[row] ** 2, side
                 )
     if free := [row for row in (0, 1) if row not in clamped]:
-        mean, cov = update(mean, cov, (z - offsets)[free], noise[np.ix_(free, free)], reading[free])
+        mean, cov = update(mean, cov, z[free], noise[np.ix_(free, free)], reading[free])
     for row in clamped:
-        mean, cov = _considered_update(
-            mean, cov, reading[row], row, float(z[row]) - offsets[row], sensor.noise**2
-        )
+        mean, cov = _considered_update(mean, cov, reading[row], row, float(z[row]), deviations[row] ** 2)
     density = -0.5 * math.fsum(
         surprise**2 + math.log(variance) for surprise, variance in zip(surprises, variances, strict=True)
     )
     return mean, cov, density, surprises[0]
 
 
-def _may_be_held(z: float, expected: float, variance: float, sensor: SensorParameters) -> bool:
-    """True if a charger may hold the voltage at the full one, under the noise; `variance` is that of z - expected."""
-    noise = sensor.noise
-    if not sensor.saturates or z >= 1 - _NEAR_FULL * noise:
-        return z >= 1 or sensor.saturates
+def _may_be_held(below: float, expected_below: float, variance: float, noise: float) -> bool:
+    """True if a charger may hold the voltage at the full one, under a noise of deviation `noise`.
+
+    `below` and `expected_below` are how far the reading and the expected one lie below it; `variance` is of their
+    difference.
+    """
+    if below <= _NEAR_FULL * noise:
+        return True
     spread, sd = math.sqrt(max(variance - noise**2, _CERTAIN)), math.sqrt(variance)
-    held = normal_cdf((expected - 1) / spread) * normal_pdf((z - 1) / noise) / noise
-    return _SURELY_FREE * held > normal_pdf((z - expected) / sd) / sd
+    held = normal_cdf(-expected_below / spread) * normal_pdf(below / noise) / noise
+    return _SURELY_FREE * held > normal_pdf((below - expected_below) / sd) / sd
 
 
 def _considered_update(
@@ -397,14 +415,15 @@ def _considered_update(
     return mean + gain * (z - expected), rest @ cov @ rest.T + its_noise * np.outer(gain, gain)
 
 
-def _censored(expected: float, spread: float, end: float, noise: float) -> tuple[float, float]:
-    """An equivalent (reading, variance) for a reading that is censored at an `end` of the scale.
+def _censored(
+    expected: float, spread: float, end: float, noise: float, side: float = 1.0
+) -> tuple[float, float]:
+    """An equivalent (reading, variance) for a reading that is censored at the upper `end`; with `side` -1, the lower one.
 
     A Kalman filter that takes the pair ends up as if it knew that the uncensored reading lay beyond the end. Ignoring such
     readings would leave only the low readings of a full battery, and the filter would learn its bias from them. The moments
     are those of a Gaussian beyond a bound (Tobin's censored regression).
     """
-    side = 1.0 if end > 0.5 else -1.0
     total = spread + noise
     sd = math.sqrt(total)
     bound = side * (end - expected) / sd

@@ -14,7 +14,7 @@ from apad_bridge.beliefs import charge_state as charge
 from apad_bridge.beliefs.charge_state import PRIMARY, SECONDARY, SENSOR, Anchor, Array
 from apad_bridge.beliefs.modes import DOCKED, SUBMERGED, Mode, mode_of
 from apad_bridge.beliefs.spent_charge import Load, Spent
-from apad_bridge.beliefs.twin_parameters import Schedule, TwinParameters
+from apad_bridge.beliefs.twin_parameters import NO_OFFSETS, Schedule, TwinParameters
 from apad_bridge.beliefs.twin_state import (
     NOTHING,
     TwinState,
@@ -42,7 +42,6 @@ _GATE = 5.0
 """The gate in deviations of the reading; a reading beyond it is not believed, and the next one decides."""
 _UNREPORTED_EVENT_SD = 0.3
 """Deviation of a charge after an event that nobody reported: a docking by hand, or a release."""
-_NO_OFFSETS = (0.0, 0.0)
 _AFTER_RELEASE = (State.RELEASED, State.SINKING)
 _TRANSIENT = (State.RELEASED, State.SINKING, State.BOOTING)
 """Short states that carry no information about the mode on the bottom."""
@@ -154,7 +153,7 @@ class HypothesisWeigher:
         """
         charges = (reading.primary, reading.secondary)
         sensor = self.parameters.sensor
-        offsets = sensor.offsets.get(reading.state, _NO_OFFSETS)
+        offsets = sensor.offsets.get(reading.state, NO_OFFSETS)
         total = math.fsum(row.weight for row in hypotheses)
         learns = self.parameters.untold is not None
         if learns and may_rest:
@@ -220,8 +219,8 @@ class HypothesisWeigher:
         Either the reading or the estimate may be wrong. So the variance grows so much that the next reading decides.
         """
         before = charge.moment_matched(hypotheses)
-        offset, _ = self.parameters.sensor.offsets.get(reading.state, _NO_OFFSETS)
-        away = reading.primary - offset - float(before.mean[PRIMARY] + before.mean[SENSOR])
+        stated = self.parameters.sensor.primary_of(reading.state, reading.primary)
+        away = stated - float(before.mean[PRIMARY] + before.mean[SENSOR])
         doubted = before.cov.copy()
         doubted[PRIMARY, PRIMARY] += (away / 2) ** 2
         anchor = bounded(Anchor(1.0, before.mean, doubted), after_measuring=False)

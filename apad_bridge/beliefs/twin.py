@@ -303,8 +303,8 @@ class Twin:
         suspicion, (checker, of_suspects) = twin_state.suspicion, self._checkers
         stood = suspicion is not None and suspicion.stands is not None
         judge = checker if suspicion is None or stood else of_suspects
-        offset, _ = self.parameters.sensor.offsets.get(reading.state, (0.0, 0.0))
-        stated = Stated(twin_state.at_ms, reading.primary - offset, reading.mode in DOCKED)
+        charge_stated = self.parameters.sensor.primary_of(reading.state, reading.primary)
+        stated = Stated(twin_state.at_ms, charge_stated, reading.mode in DOCKED)
         if suspicion is not None and suspicion.stands is not None:
             if checker.agree(reading.primary, suspicion.stands):
                 return self._weigher.unread(twin_state, schedule, reading)
@@ -387,8 +387,8 @@ class Twin:
         unknown = [Anchor(1.0, mean, cov)]
         twin_state = self._weigher.corrected(twin_state, schedule, unknown, reading, may_rest=False)
         if self._checkers is not None:
-            offset, _ = parameters.sensor.offsets.get(reading.state, (0.0, 0.0))
-            stated = Stated(twin_state.at_ms, reading.primary - offset, reading.mode in DOCKED)
+            charge_stated = parameters.sensor.primary_of(reading.state, reading.primary)
+            stated = Stated(twin_state.at_ms, charge_stated, reading.mode in DOCKED)
             standing = self._checkers[0].standing(None, stated, reading.primary, reading.state, 0.0)
             twin_state = replace(twin_state, track=extended(None, stated), standing=standing)
         return belief_from_state(

@@ -14,11 +14,13 @@ from math import fsum, log
 from agents.time_scale import TimeScale
 from apad_bridge.beliefs.modes import SUBMERGED, Mode
 from firmware_model.config import BoardConfig
-from firmware_model.power.charge import MS_PER_MIN
+from firmware_model.power.charge import FULL, MS_PER_MIN
+from firmware_model.power.voltage_curve import STRAIGHT, VoltageCurve
 from firmware_model.sinking import Sinking
 from firmware_model.states import State
 
 _SHARE_TOLERANCE = 1e-9
+NO_OFFSETS = (0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,9 +107,24 @@ class SensorParameters:
     offsets: Mapping[State, tuple[float, float]] = field(default_factory=dict)
     """Reading minus charge, for the primary and the secondary of a nominal board, by the state in the packet; 0 if not
     given. Biases come on top."""
+    curve: VoltageCurve = STRAIGHT
+    """Stated readings, less their offset, are voltages along it."""
     saturates: bool = False
     """A charger lifts no voltage above the full one, and noise comes on top. So a reading near the full voltage, on a
     charger, gives only a lower bound of the charge."""
+
+    def charge_of(self, reading: float, offset: float) -> float:
+        """The charge that a reading stands for; beyond [0, 1] the curve goes on."""
+        voltage = reading - offset
+        return voltage if self.curve.is_straight else self.curve.charge(round(voltage * FULL)) / FULL
+
+    def stretch_at(self, reading: float, offset: float) -> float:
+        """The change of that charge for a change of the reading."""
+        return 1.0 if self.curve.is_straight else self.curve.stretch_at(round((reading - offset) * FULL))
+
+    def primary_of(self, state: State, reading: float) -> float:
+        """The charge that a packet's primary stands for."""
+        return self.charge_of(reading, self.offsets.get(state, NO_OFFSETS)[0])
 
 
 @dataclass(frozen=True, slots=True)

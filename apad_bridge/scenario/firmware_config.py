@@ -34,6 +34,7 @@ from firmware_model.power.charge import (
     grains,
 )
 from firmware_model.power.rails import Loads, Rail, bits, rails_of
+from firmware_model.power.voltage_curve import VoltageCurve
 from firmware_model.sinking import Sinking
 from firmware_model.states import State
 from firmware_model.table_one import CELL_MV, RANGE_MV
@@ -160,6 +161,7 @@ def _metering(metering: MeteringOptions, capacity_wh: float, seed: int) -> confi
         lift=round(metering.lift_mv * FULL / RANGE_MV),
         noise=round(metering.noise_mv * FULL / RANGE_MV),
         seed=seed,
+        curve=VoltageCurve(tuple((grains(charge), grains(it)) for charge, it in metering.discharge_curve)),
         **_times(metering, config.Metering),
     )
 

@@ -14,6 +14,7 @@ from pydantic import AfterValidator
 from agents.water.bounds import NotNegative
 from apad_bridge.scenario.quantities import (
     ChargeSegments,
+    DischargeCurve,
     Fraction,
     Milliseconds,
     NotNegativeSeconds,
@@ -70,6 +71,9 @@ class MeteringOptions:
     `table-one` 0.99 at a true 0.95."""
     noise_mv: NotNegative
     """The largest error of a reading, either way."""
+    discharge_curve: DischargeCurve = ((0.0, 0.0), (1.0, 1.0))
+    """(charge, scaled voltage at `idle_mw`); the default is the paper's straight line. With another a charge is the share
+    of the energy that is left, in `charge_segments` too."""
 
 
 @frozen

@@ -11,6 +11,8 @@ from pydantic import AfterValidator, ConfigDict, Discriminator, PlainValidator, 
 from pydantic.dataclasses import dataclass
 
 from agents.water.bounds import GREATEST, LEAST
+from firmware_model.power.charge import grains
+from firmware_model.power.voltage_curve import VoltageCurve
 
 
 def _not_tiny(quantity: float) -> float:
@@ -46,6 +48,14 @@ def _rising_to_one(segments: tuple[tuple[float, float], ...]) -> tuple[tuple[flo
     return segments
 
 
+def _rising_from_empty_to_full(points: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+    try:
+        VoltageCurve(tuple((grains(charge), grains(voltage)) for charge, voltage in points))
+    except (ValueError, ArithmeticError):
+        raise ValueError("must rise, in charge from 0 to 1 and in voltage") from None
+    return points
+
+
 Positive = Annotated[float, Gt(0), Le(GREATEST), AfterValidator(_not_tiny)]
 PositiveSeconds = Annotated[float, Ge(0.001), Le(1e9), AfterValidator(_whole_milliseconds)]
 NotNegativeSeconds = Annotated[float, Ge(0), Le(1e9), AfterValidator(_whole_milliseconds)]
@@ -61,6 +71,8 @@ RatePerMinute = Annotated[float, Gt(0), Le(1000), AfterValidator(_ten_decimals)]
 """Rate of a battery's charge. The firmware model counts charge in grains: 1e-10 a minute is one grain a millisecond."""
 ChargeSegments = Annotated[tuple[tuple[Fraction, RatePerMinute], ...], AfterValidator(_rising_to_one)]
 """(upper end of the segment on [0, 1], rate a minute), rising; the last ends at 1."""
+DischargeCurve = Annotated[tuple[tuple[Fraction, Fraction], ...], AfterValidator(_rising_from_empty_to_full)]
+"""(charge, scaled voltage), both rising, the charge from 0 to 1."""
 VALUES, FILE = "(values)", "(file)"
 """Members of a union, which pydantic adds to the path of an error; the author of the file does not know them."""
 VALUES_OR_FILE = Discriminator(

@@ -7,6 +7,7 @@ sample over `settle_ms` was beyond it: so the sag of a transmission, or a charge
 
 from __future__ import annotations
 
+import math
 from struct import Struct
 
 from firmware_model.config import Metering
@@ -30,14 +31,15 @@ class Meter:
         """The number of consecutive samples that make a conclusion."""
 
     def offset(self, battery: Battery) -> int:
-        """Voltage minus charge of `battery`, at its present flow and load."""
+        """The lift less the sag of `battery`, at its present flow and load."""
         metering = self.metering
         sag = metering.sag_ms * max(0, battery.load - metering.sag_from)
         return (metering.lift if battery.flow is Flow.CHARGING else 0) - sag
 
     def voltage(self, battery: Battery, at_ms: int) -> int:
         """The voltage without noise. A charger never lifts it above `FULL`; under load it may be below 0."""
-        return min(FULL, self.model.charge_at(battery, at_ms) + self.offset(battery))
+        charge = self.model.charge_at(battery, at_ms)
+        return min(FULL, self.metering.curve.voltage(charge) + self.offset(battery))
 
     def noise(self, which: int, n: int) -> int:
         """The noise of sample `n`: uniform on the integers of [-noise, +noise], and always the same for a sample."""
@@ -102,7 +104,11 @@ class Watch:
         """The first time from `from_ms` on at which the voltage is so near the level that noise may take it beyond."""
         model = self._meter.model
         here = Battery(from_ms, model.charge_at(battery, from_ms), battery.flow, battery.load, battery.coils)
-        target = self._level - self._meter.offset(battery) - self._sign * self._meter.metering.noise
+        metering = self._meter.metering
+        voltage = self._level - self._meter.offset(battery) - self._sign * metering.noise
+        # The inverse is rounded, so a curve's charge is reached sooner by its steepest piece.
+        early = 0 if metering.curve.is_straight else math.ceil(metering.curve.stretch) + 1
+        target = metering.curve.charge(voltage) - self._sign * early
         if self._sign < 0:
             return model.falls_to_at_ms(here, target)
         return model.reaches_at_ms(here, target) if self._level - self._meter.metering.noise <= FULL else None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
 from math import fsum
 from typing import Any
@@ -77,6 +77,22 @@ class BatteryFit:
                 break
         return (*ends[:-1], (1.0, ends[-1][1]))
 
+    @property
+    def discharge_curve(self) -> tuple[tuple[float, float], ...]:
+        """(charge, scaled voltage), rising: a constant load takes the charge evenly from full to empty."""
+        full_min, empty_min = self.segments[0].from_min, self.segments[-1].to_min
+        ends = [
+            (full_min, self.segments[0].from_scaled),
+            *((it.to_min, it.to_scaled) for it in self.segments),
+        ]
+        return tuple(
+            (
+                round((empty_min - at_min) / (empty_min - full_min), _END_DECIMALS),
+                round(min(1.0, max(0.0, scaled)), _END_DECIMALS),
+            )
+            for at_min, scaled in reversed(ends)
+        )
+
     def to_json(self) -> dict[str, Any]:
         return {
             "log": self.log,
@@ -120,6 +136,19 @@ def fit_log(log: BatteryLog, segments: int | None = None, direction: Direction |
         outside=len(log.minutes) - len(minutes),
         left_out=log.left_out,
         gaps=_gaps(minutes),
+    )
+
+
+def along(log: BatteryLog, discharge: BatteryFit, lift: float) -> BatteryLog:
+    """A charge's log with its charge in place of its voltage, which a charger lifts by `lift` on [0, 1].
+
+    It ends where the voltage is full: a charger holds it there, and it shows the charge no longer.
+    """
+    charges, voltages = zip(*discharge.discharge_curve, strict=True)
+    full = np.flatnonzero(log.scaled >= 1)
+    end = int(full[0]) + 1 if len(full) else len(log.scaled)
+    return replace(
+        log, minutes=log.minutes[:end], scaled=np.interp(log.scaled[:end] - lift, voltages, charges)
     )
 
 

@@ -10,7 +10,7 @@ from rich.table import Table
 
 from apad_bridge.commands.help_text import ending
 from apad_bridge.commands.look.beliefs import FIGURE_ENDINGS
-from apad_bridge.field.battery_fit.battery_fit import BatteryFit, Direction, fit_log, minutes_to_full
+from apad_bridge.field.battery_fit.battery_fit import BatteryFit, Direction, along, fit_log, minutes_to_full
 from apad_bridge.field.battery_fit.battery_log import (
     MINUTES_IN,
     VALUE_UNITS,
@@ -75,6 +75,13 @@ def add_parser(commands: Any) -> None:
         "--full-mv", type=float, default=4200.0, metavar="MV", help="voltage of charge 1 (default: 4200)"
     )
     battery.add_argument(
+        "--lift-mv",
+        type=float,
+        default=0.0,
+        metavar="MV",
+        help="voltage by which the charger lifts a battery; counts where a discharge has several pieces (default: 0)",
+    )
+    battery.add_argument(
         "--figure",
         type=Path,
         metavar="FILE",
@@ -97,11 +104,19 @@ def run_battery(arguments: argparse.Namespace) -> int:
         arguments.full_mv,
     )
     direction = Direction(arguments.direction) if arguments.direction else None
-    fits = [fit_log(read_log(path, log_format), arguments.segments, direction) for path in arguments.logs]
+    logs = [read_log(path, log_format) for path in arguments.logs]
+    fits = [fit_log(log, arguments.segments, direction) for log in logs]
     if len({fitted.direction for fitted in fits}) < len(fits):
         raise UserError(
             f"both logs are {fits[0].direction}: give one log, or one of a charge and one of a discharge"
         )
+    discharge = next((it for it in fits if it.direction is Direction.DISCHARGING), None)
+    if discharge is not None and len(discharge.segments) > 1:
+        lift = arguments.lift_mv / (arguments.full_mv - arguments.empty_mv)
+        fits = [
+            it if it is discharge else fit_log(along(log, discharge, lift), arguments.segments)
+            for log, it in zip(logs, fits, strict=True)
+        ]
     if arguments.figure is not None:
         draw(fits[0], arguments.figure)
     return print_result(
@@ -128,13 +143,23 @@ def _refuse_contradictions(arguments: argparse.Namespace) -> None:
 
 
 def block_of(fits: list[BatteryFit]) -> dict[str, Any]:
-    """The keys of a scenario's `board` that follow from these logs."""
+    """The keys of a scenario's `board` that follow from these logs.
+
+    A discharge of several pieces is the curve of a whole board, whose charging is then a charge's and no voltage's.
+    """
     block: dict[str, Any] = {}
+    charging: dict[str, Any] = {}
+    power = block
     for fitted in sorted(fits, key=lambda it: it.direction, reverse=True):
-        if fitted.direction is Direction.DISCHARGING:
-            block["discharge_per_min"] = fitted.discharge_per_min
-        else:
-            block["charge_segments"] = [list(segment) for segment in fitted.charge_segments]
+        if fitted.direction is Direction.CHARGING:
+            charging["charge_segments"] = [list(segment) for segment in fitted.charge_segments]
+            continue
+        block["discharge_per_min"] = fitted.discharge_per_min
+        if len(fitted.segments) > 1:
+            curve = [list(point) for point in fitted.discharge_curve]
+            power = {"metering": {"profile": "table-one", "discharge_curve": curve}}
+            block["whole"] = {"power": power}
+    power |= charging
     return block
 
 
@@ -148,8 +173,16 @@ def _show(fits: list[BatteryFit], console: Console) -> None:
             console.print(f"note: {note}", highlight=False)
     # Plain print, so that the block can be copied: a terminal's width must not fold it.
     print("\nboard: # agent time")
-    for key, value in block_of(fits).items():
-        print(f"  {key}: {_yaml(value)}")
+    _print_block(block_of(fits), "  ")
+
+
+def _print_block(block: dict[str, Any], indent: str) -> None:
+    for key, value in block.items():
+        if isinstance(value, dict):
+            print(f"{indent}{key}:")
+            _print_block(value, indent + "  ")
+        else:
+            print(f"{indent}{key}: {value if isinstance(value, str) else _yaml(value)}")
 
 
 def _table(fitted: BatteryFit) -> Table:
@@ -191,7 +224,7 @@ def _notes(fitted: BatteryFit) -> list[str]:
     else:
         if len(fitted.segments) > 1:
             notes.append(
-                "a board discharges at one rate: the block has that of a straight line through all rows"
+                "a board of the worst case discharges at the one rate of a straight line through all rows"
             )
         notes.append(f"from full to empty in {1 / fitted.discharge_per_min:.1f} min")
     return notes

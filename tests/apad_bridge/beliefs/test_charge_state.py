@@ -19,6 +19,8 @@ from apad_bridge.beliefs.modes import Mode
 from apad_bridge.beliefs.spent_charge import Spent
 from apad_bridge.beliefs.twin_parameters import SensorParameters, TwinParameters, UntoldParameters
 from apad_bridge.scenario.loader import load
+from firmware_model.power.charge import FULL
+from firmware_model.power.voltage_curve import VoltageCurve
 
 SENSOR = SensorParameters(0.01, (0.0,) * 4, (0.01,) * 4, 300_000)
 NO_NOISE = np.zeros((SIZE, SIZE))
@@ -113,6 +115,22 @@ def test_a_charger_lifts_what_both_batteries_read() -> None:
     assert found[CHARGING] == pytest.approx(0.02)
     assert left[CHARGING, CHARGING] == pytest.approx(1 / (1 / 1e-4 + 2 / 1e-4))
     assert found[[PRIMARY, SECONDARY]] == pytest.approx([0.5, 0.6])
+
+
+def test_along_a_curve_a_reading_stands_for_another_charge_and_its_errors_for_more() -> None:
+    """By hand: on the flat piece a charge of 0.5 reads 0.25, and 0.01 of voltage is 0.02 of charge.
+
+    A prior of 0.02 and a reading of 0.01 * 2 meet in the middle; a bias of the voltage counts twice, too.
+    """
+    bent = VoltageCurve(((0, 0), (6 * FULL // 10, 3 * FULL // 10), (FULL, FULL)))
+    sensor = replace(SENSOR, curve=bent)
+    mean, cov = state(0.5, 0.6, primary=4e-4)
+    found, left, _, surprise = charge.measured(mean, cov, sensor, Mode.ASLEEP, (0.27, 0.3))
+    assert found[PRIMARY] == pytest.approx(0.52) and left[PRIMARY, PRIMARY] == pytest.approx(2e-4)
+    assert surprise == pytest.approx(0.04 / sqrt(8e-4))
+    mean, cov = state(0.5, 0.6, asleep=1e-4)
+    found, _, _, _ = charge.measured(mean, cov, sensor, Mode.ASLEEP, (0.27, 0.3))
+    assert found[ASLEEP] == pytest.approx(0.01)
 
 
 def test_a_load_moves_the_primarys_reading_alone() -> None:

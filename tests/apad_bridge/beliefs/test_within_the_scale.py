@@ -85,7 +85,8 @@ def test_a_voltage_that_is_held_at_the_full_one_is_not_what_the_battery_holds() 
     offsets = (0.04, 0.04)
     mean, cov = state(0.985, 0.01, CHARGING, 0.002, 0.0)
     found, _, _, surprise = measured(mean, cov, METERED, Mode.CHARGING_PRIMARY, (0.996, 0.99), offsets)
-    assert found[PRIMARY] == pytest.approx(0.985, abs=0.001) and surprise == 0.0
+    # 0.004 below the held voltage are 0.8 deviations of the noise.
+    assert found[PRIMARY] == pytest.approx(0.985, abs=0.001) and surprise == pytest.approx(0.8)
     low, low_cov = state(0.93, 0.01, CHARGING, 0.002, 0.0)
     found, _, _, surprise = measured(low, low_cov, METERED, Mode.CHARGING_PRIMARY, (0.996, 0.99), offsets)
     assert found[PRIMARY] > 0.945 and surprise > 2

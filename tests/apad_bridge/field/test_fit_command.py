@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from scenario_files import POOL_FILE
+from scenario_files import POOL_FILE, WHOLE_FILE
 
 from apad_bridge.commands.main import main
 from apad_bridge.runs.exits import Exit
-from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.loader import from_data, load, resolve
 
 ROOT = Path(__file__).parents[3]
 PAGE = ROOT / "docs/battery-fit.md"
@@ -46,6 +46,21 @@ def test_the_printed_block_makes_a_scenario(logs: Path, capsys: pytest.CaptureFi
     assert board.discharge_per_min == pytest.approx(0.0010427134, rel=0.01)
     flat = [number for segment in board.charge_segments for number in segment]
     assert flat == pytest.approx([0.16197, 0.001045, 0.5634, 0.00223, 1.0, 0.002911], rel=0.05)
+
+
+def test_a_bent_discharge_makes_a_whole_board(logs: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["fit", "battery", "charge.csv", "discharge.csv", "--segments", "2", "--lift-mv", "24"]
+    assert main(words) == Exit.DONE
+    told = capsys.readouterr().out
+    block = yaml.safe_load(told[told.index("board:") :])["board"]["whole"]["power"]
+    data = resolve(load(WHOLE_FILE))
+    data["board"]["whole"]["power"] |= block
+    power = from_data(data, "mine").board.whole.power
+    # The log's discharge is a straight line, so its two pieces lie on it.
+    assert [volts for _, volts in power.metering.discharge_curve] == pytest.approx(
+        [charge for charge, _ in power.metering.discharge_curve], abs=0.02
+    )
+    assert power.charge_segments == tuple(map(tuple, block["charge_segments"]))
 
 
 def test_json_has_the_fit_the_residuals_and_the_block(logs: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import pairwise
 
 import pytest
 from hypothesis import given, settings
@@ -16,6 +17,7 @@ from firmware_model.port import Level
 from firmware_model.power.active_battery import ActiveBattery
 from firmware_model.power.charge import FULL, Battery, ChargeModel, Flow, grains
 from firmware_model.power.rails import Loads, Rail
+from firmware_model.power.voltage_curve import STRAIGHT, VoltageCurve
 from firmware_model.states import State
 from firmware_model.table_one import FIELD, METERING, board, power
 from tests.firmware_model.conftest import lives
@@ -125,6 +127,13 @@ METERINGS = st.builds(
     lift=st.sampled_from([0, FULL // 20]),
     noise=st.sampled_from([0, FULL // 100, FULL // 10]),
     seed=st.integers(0, 2**64 - 1),
+    curve=st.sampled_from(
+        [
+            STRAIGHT,
+            VoltageCurve(((0, 0), (FULL // 5, FULL // 3), (4 * FULL // 5, FULL // 2), (FULL, FULL))),
+            VoltageCurve(((0, FULL // 50), (FULL // 2, FULL // 3), (FULL, 19 * FULL // 20))),
+        ]
+    ),
 )
 FACTS = st.lists(
     st.tuples(st.integers(1, 2000), st.booleans(), st.sampled_from([0, RATE // 3, RATE, 3 * RATE])),
@@ -173,7 +182,13 @@ class Stepped:
         metering = self.metering
         drawn = self.load if which == int(self.feed) else 0
         sag = metering.sag_ms * max(0, drawn - metering.sag_from)
-        return min(FULL, self.charges[which] - sag + (metering.lift if self.charging else 0))
+        return min(FULL, self.at_rest(which) - sag + (metering.lift if self.charging else 0))
+
+    def at_rest(self, which: int) -> int:
+        for (low, volts), (high, most) in pairwise(self.metering.curve.points):
+            if self.charges[which] <= high:
+                return volts + (self.charges[which] - low) * (most - volts) // (high - low)
+        raise AssertionError("a charge above FULL")
 
     def step(self, now_ms: int) -> list[tuple[int, Level]]:
         for which, coils in ((0, 2), (1, 1)):

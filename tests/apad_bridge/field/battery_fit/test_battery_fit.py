@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from apad_bridge.field.battery_fit.battery_fit import BatteryFit, Direction, fit_log, minutes_to_full
+from apad_bridge.field.battery_fit.battery_fit import BatteryFit, Direction, along, fit_log, minutes_to_full
 from apad_bridge.field.battery_fit.battery_log import BatteryLog, Floats, LogError
 
 EQUATION_2 = ((0.16197, 0.001045), (0.5634, 0.00223), (1.0, 0.002911))
@@ -66,6 +66,18 @@ def test_known_segments_come_out_of_a_noisy_log(
     for (end, rate), (known_end, known_rate) in zip(fitted.charge_segments, known, strict=True):
         assert end == pytest.approx(known_end, abs=0.03)
         assert rate == pytest.approx(known_rate, rel=0.06)
+
+
+def test_a_charge_along_a_discharge_s_curve_has_the_rates_of_its_charge() -> None:
+    """The voltage of a constant current bends along the curve, and lies higher on a charger; the charge does not bend."""
+    charges, voltages = [0.0, 0.2, 0.6, 1.0], [0.0, 0.3, 0.5, 1.0]
+    falling = np.interp(1 - np.arange(961) / 960, charges, voltages)
+    discharge = fit_log(log(falling), 3)
+    for point, expected in zip(discharge.discharge_curve, zip(charges, voltages, strict=True), strict=True):
+        assert point == pytest.approx(expected, abs=0.005)
+    rising = np.minimum(1.0, np.interp(np.arange(480) / 480, charges, voltages) + 0.05)
+    charge = fit_log(along(log(rising), discharge, 0.05), 1)
+    assert at(charge) == pytest.approx([1.0, 1 / 480], rel=0.01)
 
 
 def test_rests_before_and_after_are_no_part_of_the_charge() -> None:
