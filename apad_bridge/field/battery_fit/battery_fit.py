@@ -109,9 +109,7 @@ class BatteryFit:
 
 def fit_log(log: BatteryLog, segments: int | None = None, direction: Direction | None = None) -> BatteryFit:
     """Fits the part of a log that lies on [0, 1]. LogError has the fault of the log and its remedy."""
-    if len(log.minutes) < 4:
-        raise LogError(f"{log.name}: {len(log.minutes)} rows are too few: 4 at least")
-    found = _direction_of(log, direction)
+    found = direction_of(log, direction)
     used = _span_on_scale(log, found)
     minutes, scaled = log.minutes[used], log.scaled[used]
     wanted = segments or DEFAULT_SEGMENTS[found]
@@ -158,7 +156,10 @@ def minutes_to_full(segments: tuple[tuple[float, float], ...]) -> float:
     return fsum((end - start) / rate for start, (end, rate) in zip(starts, segments, strict=True))
 
 
-def _direction_of(log: BatteryLog, given: Direction | None) -> Direction:
+def direction_of(log: BatteryLog, given: Direction | None) -> Direction:
+    """The direction of a log as a whole; LogError where it has none, or another than the one that is given."""
+    if len(log.minutes) < 4:
+        raise LogError(f"{log.name}: {len(log.minutes)} rows are too few: 4 at least")
     slope = np.polynomial.Polynomial.fit(log.minutes - log.minutes[0], log.scaled, 1).convert().coef
     rise = float(slope[1]) * float(log.minutes[-1] - log.minutes[0]) if len(slope) > 1 else 0.0
     if abs(rise) < _LEAST_RISE:

@@ -10,7 +10,14 @@ from rich.table import Table
 
 from apad_bridge.commands.help_text import ending
 from apad_bridge.commands.look.beliefs import FIGURE_ENDINGS
-from apad_bridge.field.battery_fit.battery_fit import BatteryFit, Direction, along, fit_log, minutes_to_full
+from apad_bridge.field.battery_fit.battery_fit import (
+    BatteryFit,
+    Direction,
+    along,
+    direction_of,
+    fit_log,
+    minutes_to_full,
+)
 from apad_bridge.field.battery_fit.battery_log import (
     MINUTES_IN,
     VALUE_UNITS,
@@ -49,7 +56,7 @@ def add_parser(commands: Any) -> None:
         "--segments",
         type=int,
         metavar="N",
-        help="number of straight pieces (default: 3 charging, 1 discharging, as in the paper)",
+        help="number of straight pieces (default: 3 charging, 1 discharging, as in the paper; charging along a curve: 3)",
     )
     battery.add_argument(
         "--direction",
@@ -105,18 +112,16 @@ def run_battery(arguments: argparse.Namespace) -> int:
     )
     direction = Direction(arguments.direction) if arguments.direction else None
     logs = [read_log(path, log_format) for path in arguments.logs]
-    fits = [fit_log(log, arguments.segments, direction) for log in logs]
-    if len({fitted.direction for fitted in fits}) < len(fits):
+    logs.sort(key=lambda it: direction_of(it, direction), reverse=True)  # a discharge first
+    if len({direction_of(it, direction) for it in logs}) < len(logs):
         raise UserError(
-            f"both logs are {fits[0].direction}: give one log, or one of a charge and one of a discharge"
+            f"both logs are {direction_of(logs[0], direction)}: give one log, or one of a charge and one of a discharge"
         )
-    discharge = next((it for it in fits if it.direction is Direction.DISCHARGING), None)
-    if discharge is not None and len(discharge.segments) > 1:
+    fits = [fit_log(logs[0], arguments.segments, direction)]
+    for log in logs[1:]:
         lift = arguments.lift_mv / (arguments.full_mv - arguments.empty_mv)
-        fits = [
-            it if it is discharge else fit_log(along(log, discharge, lift), arguments.segments)
-            for log, it in zip(logs, fits, strict=True)
-        ]
+        is_curved = len(fits[0].segments) > 1
+        fits.append(fit_log(along(log, fits[0], lift)) if is_curved else fit_log(log, arguments.segments))
     if arguments.figure is not None:
         draw(fits[0], arguments.figure)
     return print_result(
@@ -150,7 +155,7 @@ def block_of(fits: list[BatteryFit]) -> dict[str, Any]:
     block: dict[str, Any] = {}
     charging: dict[str, Any] = {}
     power = block
-    for fitted in sorted(fits, key=lambda it: it.direction, reverse=True):
+    for fitted in fits:
         if fitted.direction is Direction.CHARGING:
             charging["charge_segments"] = [list(segment) for segment in fitted.charge_segments]
             continue

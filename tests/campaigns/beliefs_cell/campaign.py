@@ -81,7 +81,7 @@ MEAN_C, OWN_C, SWING_C = 15.0, 4.0, 2.0
 IDLE = 1 / 16
 """The idle load, in windows an hour."""
 CURVED_TWIN = TWIN | {"bias_deviation": 0.04, "coil_deviation": 0.03}
-"""Where it is told a curve: what temperature and charge make of one resistance, and of the charging rate."""
+"""A twin that is told a curve: temperature and charge change one resistance, and the charging rate."""
 
 
 class Unavailable(Exception):
