@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, TextIO
 
+from apad_bridge.events.person_orders import PERSON_ORDERS
 from apad_bridge.runs.exits import (
     Exit,
     fault_of_file,
@@ -50,14 +51,7 @@ GROUPS = {
     },
     "order": {
         "order": "a person's order to a flying run: `order stop`; short forms follow",
-        "stop": "hold the aPad where it is, or switch it off, until `continue`",
-        "hands": "controllers off and arms still, for hands at the docks",
-        "continue": "continue a run that was stopped or taken over",
-        "give-back": "return the aPad to the mission from a person who took it over",
-        "back-in": "send an aPad just outside the fence back inside, with a lookout",
-        "abort": "end the mission of a run; the aPad holds its position",
-        "remark": "write a remark into the records of a run",
-        "speed": "change the speed of a simulated flight, or let its time stand still",
+        **{act.command: it.line for act, it in PERSON_ORDERS.items()},
     },
     "look": {
         "console": "show a run live in a browser, and give it orders from there",
@@ -86,8 +80,6 @@ GROUPS = {
     },
 }
 """The commands that always are there, by what a person wants, each with its line in the list of all."""
-COMMANDS = {name: line for group in GROUPS.values() for name, line in group.items()}
-"""A module is loaded for its own command alone."""
 
 _FOLDERS = {"order": "fly", "look into a run": "look", "real hardware": "hardware"}
 """The folder of a group's modules where it does not have the group's name."""
@@ -186,7 +178,9 @@ def _module_of(name: str) -> str:
 
     brought = entry_points(_ENTRY_POINTS)
     if not (found := [it for it in brought if it.name == name]):
-        raise UserError(_unknown(name, [*COMMANDS, *(it.name for it in brought)]))
+        raise UserError(
+            _unknown(name, [*(it for group in GROUPS.values() for it in group), *(it.name for it in brought)])
+        )
     if len(found) > 1:
         packages = ", ".join(it.package for it in found)
         raise UserError(f"command {name} is in each of {packages}: remove one of these packages")

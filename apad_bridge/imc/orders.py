@@ -9,11 +9,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from apad_bridge.events.person_orders import Act
 from apad_bridge.imc import protocol as imc
 from apad_bridge.imc.messages import MISSION_PLAN, plain, plan_information, plan_list
 from apad_bridge.imc.protocol import Message
 from apad_bridge.scenario.area.local_frame import LocalFrame
-from apad_bridge.supervisor.control_client import Act, Answer, Request
+from apad_bridge.supervisor.control_client import Answer, Request
 
 MOST_PLANS = 64
 _DB, _CONTROL = imc.PlanDB, imc.PlanControl

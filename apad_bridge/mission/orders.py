@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from apad_bridge.events.event import Event
 from apad_bridge.vehicle.commands import Primitive
 from apad_bridge.vehicle.guards.stops import StopsEnded
+
+if TYPE_CHECKING:
+    from apad_bridge.vehicle.guards.guarded_vehicle import GuardedVehicle
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,8 +35,18 @@ class TellClear:
     agent_id: int
 
 
+class VehicleOrder(ABC):
+    """A person's word to the vehicle itself, past the docking port."""
+
+    __slots__ = ()
+
+    @abstractmethod
+    def give(self, vehicle: GuardedVehicle, now_ms: int) -> None:
+        """Gives it to the vehicle."""
+
+
 @dataclass(frozen=True, slots=True)
-class StopVehicle:
+class StopVehicle(VehicleOrder):
     """A person, named `by`, stops the vehicle: it holds its place where it may, else its controllers go off."""
 
     by: str
@@ -40,9 +55,12 @@ class StopVehicle:
     hands: bool = False
     """Controllers off, and no arm moves: somebody has hands at the docks."""
 
+    def give(self, vehicle: GuardedVehicle, now_ms: int) -> None:
+        vehicle.stop(self.by, now_ms, off=self.off, hands=self.hands)
+
 
 @dataclass(frozen=True, slots=True)
-class AllowMotion:
+class AllowMotion(VehicleOrder):
     """A person lets the vehicle move again, whatever stopped it."""
 
     by: str
@@ -50,17 +68,21 @@ class AllowMotion:
     """The person says that no pilot steers any more, whatever the pilot's flag says."""
     ends: StopsEnded = StopsEnded.ANY
 
+    def give(self, vehicle: GuardedVehicle, now_ms: int) -> None:
+        vehicle.allow_motion(self.by, now_ms, pilot_left=self.pilot_left, ends=self.ends)
+
 
 @dataclass(frozen=True, slots=True)
-class GoBackIn:
+class GoBackIn(VehicleOrder):
     """A person sends a vehicle that lies just outside the fence straight back in, while `lookout` watches the water."""
 
     by: str
     lookout: str
 
+    def give(self, vehicle: GuardedVehicle, now_ms: int) -> None:
+        vehicle.go_back_in(self.by, self.lookout, now_ms)
 
-VehicleOrder = StopVehicle | AllowMotion | GoBackIn
-"""A person's words to the vehicle itself, past the docking port."""
+
 Order = Primitive | PermitSurfacing | PingAgent | TellClear | VehicleOrder
 MissionAction = Order | Event
 """An order, or an event for the journal."""

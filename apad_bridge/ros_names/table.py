@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
+from apad_bridge.events.person_orders import PERSON_ORDERS
+
 BATTERY_ALERT, CLOCK, CLOCK_REACHED, TF, TF_STATIC, DIAGNOSTICS, USE_SIM_TIME = (
     "/battery_alert",
     "/clock",
@@ -191,15 +193,14 @@ OURS_OF_APAD = Section(
         ),
         *(
             _service(
-                f"musselbed/{{apad}}/{name}", "std_srvs/Trigger", "supervisor", f"as `musselbed {name} RUN`"
+                f"musselbed/{{apad}}/{act}",
+                it.service,
+                "supervisor",
+                f"as `musselbed {act.command} RUN`"
+                + (", by the stop's number" if "--stop" in it.arguments else ""),
             )
-            for name in ("stop", "abort")
-        ),
-        _service(
-            "musselbed/{apad}/continue",
-            "musselbed_msgs/Continue",
-            "supervisor",
-            "as `musselbed continue RUN`, by the stop's number",
+            for act, it in PERSON_ORDERS.items()
+            if it.service
         ),
         _service(
             "musselbed/{apad}/read_run",

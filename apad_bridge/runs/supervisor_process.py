@@ -12,7 +12,7 @@ import os
 import sys
 import traceback
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -30,7 +30,7 @@ from apad_bridge.planning.registry import Trust
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.ros.context import open_flight_context
 from apad_bridge.ros.gateway.primitive_services import primitives_offered
-from apad_bridge.ros.gateway.run_services import run_offered
+from apad_bridge.ros.gateway.run_services import RunServices
 from apad_bridge.ros.system.master_watch import forget_silent_master
 from apad_bridge.ros.system.ros_pace import StampedByMaster
 from apad_bridge.ros.system.ros_time import await_master, stamp_ms
@@ -98,7 +98,7 @@ def fly(run_dir: Path, trust: Trust | None, *, resume: bool, keeps: bool) -> int
                 context = stack.enter_context(_flight_context(run, fleet))
                 calls = stack.enter_context(primitives_offered(run.config.scenario, run.options))
                 if calls is not None:
-                    stack.enter_context(run_offered(run.path, run.config.scenario.apad.name))
+                    stack.enter_context(closing(RunServices(run.path, run.config.scenario.apad.name)))
                 run = _begin_with_others(run, context)
             if calls is not None:
                 # Last: whoever finds a supervisor that takes orders may end it in order from then on.

@@ -72,10 +72,10 @@ class AMusselOrders:
             case AMusselAct.PERMIT:
                 self._order(request, PermitSurfacing(request.agent), calls)
                 return "given to the guards: a refusal comes with the events"
-            case AMusselAct.HAND_OVER:
-                return self._ask(PresenceRequest(request.agent, PresenceTrigger.HAND_OVER, request.by))
-            case AMusselAct.TAKE_BACK:
-                return self._ask(PresenceRequest(request.agent, PresenceTrigger.TAKE_BACK, request.by))
+            case AMusselAct.HAND_OVER | AMusselAct.TAKE_BACK:
+                return self._ask(
+                    PresenceRequest(request.agent, PresenceTrigger[request.act.name], request.by)
+                )
             case AMusselAct.FAULT:
                 if request.fault is None:
                     raise Refused(f"name the fault: {', '.join(TimedFault)}")

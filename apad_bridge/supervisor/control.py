@@ -11,8 +11,9 @@ import os
 import socket
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -21,6 +22,7 @@ from pydantic import AfterValidator, TypeAdapter, ValidationError
 from agents.nursery.protocol import is_of_our_user
 from apad_bridge.events.guards import DOES_NOT_OBEY, StopState
 from apad_bridge.events.mission import MissionEnd
+from apad_bridge.events.person_orders import Act
 from apad_bridge.events.persons import PersonOrdered, Remarked, SpeedChanged
 from apad_bridge.events.run import EndReason
 from apad_bridge.mission.call_queue import CallQueue
@@ -28,7 +30,7 @@ from apad_bridge.mission.flight_mission import FLIES_ALREADY, FlightMission
 from apad_bridge.mission.orders import AllowMotion, GoBackIn, StopVehicle
 from apad_bridge.mission.values import Refused
 from apad_bridge.supervisor.amussel_orders import NO_AMUSSELS, AMusselOrders, AMusselRequest
-from apad_bridge.supervisor.control_client import SOCKET_NAME, Act, Answer, Request, answer_of, short_path
+from apad_bridge.supervisor.control_client import SOCKET_NAME, Answer, Request, answer_of, short_path
 from apad_bridge.supervisor.line_server import LineServer
 from apad_bridge.vehicle.commands import GoTo, Hold
 from apad_bridge.vehicle.guards.stops import StopRecord, StopsEnded
@@ -95,24 +97,8 @@ def _carried_out(
         return _stop(request, calls, gate, _STANDS_S if stands else TICK_S)
 
     def told(mission: FlightMission) -> Answer:
-        message = act(mission)
+        message = _IN_TICK[request.act](request, mission, gate) or ""
         return Answer(True, message, steers="" if request.act in (Act.ABORT, Act.REMARK) else mission.steers)
-
-    def act(mission: FlightMission) -> str:
-        if request.act is Act.REMARK:
-            mission.tell(Remarked(request.text, request.by))
-            return ""
-        if request.act is Act.GO_TO or request.act is Act.HOLD:
-            _move(request, mission, gate)
-            return ""
-        if request.act is Act.CONTINUE or request.act is Act.GIVE_BACK:
-            return _continue(request, mission, gate)
-        if request.act is Act.BACK_IN:
-            return _back_in(request, mission, gate)
-        assert request.act is Act.ABORT
-        mission.tell(PersonOrdered(request.act.value, request.by))
-        mission.finish(MissionEnd(EndReason.CALL, f"{EndReason.CALL}: abort by {request.by}"))
-        return ""
 
     return calls.call_mission(told)
 
@@ -126,11 +112,7 @@ def _change_speed(request: Request, calls: CallQueue, speed: FlightSpeed | None)
         raise Refused("a step takes `musselbed speed RUN 0` first")
     note = SpeedChanged(times, request.by)
 
-    def change() -> None:
-        if steps:
-            speed.step()
-        else:
-            speed.change(times)
+    change: Callable[[], object] = speed.step if steps else partial(speed.change, times)
 
     def act(mission: FlightMission) -> None:
         mission.tell(note)
@@ -215,7 +197,7 @@ def _continue(request: Request, mission: FlightMission, gate: Gate) -> str:
     return "" if told == FLIES_ALREADY else told
 
 
-def _back_in(request: Request, mission: FlightMission, gate: Gate) -> str:
+def _back_in(request: Request, mission: FlightMission, gate: Gate) -> None:
     if not request.lookout.strip():
         raise Refused("the way back inside needs a lookout: name the person who watches the water")
     _, why_not = gate.way_back(mission.now_ms)
@@ -223,7 +205,15 @@ def _back_in(request: Request, mission: FlightMission, gate: Gate) -> str:
         raise Refused(why_not)
     mission.tell(PersonOrdered(request.act.value, request.by))
     mission.order(GoBackIn(request.by, request.lookout))
-    return ""
+
+
+def _remark(request: Request, mission: FlightMission, _: Gate) -> None:
+    mission.tell(Remarked(request.text, request.by))
+
+
+def _abort(request: Request, mission: FlightMission, _: Gate) -> None:
+    mission.tell(PersonOrdered(request.act.value, request.by))
+    mission.finish(MissionEnd(EndReason.CALL, f"{EndReason.CALL}: abort by {request.by}"))
 
 
 def _move(request: Request, mission: FlightMission, gate: Gate) -> None:
@@ -244,6 +234,18 @@ def _move(request: Request, mission: FlightMission, gate: Gate) -> None:
         mission.go_to(north_m, east_m, request.speed_m_s)
     else:
         mission.hold(north_m, east_m)
+
+
+_IN_TICK: dict[Act, Callable[[Request, FlightMission, Gate], str | None]] = {
+    Act.CONTINUE: _continue,
+    Act.GIVE_BACK: _continue,
+    Act.BACK_IN: _back_in,
+    Act.ABORT: _abort,
+    Act.REMARK: _remark,
+    Act.GO_TO: _move,
+    Act.HOLD: _move,
+}
+"""The acts that the supervisor's thread carries out within its next tick. Each may return what a person has to know."""
 
 
 @contextmanager

@@ -14,18 +14,16 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from apad_bridge.events.person_orders import LONGEST_NAME, LONGEST_REMARK, Act
 from apad_bridge.vehicle.errors import PeerFailed
 
 if TYPE_CHECKING:
     from apad_bridge.supervisor.amussel_orders import AMusselRequest
 
 SOCKET_NAME = "control.sock"
-LONGEST_REMARK, LONGEST_NAME = 2000, 100
-"""Characters."""
 LONGEST_LINE = 16_384
 """Bytes of a request or an answer."""
 LATE_S = 2.0
@@ -34,22 +32,6 @@ PATIENCE_S = 23.0
 """Wall seconds for an answer. The supervisor itself answers sooner, so silence for longer is not the mission's."""
 _AGAIN_S = 0.02
 """A client waits so long before it tries again to connect to a supervisor whose queue is full."""
-
-
-class Act(StrEnum):
-    STOP = "stop"
-    HANDS = "hands"
-    """Somebody has hands at the docks: controllers off, and no arm moves."""
-    CONTINUE = "continue"
-    GIVE_BACK = "give back"
-    """Continue, and return the aPad to the mission from a person who took it over."""
-    BACK_IN = "back in"
-    """Straight back inside the fence, from at most 5 m outside."""
-    ABORT = "abort"
-    REMARK = "remark"
-    SPEED = "speed"
-    GO_TO = "go to"
-    HOLD = "hold"
 
 
 @dataclass(frozen=True, slots=True)

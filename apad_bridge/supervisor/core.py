@@ -33,13 +33,11 @@ from apad_bridge.mission.facts import (
 )
 from apad_bridge.mission.flight_mission import MissionRole
 from apad_bridge.mission.orders import (
-    AllowMotion,
-    GoBackIn,
     MissionAction,
     PermitSurfacing,
     PingAgent,
-    StopVehicle,
     TellClear,
+    VehicleOrder,
 )
 from apad_bridge.mission.sources import Allocation
 from apad_bridge.scenario.schema import Scenario
@@ -389,7 +387,7 @@ class Supervisor:
                 case TellClear(agent_id):
                     data = self._codec.encode(CommandPacket(Kind.RELEASE, agent_id))
                     actions.append(Send(Medium.WIFI, agent_id, data))
-                case Event() | StopVehicle() | AllowMotion() | GoBackIn():
+                case Event() | VehicleOrder():
                     actions.append(order)
                 case _:
                     self._named[order.command_id] = order

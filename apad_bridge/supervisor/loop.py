@@ -39,7 +39,7 @@ from apad_bridge.mission.facts import (
     SoundHeard,
     WifiHeard,
 )
-from apad_bridge.mission.orders import AllowMotion, GoBackIn, StopVehicle
+from apad_bridge.mission.orders import StopVehicle, VehicleOrder
 from apad_bridge.supervisor.clock import StopSign
 from apad_bridge.supervisor.context import FlightContext, Watcher
 from apad_bridge.supervisor.core import Supervisor
@@ -183,13 +183,10 @@ class Flight:
             match action:
                 case Event():
                     self._recorder.event(now_ms, action)
-                case StopVehicle(by, off, hands):
-                    self._vehicle.stop(by, now_ms, off=off, hands=hands)
-                    self._keep_stops(now_ms)
-                case AllowMotion(by, pilot_left, ends):
-                    self._vehicle.allow_motion(by, now_ms, pilot_left=pilot_left, ends=ends)
-                case GoBackIn(by, lookout):
-                    self._vehicle.go_back_in(by, lookout, now_ms)
+                case VehicleOrder():
+                    action.give(self._vehicle, now_ms)
+                    if isinstance(action, StopVehicle):
+                        self._keep_stops(now_ms)
                 case Send(Medium.SOUND, agent_id, data) if self._serial_lines.command(agent_id, data, now_ms):
                     pass
                 case KeepSamples(agent_id, samples):

@@ -16,10 +16,10 @@ from safety.nodes.imc_order import plan_control
 from safety.person import says_done
 from safety.track import is_inside
 
+from apad_bridge.events.person_orders import Act
 from apad_bridge.imc.orders import ConsoleOrder, ConsoleOrders
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.loader import load
-from apad_bridge.supervisor.control import Act
 from apad_bridge.world.apad.motion import Motion
 
 REAL_APAD = Path(__file__).parents[2] / "launch_scripts" / "scenarios" / "real-apad.yaml"

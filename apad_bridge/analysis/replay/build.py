@@ -13,6 +13,7 @@ import yaml
 
 from apad_bridge.analysis.energy.energy import rails_of
 from apad_bridge.analysis.replay.series import add_rails, whole_view
+from apad_bridge.events.person_orders import PERSON_ORDERS, Act, Button, PersonOrder
 from apad_bridge.records.journal import JournalContents, read_journal
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.records.run_state import RunState
@@ -131,6 +132,9 @@ def render(runs: list[dict[str, Any]]) -> str:
     """The page, with styles, data and scripts in it; the runs are those of the aPads of one flight, or two to compare."""
     # "<" is escaped, so that no text of a scenario can end the script element that holds the data.
     encoded = json.dumps(runs, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
+    buttons = [
+        (it.in_bar, _button(act, order, it)) for act, order in PERSON_ORDERS.items() for it in order.buttons
+    ]
     parts = {
         "TITLE": escape(f"{runs[0]['name']} - {'live' if 'live' in runs[0] else 'replay'}"),
         "LICENSE": _resource("uplot/LICENSE"),
@@ -138,12 +142,27 @@ def render(runs: list[dict[str, Any]]) -> str:
         "DATA": encoded,
         "LIBRARY": _resource("uplot/uPlot.iife.min.js"),
         "SCRIPT": "".join(map(_resource, SCRIPTS)),
+        "BAR": "".join(text for in_bar, text in buttons if in_bar),
+        "ORDERS": "".join(text for in_bar, text in buttons if not in_bar),
     }
     page = _resource("page.html")
     for name, text in parts.items():
         before, after = page.split(f"<!--{name}-->")
         page = before + text + after
     return page
+
+
+def _button(act: Act, order: PersonOrder, button: Button) -> str:
+    named = {
+        "id": button.id,
+        "title": button.title,
+        "data-act": act,
+        "data-asks": button.asks,
+        "data-sends": json.dumps(button.sends),
+        "data-names": "stop" if "--stop" in order.arguments else "",
+    }
+    told = "".join(f' {name}="{escape(it)}"' for name, it in named.items() if it)
+    return f'<button class="order"{told}>{escape(button.label)}</button>\n'
 
 
 def _resource(name: str) -> str:

@@ -2,15 +2,6 @@
 
 // The console sends something at least each second; the page looks twice a second, and so says within 3 s that it is silent.
 const SILENT_MS = 2500;
-const ASKED_FIRST = {
-  continue: "The aPad will move again. Is the water around it clear?",
-  "give back": "The mission will move the aPad. Is the water around it clear?",
-  abort: "End the mission? The aPad holds its position, and nothing plans any more.",
-  "permit to surface": "The aMussel will come up. Is the water above it clear?",
-  "hand over": "A real aMussel takes its place, and its simulation is heard no more. Is the real one in the water?",
-  "take back": "The simulated aMussel begins where the real one is believed to be, and the real one is heard no more.",
-  "cause a fault": "The aMussel's board will meet this fault.",
-};
 const LEGEND_MS = 3000;
 const SHARED_COLUMNS = ["times_ms", "active", "cost", "apad", "docks", "stage"];
 let counts, heardMs, stream, token, legendMs = 0;
@@ -108,9 +99,9 @@ function showStopLive(unheard) {
   soundAlarm(stage, unheard);
 }
 
-async function order(act, more = {}) {
+async function order(act, more = {}, asks = "") {
   const whose = more.agent === undefined ? "" : ` (aMussel ${more.agent})`;
-  if (ASKED_FIRST[act] && !(await isSure(ASKED_FIRST[act] + whose))) return;
+  if (asks && !(await isSure(asks + whose))) return;
   $("answer").textContent = "…";
   try {
     const answer = await fetch("/orders", {
@@ -199,17 +190,16 @@ if (data.live) {
   $("fault").addEventListener("change", showFault);
   showFault();
   for (const button of $("one-orders").querySelectorAll("button")) {
-    const { act } = button.dataset;
+    const { act, asks } = button.dataset;
     button.hidden = (act === "ping" && !ping) || (act === "cause a fault" && !faults.length);
-    button.addEventListener("click", () => order(act, { agent: selected, ...(act === "cause a fault" ? chosenFault() : {}) }));
+    button.addEventListener("click", () => order(act, { agent: selected, ...(act === "cause a fault" ? chosenFault() : {}) }, asks));
   }
   $("fault").hidden = !faults.length;
-  for (const act of ["stop", "hands", "abort"]) $(act).addEventListener("click", () => order(act));
-  $("off").addEventListener("click", () => order("stop", { off: true }));
-  for (const [id, act] of [["continue", "continue"], ["give-back", "give back"]]) {
-    $(id).addEventListener("click", () => {
-      const { stop } = data.stages[data.stages.length - 1];
-      order(act, stop && stop.number !== null ? { stop: stop.number } : {});
+  for (const button of document.querySelectorAll(".orders [data-act]")) {
+    const { act, sends, asks, names } = button.dataset;
+    button.addEventListener("click", () => {
+      const { stop } = names ? data.stages[data.stages.length - 1] : {};
+      order(act, { ...JSON.parse(sends), ...(stop && stop.number !== null ? { stop: stop.number } : {}) }, asks);
     });
   }
   $("flight-speed").onchange = () => order("speed", { times: +$("flight-speed").value });

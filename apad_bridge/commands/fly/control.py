@@ -6,18 +6,17 @@ import argparse
 import getpass
 import json
 import sys
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
 from apad_bridge.commands.help_text import ending
+from apad_bridge.events.person_orders import PERSON_ORDERS, Act
 from apad_bridge.runs.exits import Exit
 from apad_bridge.scenario.errors import UserError
 from apad_bridge.supervisor.control_client import (
     LATE_S,
-    LONGEST_REMARK,
     SOCKET_NAME,
-    Act,
     Answer,
     NobodyListens,
     Request,
@@ -25,68 +24,14 @@ from apad_bridge.supervisor.control_client import (
 )
 from apad_bridge.vehicle.errors import PeerFailed
 
-_NO_EMERGENCY_STOP = "This is no emergency stop: it needs a live supervisor and a link to the vehicle."
-_COMMANDS: dict[Act, tuple[str, tuple[str, ...]]] = {
-    Act.STOP: (
-        "The aPad holds its position where it may: a position that is believed, inside the fence. Else its controllers go "
-        "off, and it drifts. A second stop, a second or more after the first, switches them off. The command says `done` "
-        "only when the vehicle has accepted the stop and the hull slows; nothing moves the aPad before `musselbed "
-        f"continue`. {_NO_EMERGENCY_STOP}",
-        ("musselbed stop runs/pool-12-1", "musselbed stop runs/bay-120-1/apad2 --off --by Anna"),
-    ),
-    Act.HANDS: (
-        "For hands at the docks, mooring, and the crane: the controllers go off, and no arm of a dock moves, until "
-        f"`musselbed continue`. {_NO_EMERGENCY_STOP}",
-        ("musselbed hands runs/pool-12-1", "musselbed hands runs/bay-120-1/apad2 --by Anna"),
-    ),
-    Act.CONTINUE: (
-        "The mission plans anew from the aPad's place. A script, or a flight by hand, continues where it stopped: an aPad "
-        "that a person took over stays with that person until `musselbed give-back`. The word counts for the newest stop, "
-        "and says that the position is right.",
-        ("musselbed continue runs/pool-12-1", "musselbed continue runs/pool-12-1 --stop 3 --by Anna"),
-    ),
-    Act.GIVE_BACK: (
-        "Continues, and returns the aPad to the mission from a person who took it over.",
-        ("musselbed give-back runs/pool-12-1", "musselbed give-back runs/pool-12-1 --stop 3 --by Anna"),
-    ),
-    Act.BACK_IN: (
-        "Sends an aPad that lies at most 5 m outside the fence straight back inside, across no keep-out zone, where it "
-        "holds. An aPad of generation A obeys no speed: bring it back by joystick.",
-        (
-            "musselbed back-in runs/pool-12-1 --lookout Bo",
-            "musselbed back-in runs/pool-12-1 --lookout Bo --by Anna",
-        ),
-    ),
-    Act.ABORT: (
-        f"The run ends in order, with its summary, and exit code 0. {_NO_EMERGENCY_STOP}",
-        ("musselbed abort runs/pool-12-1", "musselbed abort runs/pool-12-1 --motors-off"),
-    ),
-    Act.SPEED: (
-        "Changes the speed of a simulated flight: TIMES mission seconds in a wall second. With 0, mission time stands "
-        "still, and `step` lets one more tick come. The flight is the same as without a change, and so is its digest. On a "
-        "real aPad, and on somebody else's /clock, it changes nothing: there `musselbed stop RUN` stops.",
-        (
-            "musselbed speed runs/pool-12-1 5",
-            "musselbed speed runs/pool-12-1 0",
-            "musselbed speed runs/pool-12-1 step",
-        ),
-    ),
-    Act.REMARK: (
-        "The journal, the bag and the replay page show the remark at its mission time.",
-        (
-            'musselbed remark runs/pool-12-1 "fishing boat 200 m north"',
-            'musselbed remark runs/pool-12-1 "gone" --by Anna',
-        ),
-    ),
-}
-
 
 def add_parser(commands: Any) -> None:
     """Adds `order` with all orders, and the short form of each."""
+    names = [it.command for it in PERSON_ORDERS]
     order = commands.add_parser(
         "order",
-        description="Gives a person's order to a flying run: stop, hands, continue, give-back, back-in, abort, "
-        "speed or remark. Each has a short form, such as `musselbed stop RUN`.",
+        description=f"Gives a person's order to a flying run: {', '.join(names[:-1])} or {names[-1]}. "
+        "Each has a short form, such as `musselbed stop RUN`.",
         epilog=ending("musselbed order stop runs/pool-12-1", "musselbed order continue runs/pool-12-1"),
     )
     _add_orders(order.add_subparsers(metavar="ORDER", required=True), "musselbed order")
@@ -94,60 +39,20 @@ def add_parser(commands: Any) -> None:
 
 
 def _add_orders(commands: Any, program: str) -> None:
-    for act, (description, examples) in _COMMANDS.items():
+    for act, it in PERSON_ORDERS.items():
         parser = commands.add_parser(
-            act.value.replace(" ", "-"),
-            description=description,
-            epilog=ending(*(it.replace("musselbed", program, 1) for it in examples)),
+            act.command,
+            description=it.description,
+            epilog=ending(*(example.replace("musselbed", program, 1) for example in it.examples)),
         )
         parser.add_argument("directory", type=Path, metavar="RUN", help="the run's directory")
-        if act is Act.REMARK:
-            parser.add_argument("text", metavar="TEXT", help=f"at most {LONGEST_REMARK} characters")
-        if act is Act.SPEED:
-            parser.add_argument(
-                "times",
-                type=_times,
-                metavar="TIMES",
-                help="a number, 0 to stand still, or step for one more tick",
-            )
-        if act is Act.STOP:
-            parser.add_argument(
-                "--off", action="store_true", help="switch the controllers off, so that the aPad drifts"
-            )
-        if act in (Act.CONTINUE, Act.GIVE_BACK):
-            parser.add_argument(
-                "--stop",
-                type=int,
-                metavar="N",
-                help="the stop's number; refused for one that is not the newest",
-            )
-            parser.add_argument(
-                "--pilot-left",
-                action="store_true",
-                help="you have seen that no pilot steers, though the pilot's flag was never taken back",
-            )
-        if act is Act.BACK_IN:
-            parser.add_argument("--lookout", required=True, metavar="NAME", help="who watches the water")
-        if act is Act.ABORT:
-            parser.add_argument(
-                "--motors-off",
-                action="store_true",
-                help="first switch the aPad's controllers off, so that it drifts",
-            )
+        for name, options in it.arguments.items():
+            parser.add_argument(name, **options)
         parser.add_argument(
             "--by", default=None, metavar="NAME", help="your name for the records (default: the user's name)"
         )
         parser.add_argument("--json", action="store_true", help="print the answers by aPad as JSON on stdout")
         parser.set_defaults(act=act)
-
-
-def _times(text: str) -> float | None:
-    if text == "step":
-        return None
-    try:
-        return float(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"TIMES is a number or step, not '{text}'") from None
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -223,16 +128,8 @@ def _line(answer: Answer, directory: Path) -> str:
 
 def _requests(arguments: argparse.Namespace) -> list[Request]:
     by = arguments.by or getpass.getuser()
-    request = Request(
-        arguments.act,
-        by,
-        getattr(arguments, "text", ""),
-        off=getattr(arguments, "off", False),
-        stop=getattr(arguments, "stop", None),
-        pilot_left=getattr(arguments, "pilot_left", False),
-        lookout=getattr(arguments, "lookout", ""),
-        times=getattr(arguments, "times", None),
-    )
+    given = {it.name: getattr(arguments, it.name) for it in fields(Request) if it.name in arguments}
+    request = Request(**given | {"by": by})
     if request.mistake:
         raise UserError(request.mistake)
     if getattr(arguments, "motors_off", False):

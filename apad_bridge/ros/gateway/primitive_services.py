@@ -181,13 +181,14 @@ class PrimitiveServices:
             rospy.Service(below("go_to_point"), GoToPoint, self._go_to_point),
             rospy.Service(below("go_to_position"), GoToPosition, self._go_to_position),
             rospy.Service(below("hold_position"), HoldPosition, self._hold_position),
-            rospy.Service(below("dock"), Dock, self._dock),
-            rospy.Service(below("undock"), Undock, self._undock),
-            rospy.Service(
-                below("take_over"), Trigger, self._mission_trigger(lambda mission: mission.take_over())
-            ),
-            rospy.Service(
-                below("give_back"), Trigger, self._mission_trigger(lambda mission: mission.give_back())
+            rospy.Service(below("dock"), Dock, partial(self._move_dock, DockResponse, dock=True)),
+            rospy.Service(below("undock"), Undock, partial(self._move_dock, UndockResponse, dock=False)),
+            *(
+                rospy.Service(below(name), Trigger, partial(self._trigger, act))
+                for name, act in (
+                    ("take_over", FlightMission.take_over),
+                    ("give_back", FlightMission.give_back),
+                )
             ),
         ]
         self._actions = PrimitiveActions(command_source, apad)
@@ -221,11 +222,8 @@ class PrimitiveServices:
         point = () if request.here else (request.north_m, request.east_m)
         return self._answered(HoldPositionResponse, lambda mission: mission.hold(*point))
 
-    def _dock(self, request: Any) -> Any:
-        return self._answered(DockResponse, docking_act(request, dock=True))
-
-    def _undock(self, request: Any) -> Any:
-        return self._answered(UndockResponse, docking_act(request, dock=False))
+    def _move_dock(self, response: Any, request: Any, *, dock: bool) -> Any:
+        return self._answered(response, docking_act(request, dock=dock))
 
     def _answered(self, response: Any, act: ServiceAct) -> Any:
         try:
@@ -234,8 +232,12 @@ class PrimitiveServices:
             return response(accepted=False, message=str(refused))
         return response(accepted=True, message="")
 
-    def _mission_trigger(self, act: Callable[[FlightMission], str]) -> Callable[[Any], Any]:
-        return lambda _: _triggered(lambda: self._command_source.call_mission(act))
+    def _trigger(self, act: Callable[[FlightMission], str], _: Any) -> Any:
+        """Answers with the text that the call returns."""
+        try:
+            return TriggerResponse(success=True, message=self._command_source.call_mission(act))
+        except Refused as refused:
+            return TriggerResponse(success=False, message=str(refused))
 
     def _show(self, snapshot: Snapshot) -> None:
         now = (int(snapshot.goto), int(snapshot.docking))
@@ -243,12 +245,3 @@ class PrimitiveServices:
             self._published = now
             self._goto_status.publish(Int32(now[0]))
             self._docking_status.publish(Int32(now[1]))
-
-
-def _triggered(call: Callable[[], str]) -> Any:
-    """Answers with the text that the call returns."""
-    try:
-        text = call()
-    except Refused as refused:
-        return TriggerResponse(success=False, message=str(refused))
-    return TriggerResponse(success=True, message=text)

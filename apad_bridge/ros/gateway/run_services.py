@@ -11,19 +11,18 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import rospy
 
+from apad_bridge.events.person_orders import LONGEST_NAME, PERSON_ORDERS, Act
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import ours_of_apad
 from apad_bridge.supervisor.control import answered_line
-from apad_bridge.supervisor.control_client import LONGEST_NAME, Act, Request, answer_of
+from apad_bridge.supervisor.control_client import Request, answer_of
 
 use_generated_messages()
 
@@ -55,14 +54,20 @@ class RunServices:
         self._read_s = -_FOLLOWED_S
         self._gave_summary = False
         self._all_read = threading.Event()
+        orders = {
+            "std_srvs/Trigger": (Trigger, self._triggered),
+            "musselbed_msgs/Continue": (Continue, self._continue),
+        }
         self._services = [
             rospy.Service(ours_of_apad(apad, "read_run"), ReadRun, self._read),
             rospy.Service(ours_of_apad(apad, "give_order"), GiveOrder, self._order),
             *(
-                rospy.Service(ours_of_apad(apad, act.value), Trigger, partial(self._act, act))
-                for act in (Act.STOP, Act.ABORT)
+                rospy.Service(
+                    ours_of_apad(apad, act), orders[it.service][0], partial(orders[it.service][1], act)
+                )
+                for act, it in PERSON_ORDERS.items()
+                if it.service
             ),
-            rospy.Service(ours_of_apad(apad, Act.CONTINUE.value), Continue, self._continue),
         ]
 
     def close(self) -> None:
@@ -89,14 +94,14 @@ class RunServices:
             self._all_read.set()
         return ReadRunResponse(exists=True, data=data)
 
-    def _act(self, act: Act, request: Any) -> Any:
+    def _triggered(self, act: Act, request: Any) -> Any:
         answer = answer_of(self._run_dir, Request(act, _caller(request)))
         told = [] if answer.stop is None else [f"stop {answer.stop}: {answer.mode}, {answer.state}"]
         told += [answer.message] if answer.message else []
         return TriggerResponse(success=answer.accepted, message="; ".join(told))
 
-    def _continue(self, request: Any) -> Any:
-        answer = answer_of(self._run_dir, Request(Act.CONTINUE, _caller(request), stop=request.stop))
+    def _continue(self, act: Act, request: Any) -> Any:
+        answer = answer_of(self._run_dir, Request(act, _caller(request), stop=request.stop))
         return ContinueResponse(accepted=answer.accepted, message=answer.message)
 
     def _order(self, request: Any) -> Any:
@@ -106,13 +111,3 @@ class RunServices:
 def _caller(request: Any) -> str:
     """The caller's node, which stands for the person because ROS names nobody else."""
     return f"node {request._connection_header['callerid']}"[:LONGEST_NAME]
-
-
-@contextmanager
-def run_offered(run_dir: Path, apad: str) -> Iterator[None]:
-    """Offers the services while it is entered."""
-    services = RunServices(run_dir, apad)
-    try:
-        yield
-    finally:
-        services.close()

@@ -70,7 +70,8 @@ def test_a_stop_loads_only_what_asks_a_supervisor(tmp_path: Path) -> None:
         "import sys\n"
         "from apad_bridge.commands.main import main\n"
         "code = main(sys.argv[1:])\n"
-        "heavy = {'numpy', 'pydantic', 'annotated_types', 'yaml', 'rich', 'msgpack', 'logging', 'apad_bridge.events'}\n"
+        "heavy = {'numpy', 'pydantic', 'annotated_types', 'yaml', 'rich', 'msgpack', 'logging'}\n"
+        "heavy |= {'apad_bridge.events.event'}\n"
         "sys.exit(', '.join(heavy & sys.modules.keys()) or (None if code == 2 else f'exit {code}'))"
     )
     words = ["stop", str(tmp_path)]

@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from apad_bridge.console.mirror import Mirror
-from apad_bridge.supervisor.control_client import Act, Request, answer_of, listens
+from apad_bridge.events.person_orders import Act
+from apad_bridge.supervisor.control_client import Request, answer_of, listens
 
 JOURNAL, SUMMARY = "journal.jsonl", "summary.json"
 

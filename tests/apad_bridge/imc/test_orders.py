@@ -13,11 +13,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from imc_codec import Codec, inner, name_of
 
+from apad_bridge.events.person_orders import Act
 from apad_bridge.imc.messages import stamped
 from apad_bridge.imc.orders import MOST_PLANS, ConsoleOrder, ConsoleOrders, Unfit
 from apad_bridge.imc.systems import Systems
 from apad_bridge.scenario.area.local_frame import LocalFrame
-from apad_bridge.supervisor.control_client import Act, Answer
+from apad_bridge.supervisor.control_client import Answer
 
 FRAME = LocalFrame(43.9330937, 15.4443468)
 NEPTUS, APAD = 0x4001, 0x2A01

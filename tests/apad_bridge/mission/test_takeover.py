@@ -12,6 +12,7 @@ from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.fleet import Estimator
 from apad_bridge.events.guards import StopKind
 from apad_bridge.events.mission import MissionEnd, MissionState, Phase
+from apad_bridge.events.person_orders import Act
 from apad_bridge.events.run import EndReason
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.energy_exchange import EnergyExchange
@@ -25,7 +26,7 @@ from apad_bridge.planning.solution import Step, StepKind
 from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.control import NOTHING_STOPPED, carry_out
-from apad_bridge.supervisor.control_client import Act, Request
+from apad_bridge.supervisor.control_client import Request
 from apad_bridge.supervisor.run_spec import RunSpec
 from apad_bridge.vehicle.commands import GoTo, OpenDock, PoseReported
 from apad_bridge.vehicle.link import LinkFact

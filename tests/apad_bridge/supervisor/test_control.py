@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 
 from apad_bridge.commands import main
 from apad_bridge.events.mission import Phase
+from apad_bridge.events.person_orders import Act
 from apad_bridge.mission.values import Status
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor import control
@@ -24,7 +25,6 @@ from apad_bridge.supervisor.clock import FlightSpeed
 from apad_bridge.supervisor.control import control_offered
 from apad_bridge.supervisor.control_client import (
     SOCKET_NAME,
-    Act,
     Answer,
     NobodyListens,
     Request,
@@ -95,6 +95,16 @@ def test_the_way_back_in_needs_a_lookout_and_a_place_outside(
     assert "--lookout" in capsys.readouterr().err
     assert flying.answered(lambda: main.main(["back-in", str(run_dir), "--lookout", "Bo"])) == 3
     assert "the aPad is inside the fence" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("act", Act)
+def test_every_act_is_carried_out_or_refused_with_a_reason(flying: Flying, act: Act) -> None:
+    """None is declared alone: without its part in the supervisor an order would end the supervisor's thread."""
+    request = Request(act, "Anna", "a boat", lookout="Bo", goal_m=(5.0, 5.0), times=1.0)
+    answer = flying.answered(lambda: control.carry_out(request, flying.calls, flying.gate))
+    # Nothing is stopped, the aPad is inside, and its time is not the flight's own.
+    assert answer.accepted is (act not in (Act.CONTINUE, Act.BACK_IN, Act.SPEED))
+    assert answer.accepted or answer.message
 
 
 def test_only_this_user_may_connect_and_the_socket_goes_with_its_supervisor(

@@ -9,13 +9,13 @@ from pathlib import Path
 import pytest
 
 from apad_bridge.commands import main
+from apad_bridge.events.person_orders import Act
 from apad_bridge.mission.call_queue import ANSWER_S
 from apad_bridge.supervisor import control_client
 from apad_bridge.supervisor.control import TOLD_S
 from apad_bridge.supervisor.control_client import (
     PATIENCE_S,
     SOCKET_NAME,
-    Act,
     Answer,
     Request,
     answer_of,
