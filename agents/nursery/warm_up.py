@@ -37,7 +37,7 @@ from agents.nursery.flash_file import FlashRegion
 from agents.nursery.state_file import RecordRing
 from firmware_model import stimuli as board_stimuli
 from firmware_model.board import Board
-from firmware_model.packets import PLAIN_KINDS, CommandPacket, Packet
+from firmware_model.packets import PLAIN, CommandPacket, Packet
 from firmware_model.packets.codec import Codec
 from firmware_model.packets.command_packets import WITH_ARGUMENTS
 from firmware_model.packets.wire import HEAD
@@ -194,7 +194,7 @@ def _stimuli(config: AgentConfig, codec: Codec) -> Iterator[AgentStimulus]:
 
 def _commands(codec: Codec, agent_id: int) -> Iterator[bytes]:
     """Every command of the firmware's packet tables, with numbers that can be obeyed and numbers that cannot."""
-    packets: list[Packet | None] = [CommandPacket(kind, agent_id) for kind in sorted(PLAIN_KINDS)]
+    packets: list[Packet | None] = [CommandPacket(kind, agent_id) for kind in sorted(PLAIN)]
     for command in WITH_ARGUMENTS:
         head = HEAD.pack(command.VERSION, command.kind, agent_id)
         sizes = [struct.calcsize(f"<{code}") for code in command.FORMAT.format[len(HEAD.format) :]]

@@ -23,12 +23,13 @@ from apad_bridge.events.mission import AMusselReleased
 from apad_bridge.events.vehicle import DocksDisagree
 from apad_bridge.mission.charging_watch import is_charged
 from apad_bridge.mission.order_book import OrderBook
-from apad_bridge.mission.orders import PermitSurfacing, TellClear
+from apad_bridge.mission.orders import PermitSurfacing, SendCommand
 from apad_bridge.mission.pool import floats, is_surfacing_or_floating
 from apad_bridge.mission.sources import BeliefSource
 from apad_bridge.scenario.schema import Mission
 from apad_bridge.vehicle.commands import DEFAULT_MANOEUVRE, CloseDock, GoTo, Manoeuvre, OpenDock
 from apad_bridge.vehicle.outcomes import NothingCaught, PrimitiveEnded, PrimitiveFailed, PrimitiveSucceeded
+from firmware_model.packets import Kind
 from firmware_model.state_groups import AT_WORK, DOCKED, STRANDED
 
 # The witnesses of a docking: the vehicle's report, the aMussel's own packets, and the vehicle's service about its docks.
@@ -382,7 +383,7 @@ class DockingRoutine:
     def released(self, agent_id: int) -> None:
         """Ends an undocking: the aMussel is free."""
         full = self._book.state.leaves_full
-        self._book.order(TellClear(agent_id))
+        self._book.order(SendCommand(Kind.RELEASE, agent_id))
         self._book.tell(AMusselReleased(agent_id, full))
         self._book.set(services=self._book.state.services + full)
 

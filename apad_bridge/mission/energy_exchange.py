@@ -21,7 +21,7 @@ from apad_bridge.mission.docking_routine import NOT_FOUND, DockingRoutine, Progr
 from apad_bridge.mission.end_by import EndBy
 from apad_bridge.mission.home_stays import NO_HOME, HomeStays
 from apad_bridge.mission.order_book import OrderBook
-from apad_bridge.mission.orders import MissionAction, TellClear
+from apad_bridge.mission.orders import MissionAction, SendCommand
 from apad_bridge.mission.phases import Collecting, GoingHome, PhaseAct, PhaseBehaviour
 from apad_bridge.mission.planner import Planner, PlanRules
 from apad_bridge.mission.plans import Planning, StrategyFailed, untold
@@ -32,6 +32,7 @@ from apad_bridge.mission.sources import BeliefSource
 from apad_bridge.planning.solution import StepKind
 from apad_bridge.scenario.surface import LegForecast
 from apad_bridge.vehicle.outcomes import DockChanged, Outcome, PrimitiveFailed, PrimitiveSucceeded
+from firmware_model.packets import Kind
 
 STUCK_AFTER = 3
 """So many go-tos that fail in a row are the aPad's fault and not the aMussels'."""
@@ -400,7 +401,7 @@ class EnergyExchange(OrderBook):
         for agent_id in self._sink_reminders.take_due(
             self._beliefs.all(), self._expected, self._collecting.called_up, now_ms
         ):
-            self.order(TellClear(agent_id))
+            self.order(SendCommand(Kind.RELEASE, agent_id))
 
     @property
     def _expected(self) -> set[int]:

@@ -19,7 +19,7 @@ from apad_bridge.mission.charging_watch import is_full
 from apad_bridge.mission.docking_routine import NOT_FOUND, DockingRoutine, GivenUp, OutOfReach, Progress
 from apad_bridge.mission.home_places import HomePlaces
 from apad_bridge.mission.order_book import OrderBook
-from apad_bridge.mission.orders import MissionAction, TellClear
+from apad_bridge.mission.orders import MissionAction, SendCommand
 from apad_bridge.mission.sink_reminders import SinkReminders
 from apad_bridge.mission.sources import PredictingBeliefSource
 from apad_bridge.mission.values import EventLog, Refused, ScriptEventKind, Status, dock_of
@@ -33,6 +33,7 @@ from apad_bridge.vehicle.outcomes import (
     PrimitiveFailed,
     PrimitiveSucceeded,
 )
+from firmware_model.packets import Kind
 from firmware_model.state_groups import BEYOND_HELP
 
 REACH_M = 3.0
@@ -255,9 +256,9 @@ class ManualMission(OrderBook):
         self._let_go.discard(agent_id)
         self._docking_routine.call_up(agent_id, self.now_ms)
 
-    def tell_clear(self, agent_id: int) -> None:
+    def send_command(self, kind: Kind, agent_id: int) -> None:
         self._require_place()
-        self.order(TellClear(agent_id))
+        self.order(SendCommand(kind, agent_id))
 
     def pause(self) -> None:
         """Holds position. A go-to goes on later; a search ends; a commanded mechanism is not stopped half-way."""
@@ -313,7 +314,7 @@ class ManualMission(OrderBook):
     def _remind_to_sink(self, now_ms: MissionMs) -> None:
         let_go = [belief for belief in self.beliefs.all() if belief.agent_id in self._let_go]
         for agent_id in self._sink_reminders.take_due(let_go, (), self._let_go, now_ms):
-            self.order(TellClear(agent_id))
+            self.order(SendCommand(Kind.RELEASE, agent_id))
 
     def _require_leave(self, *, moves: bool = True) -> tuple[float, float]:
         """The aPad's place, for an order that moves it, or else an aMussel. Refused where the gate would not let it out."""

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from apad_bridge.events.event import Event
 from apad_bridge.vehicle.commands import Primitive
 from apad_bridge.vehicle.guards.stops import StopsEnded
+from firmware_model.packets import Kind
 
 if TYPE_CHECKING:
     from apad_bridge.vehicle.guards.guarded_vehicle import GuardedVehicle
@@ -29,9 +30,10 @@ class PingAgent:
 
 
 @dataclass(frozen=True, slots=True)
-class TellClear:
-    """Tell the aMussel, by Wi-Fi, that it is clear to sink."""
+class SendCommand:
+    """Send the aMussel a command without arguments, by the medium of its kind: a release tells it that it may sink."""
 
+    kind: Kind
     agent_id: int
 
 
@@ -83,6 +85,6 @@ class GoBackIn(VehicleOrder):
         vehicle.go_back_in(self.by, self.lookout, now_ms)
 
 
-Order = Primitive | PermitSurfacing | PingAgent | TellClear | VehicleOrder
+Order = Primitive | PermitSurfacing | PingAgent | SendCommand | VehicleOrder
 MissionAction = Order | Event
 """An order, or an event for the journal."""

@@ -27,6 +27,7 @@ from apad_bridge.scripting.planned import Plan
 from apad_bridge.scripting.queries import FOR_EVER_S, Flag, Point, Queries, checks_arguments
 from apad_bridge.scripting.rendezvous import Wait
 from apad_bridge.vehicle.commands import Manoeuvre
+from firmware_model.packets import Kind
 
 _OWN_FIELDS = frozenset({"t", "at_ms", "kind", "what", "said"})
 """Fields of an event that the journal names itself."""
@@ -136,7 +137,7 @@ class Api(Queries):
 
     def tell_clear(self, id: int) -> None:
         """Tells a floating aMussel by Wi-Fi that it may sink. An undocking does so by itself."""
-        self._do(lambda mission: mission.tell_clear(id))
+        self._do(lambda mission: mission.send_command(Kind.RELEASE, id))
 
     @property
     def failure(self) -> str | None:

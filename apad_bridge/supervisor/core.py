@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter, deque
 from dataclasses import dataclass
 
-from agents.packet_medium import Medium
+from agents.packet_medium import Medium, medium_of
 from agents.time_scale import MissionMs
 from apad_bridge.acoustics.ranging import RangingService
 from apad_bridge.beliefs.belief import Belief
@@ -36,7 +36,7 @@ from apad_bridge.mission.orders import (
     MissionAction,
     PermitSurfacing,
     PingAgent,
-    TellClear,
+    SendCommand,
     VehicleOrder,
 )
 from apad_bridge.mission.sources import Allocation
@@ -378,15 +378,13 @@ class Supervisor:
                     pass  # the gate has the reason for the journal
                 case PermitSurfacing(agent_id):
                     self.beliefs.learn(agent_id, Permitted(), now_ms)
-                    data = self._codec.encode(CommandPacket(Kind.PERMISSION, agent_id))
-                    actions += self.send(Send(Medium.SOUND, agent_id, data), now_ms)
+                    actions += self._command(Kind.PERMISSION, agent_id, now_ms)
                 case PingAgent(agent_id) if self._ranging is not None:
                     self._ranging.ping(agent_id)
                 case PingAgent():
                     self.dropped["pings without a modem in the water"] += 1
-                case TellClear(agent_id):
-                    data = self._codec.encode(CommandPacket(Kind.RELEASE, agent_id))
-                    actions.append(Send(Medium.WIFI, agent_id, data))
+                case SendCommand(kind, agent_id):
+                    actions += self._command(kind, agent_id, now_ms)
                 case Event() | VehicleOrder():
                     actions.append(order)
                 case _:
@@ -399,6 +397,10 @@ class Supervisor:
                             actions.append(item)
         # The mission made its other orders before these outcomes. A snapshot among them must not follow a newer one.
         return actions + self._pass_on(outcomes, now_ms)
+
+    def _command(self, kind: Kind, agent_id: int, now_ms: MissionMs) -> list[Send]:
+        data = self._codec.encode(CommandPacket(kind, agent_id))
+        return self.send(Send(medium_of(kind), agent_id, data), now_ms)
 
     def _surfacing(self, agent_id: int) -> Surfacing:
         belief = self.beliefs.get(agent_id)

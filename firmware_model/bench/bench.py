@@ -9,6 +9,7 @@ from firmware_model.board import Board, MakeFirmware
 from firmware_model.config import BoardConfig
 from firmware_model.packets import CommandPacket, Kind, Packet
 from firmware_model.packets.codec import MusselbedCodec
+from firmware_model.packets.wire import PLAIN
 from firmware_model.power.charge import MS_PER_HOUR, MS_PER_MIN, Battery, Flow, fraction, grains
 from firmware_model.power.energy_ledger import EnergyLedger
 from firmware_model.settings import StoredSettings
@@ -138,9 +139,9 @@ class Bench:
         return self.tell(there)
 
     def command(self, kind: Kind) -> list[Action]:
-        """A packet for this board: by sound, or, for a release, by Wi-Fi."""
+        """A packet for this board: by the medium of its kind."""
         data = CommandPacket(kind, self.config.agent_id).encode()
-        return self.tell(WifiReceived(data) if kind is Kind.RELEASE else PacketHeard(data))
+        return self.tell(WifiReceived(data) if PLAIN[kind].by_wifi else PacketHeard(data))
 
     def hear(self, packet: Packet) -> list[Action]:
         """Delivers any packet by sound."""

@@ -19,6 +19,8 @@ from firmware_model.packets import (
     StatusPacket,
     Threshold,
 )
+from firmware_model.packets.command_packets import TRIGGERS
+from firmware_model.packets.commands import WORST_CASE
 from firmware_model.packets.wire import sealed
 from firmware_model.states import TABLE, State, Trigger
 
@@ -710,12 +712,7 @@ WAYS_INTO: dict[State, tuple[float, str]] = {
     State.EMPTY: (0.05, "2h"),
 }
 """A way into each state: the charge and a script."""
-_ORDERS = {
-    Kind.PERMISSION: Trigger.PERMISSION_HEARD,
-    Kind.RELEASE: Trigger.CLEAR_TO_SINK,
-    Kind.SINK: Trigger.SINK_TOLD,
-    Kind.PING: Trigger.PING_HEARD,
-}
+_ORDERS = {kind: trigger for kind, trigger in TRIGGERS.items() if kind in WORST_CASE}
 _KEPT = {(State.CHARGING, Kind.RELEASE)}
 """No trigger of the table, and yet an order that is kept until the pin has fallen."""
 AFTERWARDS = "permission 70s rises 1min falls 8min"

@@ -11,20 +11,21 @@ from itertools import pairwise
 from firmware_model.actions import Dropped, RunBuoyancy, SendBytes, StateChanged, StateReported
 from firmware_model.bench.bench import Bench
 from firmware_model.packets import CommandPacket, Kind
+from firmware_model.packets.command_packets import TRIGGERS
+from firmware_model.packets.wire import PLAIN
 from firmware_model.power.charge import FULL, Battery, ChargeModel, Flow
 from firmware_model.states import State
 from firmware_model.stimuli import BottomReached, PacketHeard, ResetCause, SurfaceReached, WifiReceived
 
 _UNITS_MS = {"ms": 1, "s": 1000, "min": 60_000, "h": 3_600_000}
-_COMMANDS = {
-    kind.name.lower(): kind for kind in (Kind.PERMISSION, Kind.RELEASE, Kind.PING, Kind.HOVER, Kind.SINK)
-}
+COMMANDS = {kind.name.lower(): kind for kind in TRIGGERS}
+"""By word, the commands that a state takes."""
 _RESETS = {cause.name.lower(): cause for cause in (ResetCause.BROWN_OUT, ResetCause.WATCHDOG)}
 _WAIT = re.compile(r"(\d+)(ms|s|min|h)")
 _CHATTER = re.compile(r"chatter:(\d+):(\d+):(\d+)")
 _TRAVEL = re.compile(r"travel:(\d+)(s|min|h)")
 STIMULI = (
-    *_COMMANDS,
+    *COMMANDS,
     "rises",
     "falls",
     "rises_unseen",
@@ -87,8 +88,8 @@ class Rig(ABC):
                 self.run(high_ms)
                 self.pin(False, noticed=True)
                 self.run(low_ms)
-        elif word in _COMMANDS:
-            self.command(_COMMANDS[word])
+        elif word in COMMANDS:
+            self.command(COMMANDS[word])
         elif word in _RESETS:
             self.reset(_RESETS[word])
         elif word.startswith(("rises", "falls")) and word[5:] in ("", "_unseen"):
@@ -141,8 +142,8 @@ class Rig(ABC):
         """Everything that the outside of the board has shown up to now."""
 
     def command(self, kind: Kind) -> None:
-        """Sends a command to the board (id 1): by sound, or, for a release, by Wi-Fi."""
-        self.receive(CommandPacket(kind, 1).encode(), by_sound=kind is not Kind.RELEASE)
+        """Sends a command to the board (id 1): by the medium of its kind."""
+        self.receive(CommandPacket(kind, 1).encode(), by_sound=not PLAIN[kind].by_wifi)
 
 
 class BenchRig(Rig):

@@ -8,7 +8,7 @@ from typing import Any
 
 from firmware_model.bench.conformance import Case, PaperTime, RequirementSource, Whole
 from firmware_model.bench.conformance_cases import AFTERWARDS, COUNTER, PIN, counting
-from firmware_model.bench.rigs import lasts_ms
+from firmware_model.bench.rigs import COMMANDS, lasts_ms
 from firmware_model.bench.wrong_packets import (
     EVERY_COMMAND,
     OTHER_VERSIONS,
@@ -34,6 +34,7 @@ from firmware_model.packets import (
     Threshold,
     WifiStatus,
 )
+from firmware_model.packets.command_packets import TRIGGERS
 from firmware_model.packets.wire import sealed
 from firmware_model.power.active_battery import ActiveBattery
 from firmware_model.state_groups import BEYOND_HELP, DOCKED, STRANDED
@@ -1827,25 +1828,19 @@ WAYS_INTO: dict[State, tuple[Whole, float, str]] = {
     State.LOST: (Whole("never", 0.005), 0.005, "20h"),
 }
 """A way into each state: the board, its charge and a script."""
-_TRIGGERS = {
-    "permission": Trigger.PERMISSION_HEARD,
-    "release": Trigger.CLEAR_TO_SINK,
-    "sink": Trigger.SINK_TOLD,
-    "ping": Trigger.PING_HEARD,
-    "hover": Trigger.HOVER_TOLD,
+_TRIGGERS = {word: TRIGGERS[kind] for word, kind in COMMANDS.items()} | {
     "rises": Trigger.CHARGE_EDGE_ROSE,
     "falls": Trigger.CHARGE_EDGE_FELL,
 }
-_KINDS = {it: Kind[it.upper()] for it in ("permission", "release", "sink", "ping", "hover")}
 _KEPT = {(state, "release") for state in (State.CHARGING, State.REPORTING)}
 """No trigger of the table, and yet an order that is kept until the pin has fallen."""
 
 
 def _ordered(word: str) -> str:
     """The order by both media: sound does not reach a modem in air, nor Wi-Fi a board under water."""
-    if word not in _KINDS:
+    if word not in COMMANDS:
         return word
-    packet = CommandPacket(_KINDS[word], 1)
+    packet = CommandPacket(COMMANDS[word], 1)
     return f"{_sound(packet)} {_wifi(packet)}"
 
 
@@ -1988,7 +1983,7 @@ _TABLE = [
                     script,
                     *(
                         _ordered(word)
-                        for word in _KINDS
+                        for word in COMMANDS
                         if (state, _TRIGGERS[word]) not in TABLE and (state, word) not in _KEPT
                     ),
                     f"1min {'falls' if state in DOCKED else ''} 25min {AFTERWARDS}",

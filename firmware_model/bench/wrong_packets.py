@@ -14,7 +14,7 @@ from firmware_model.packets import (
     SlotAssignment,
     Threshold,
 )
-from firmware_model.packets.wire import sealed
+from firmware_model.packets.wire import PLAIN, sealed
 
 
 def damages(packet: bytes) -> list[bytes]:
@@ -26,10 +26,7 @@ def damages(packet: bytes) -> list[bytes]:
 
 
 EVERY_COMMAND: tuple[Command, ...] = (
-    *(
-        CommandPacket(kind, 1)
-        for kind in (Kind.PERMISSION, Kind.RELEASE, Kind.PING, Kind.HOVER, Kind.SINK, Kind.BACK_UP_LOG)
-    ),
+    *(CommandPacket(kind, 1) for kind in PLAIN),
     HoverAt(1, 1.25),
     SleepSchedule(1, 60_000, 10_000),
     SlotAssignment(1, 300_000, 3000, 500, 7, 0),
@@ -42,7 +39,7 @@ _LAYOUTS = {(it[0], it[1], len(it)) for it in (command.encode() for command in E
 UNKNOWN_LAYOUTS = [
     sealed(bytes([version, kind, 1, 0]) + bytes(size - 6))
     for version in range(4)
-    for kind in range(16)
+    for kind in range(len(Kind) + 1)
     for size in sorted({size for _, _, size in _LAYOUTS})
     if (version, kind, size) not in _LAYOUTS
 ]

@@ -1,7 +1,6 @@
 """The packets between a board and an aPad, and their bytes."""
 
 from firmware_model.packets.command_packets import (
-    PLAIN_KINDS,
     Beacon,
     Command,
     CommandPacket,
@@ -23,12 +22,12 @@ from firmware_model.packets.status_packets import (
     StatusPacket,
     WifiStatus,
 )
-from firmware_model.packets.wire import EVERYONE, Kind
+from firmware_model.packets.wire import EVERYONE, PLAIN, Kind
 
 __all__ = [
     "EVERYONE",
     "NOTHING_REPORTED",
-    "PLAIN_KINDS",
+    "PLAIN",
     "QUANTITIES",
     "AcousticStatus",
     "Beacon",

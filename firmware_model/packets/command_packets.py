@@ -12,44 +12,26 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, ClassVar, Self
 
-from firmware_model.packets.wire import CHARGE_STEPS, HEAD, Kind, sealed
-from firmware_model.states import Trigger
-
-_PLAIN: dict[Kind, tuple[int, Trigger | None]] = {
-    Kind.PERMISSION: (1, Trigger.PERMISSION_HEARD),
-    Kind.RELEASE: (1, Trigger.CLEAR_TO_SINK),
-    Kind.PING: (1, Trigger.PING_HEARD),
-    Kind.HOVER: (1, Trigger.HOVER_TOLD),
-    Kind.SINK: (2, Trigger.SINK_TOLD),
-    Kind.BACK_UP_LOG: (2, None),
-}
-"""The commands without arguments: the layout version that introduced each, and its trigger of the transition table."""
+from firmware_model.packets.wire import CHARGE_STEPS, HEAD, PLAIN, Kind, sealed
 
 
 @dataclass(frozen=True, slots=True)
 class CommandPacket:
-    """A command without arguments: PERMISSION to surface, RELEASE (it is clear to sink), PING (send a short status), HOVER
-    (hold the present depth), SINK, or BACK_UP_LOG (send the log, as long as there is Wi-Fi)."""
+    """A command without arguments, of one of the kinds in `PLAIN`."""
 
     kind: Kind
     agent_id: int
 
     def encode(self) -> bytes:
         """KeyError for a kind that has arguments."""
-        return sealed(HEAD.pack(_PLAIN[self.kind][0], self.kind, self.agent_id))
+        return sealed(HEAD.pack(PLAIN[self.kind].version, self.kind, self.agent_id))
 
 
 def decode_plain(body: bytes) -> CommandPacket | None:
-    if len(body) != HEAD.size:
-        return None
-    _, kind, agent_id = HEAD.unpack(body)
-    return CommandPacket(Kind(kind), agent_id)
+    return CommandPacket(Kind(body[1]), HEAD.unpack(body)[2]) if len(body) == HEAD.size else None
 
 
-PLAIN_KINDS = frozenset(_PLAIN)
-"""The kinds of `CommandPacket`."""
-PLAIN = tuple((version, kind) for kind, (version, _) in _PLAIN.items())
-TRIGGERS = {kind: trigger for kind, (_, trigger) in _PLAIN.items() if trigger is not None}
+TRIGGERS = {kind: it.trigger for kind, it in PLAIN.items() if it.trigger is not None}
 
 
 class Threshold(IntEnum):

@@ -5,11 +5,12 @@ from __future__ import annotations
 from firmware_model.config import BoardConfig
 from firmware_model.packets.codec import Codec
 from firmware_model.packets.command_packets import Beacon, Command, CommandPacket, HoverAt
-from firmware_model.packets.wire import EVERYONE, Kind
+from firmware_model.packets.wire import EVERYONE, PLAIN, Kind
 
 LATEST_MS = 1 << 53
 """A beacon that names a later time (285 000 years) is nonsense."""
-_WORST_CASE_KINDS = frozenset({Kind.PERMISSION, Kind.RELEASE, Kind.PING, Kind.SINK})
+WORST_CASE = frozenset(kind for kind, it in PLAIN.items() if it.in_worst_case)
+"""The commands that a board of the worst case knows."""
 
 
 def parse_command(data: bytes, codec: Codec, config: BoardConfig) -> Command | str:
@@ -19,7 +20,7 @@ def parse_command(data: bytes, codec: Codec, config: BoardConfig) -> Command | s
         return "not a command"
     if packet.agent_id not in (config.agent_id, EVERYONE):
         return "for another aMussel"
-    if config.whole is None and packet.kind not in _WORST_CASE_KINDS:
+    if config.whole is None and packet.kind not in WORST_CASE:
         return f"the worst case knows no {packet.kind.name}"
     match packet:
         case CommandPacket(Kind.PING, agent_id) if agent_id == EVERYONE:

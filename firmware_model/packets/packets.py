@@ -17,7 +17,7 @@ from firmware_model.packets.status_packets import (
     StatusPacket,
     WifiStatus,
 )
-from firmware_model.packets.wire import unsealed
+from firmware_model.packets.wire import PLAIN, unsealed
 
 Packet = StatusPacket | ShortStatus | LogRecords | Command
 
@@ -27,7 +27,7 @@ _BY_HEAD: dict[tuple[int, int], Callable[[bytes], Packet | None]] = {
         for kind in (StatusPacket, AcousticStatus, WifiStatus, LogRecords)
     },
     **{(it.VERSION, it.kind): it.decode_body for it in command_packets.WITH_ARGUMENTS},
-    **dict.fromkeys(command_packets.PLAIN, command_packets.decode_plain),
+    **{(it.version, kind): command_packets.decode_plain for kind, it in PLAIN.items()},
 }
 """The decoders, by version and kind."""
 

@@ -10,6 +10,9 @@ from __future__ import annotations
 import struct
 from binascii import crc_hqx
 from enum import IntEnum
+from typing import NamedTuple
+
+from firmware_model.states import Trigger
 
 CHARGE_STEPS = 65535
 EVERYONE = 0
@@ -36,6 +39,32 @@ class Kind(IntEnum):
     ACOUSTIC_STATUS = 13
     WIFI_STATUS = 14
     LOG_RECORDS = 15
+
+
+class PlainCommand(NamedTuple):
+    """A command without arguments. The codec, the boards' benches, a script of `musselbed mu` and aPads follow from it."""
+
+    version: int
+    """The layout version that introduced it."""
+    trigger: Trigger | None
+    """Its trigger of the transition table; None where no state takes it."""
+    meaning: str
+    in_worst_case: bool = True
+    """A board of the worst case knows it."""
+    by_wifi: bool = False
+    """An aPad sends it by Wi-Fi; else by sound."""
+
+
+PLAIN = {
+    Kind.PERMISSION: PlainCommand(1, Trigger.PERMISSION_HEARD, "it may surface"),
+    Kind.RELEASE: PlainCommand(1, Trigger.CLEAR_TO_SINK, "it is clear to sink", by_wifi=True),
+    Kind.PING: PlainCommand(1, Trigger.PING_HEARD, "send a short status"),
+    Kind.HOVER: PlainCommand(1, Trigger.HOVER_TOLD, "hold the present depth", in_worst_case=False),
+    Kind.SINK: PlainCommand(2, Trigger.SINK_TOLD, "sink, and stay down"),
+    Kind.BACK_UP_LOG: PlainCommand(
+        2, None, "send the log, as long as there is Wi-Fi", in_worst_case=False, by_wifi=True
+    ),
+}
 
 
 def sealed(body: bytes) -> bytes:

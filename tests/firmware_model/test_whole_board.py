@@ -13,7 +13,7 @@ from firmware_model.bench import Bench
 from firmware_model.board import Board
 from firmware_model.config import BoardConfig, Cycle, LastResort, Metering, Timekeeping
 from firmware_model.packets import (
-    PLAIN_KINDS,
+    PLAIN,
     Beacon,
     CommandPacket,
     HoverAt,
@@ -229,7 +229,7 @@ def test_never_asleep_it_stays_active_on_the_idle_load() -> None:
 QUICK = Cycle(
     alarm_ms=20_000, sample_ms=3000, processing_ms=2000, slots=FIELD.slots, listen_ms=5000, report_ms=3000
 )
-COMMANDS = [CommandPacket(kind, 1).encode() for kind in sorted(PLAIN_KINDS)]
+COMMANDS = [CommandPacket(kind, 1).encode() for kind in sorted(PLAIN)]
 WORDS = [
     *(Beacon(1, agent_ms).encode() for agent_ms in (0, 290_000, 310_000, 700_000)),
     SleepSchedule(1, 45_000, 5000).encode(),

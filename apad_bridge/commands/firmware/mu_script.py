@@ -5,9 +5,10 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from dataclasses import field, replace
+from functools import partial
 from math import fsum
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from annotated_types import Ge, Le
 from pydantic import ConfigDict, TypeAdapter, ValidationError
@@ -20,26 +21,27 @@ from apad_bridge.scenario.quantities import Fraction, Positive
 from apad_bridge.scenario.yaml_text import yaml_of
 from firmware_model.actions import Dropped, LogSample
 from firmware_model.bench import Bench
+from firmware_model.bench.rigs import COMMANDS
 from firmware_model.config import BoardConfig, LastResort
-from firmware_model.packets import Beacon, Kind
+from firmware_model.packets import Beacon
 from firmware_model.power.ageing import aged, capacity_left
 from firmware_model.power.charge import fraction, grains
 from firmware_model.power.rails import Rail, bits
 from firmware_model.stimuli import ResetCause
 from firmware_model.table_one import CYCLES, METERING, board, power
 
-BoardFact = Literal[
-    "permission",
-    "release",
-    "sink",
-    "ping",
-    "hover",
-    "beacon",
-    "charge_pin_rises",
-    "charge_pin_falls",
-    "brown_out",
-    "watchdog",
-]
+_FACTS: dict[str, Callable[[Bench], object]] = {
+    **{word: partial(Bench.command, kind=kind) for word, kind in COMMANDS.items()},
+    "beacon": lambda bench: bench.hear(Beacon(bench.config.agent_id, bench.now_ms)),
+    "charge_pin_rises": Bench.charge_pin_rises,
+    "charge_pin_falls": Bench.charge_pin_falls,
+    "brown_out": lambda bench: bench.reset(ResetCause.BROWN_OUT),
+    "watchdog": lambda bench: bench.reset(ResetCause.WATCHDOG),
+}
+if TYPE_CHECKING:
+    BoardFact = str
+else:
+    BoardFact = Literal[tuple(_FACTS)]
 _STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 
@@ -138,7 +140,7 @@ def play(script: MuScript) -> Bench:
     for hours, fact in sorted(script.tell, key=lambda it: it[0]):
         if (at_ms := round(hours * 3_600_000)) <= end_ms:
             bench.run_until(at_ms)
-            _stimulate(bench, fact)
+            _FACTS[fact](bench)
     bench.run_until(end_ms)
     return bench
 
@@ -175,19 +177,3 @@ def _lives(script: MuScript, config: BoardConfig) -> float:
     power_config = config.whole.power
     reserve = 0 if power_config.last_resort is LastResort.WAIT else power_config.safe_level
     return 2 - fraction(reserve)
-
-
-def _stimulate(bench: Bench, fact: BoardFact) -> None:
-    stimuli: dict[str, Callable[[], object]] = {
-        "permission": lambda: bench.command(Kind.PERMISSION),
-        "release": lambda: bench.command(Kind.RELEASE),
-        "ping": lambda: bench.command(Kind.PING),
-        "hover": lambda: bench.command(Kind.HOVER),
-        "sink": lambda: bench.command(Kind.SINK),
-        "beacon": lambda: bench.hear(Beacon(bench.config.agent_id, bench.now_ms)),
-        "charge_pin_rises": bench.charge_pin_rises,
-        "charge_pin_falls": bench.charge_pin_falls,
-        "brown_out": lambda: bench.reset(ResetCause.BROWN_OUT),
-        "watchdog": lambda: bench.reset(ResetCause.WATCHDOG),
-    }
-    stimuli[fact]()

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable
 
-from agents.packet_medium import Medium
+from agents.packet_medium import medium_of
 from agents.time_scale import MissionMs
 from apad_bridge.ros.links.laboratory_topics import LaboratoryPublishers, LaboratorySubscribers
 from apad_bridge.scenario.lab_interface.messages import (
@@ -28,11 +28,8 @@ from firmware_model.packets.codec import Codec
 
 WIFI_GONE_MS = 10_000
 """An aMussel that has sent nothing by Wi-Fi for so long is reported to be off it."""
-_KINDS = {
-    MessageKind.PERMISSION: (Kind.PERMISSION, Medium.SOUND),
-    MessageKind.CLEAR: (Kind.RELEASE, Medium.WIFI),
-}
-_WHATS = {kind: what for what, (kind, _) in _KINDS.items()}
+_KINDS = {MessageKind.PERMISSION: Kind.PERMISSION, MessageKind.CLEAR: Kind.RELEASE}
+_WHATS = {kind: what for what, kind in _KINDS.items()}
 
 
 class Laboratory:
@@ -95,8 +92,8 @@ class Laboratory:
         if isinstance(message, LaboratoryPacket):
             contents = [(agent_id, message.medium, message.data) for agent_id in ids]
         else:
-            kind, medium = _KINDS[message.what]
-            contents = [(it, medium, self._codec.encode(CommandPacket(kind, it))) for it in ids]
+            kind = _KINDS[message.what]
+            contents = [(it, medium_of(kind), self._codec.encode(CommandPacket(kind, it))) for it in ids]
         return [RelayedPacket(PacketOrigin.LABORATORY, *content, now_ms) for content in contents]
 
 

@@ -16,7 +16,7 @@ import rospy
 from std_msgs.msg import Bool, Float64
 from std_srvs.srv import Trigger, TriggerResponse
 
-from agents.packet_medium import Medium
+from agents.packet_medium import Medium, medium_of
 from agents.time_scale import MissionMs, TimeScale
 from apad_bridge.beliefs.input_ranges import out_of_range
 from apad_bridge.ros.system.inbox import Listening
@@ -50,7 +50,7 @@ _LARGEST = 1024
 """Bytes; no packet of Wi-Fi or sound here comes near it."""
 _CHARGING_QUEUE = 10
 _END_S = 5.0
-_SERVICES = (("surface", Kind.PERMISSION, Medium.SOUND), ("sink", Kind.RELEASE, Medium.WIFI))
+_SERVICES = {"surface": Kind.PERMISSION, "sink": Kind.RELEASE}
 
 
 class PacketTopics(Listening[tuple[PacketOrigin, int, str, bytes]]):
@@ -108,9 +108,9 @@ class AMusselServices(Listening[tuple[int, Medium, bytes]]):
         super().__init__()
         self._codec = codec
         self._services = [
-            rospy.Service(of_amussel(agent_id, name), Trigger, self._service(agent_id, kind, medium))
+            rospy.Service(of_amussel(agent_id, name), Trigger, self._service(agent_id, kind))
             for agent_id in agent_ids
-            for name, kind, medium in _SERVICES
+            for name, kind in _SERVICES.items()
         ]
 
     def take(self, now_ms: MissionMs) -> list[RelayedPacket]:
@@ -122,7 +122,8 @@ class AMusselServices(Listening[tuple[int, Medium, bytes]]):
         for service in self._services:
             service.shutdown("the flight is over")
 
-    def _service(self, agent_id: int, kind: Kind, medium: Medium) -> Callable[[Any], Any]:
+    def _service(self, agent_id: int, kind: Kind) -> Callable[[Any], Any]:
+        medium = medium_of(kind)
         data = self._codec.encode(CommandPacket(kind, agent_id))
 
         def answer(_: Any) -> Any:

@@ -31,7 +31,7 @@ from agents.mussel.stimuli import (
 )
 from firmware_model.config import LastResort, Timekeeping
 from firmware_model.packets import (
-    PLAIN_KINDS,
+    PLAIN,
     AcousticStatus,
     Beacon,
     Command,
@@ -53,7 +53,7 @@ from firmware_model.stimuli import ResetCause
 from firmware_model.table_one import FIELD, METERING, board, power
 
 CODEC = MusselbedCodec()
-COMMANDS = {kind: CODEC.encode(CommandPacket(kind, 7)) for kind in sorted(PLAIN_KINDS)}
+COMMANDS = {kind: CODEC.encode(CommandPacket(kind, 7)) for kind in sorted(PLAIN)}
 WATER = replace(STILL, body=replace(STILL.body, coil_alignment_ms=20_000)).maker().config(7).water
 CYCLE = replace(FIELD, alarm_ms=200_000)
 CONFIG = AgentConfig(board(CYCLE, power(LastResort.CALL), agent_id=7), WATER, STILL.reports)

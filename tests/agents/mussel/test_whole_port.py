@@ -36,7 +36,7 @@ from firmware_model.actions import Buoyancy
 from firmware_model.config import LastResort, Timekeeping
 from firmware_model.hardware.whole import WholeBoardHardware
 from firmware_model.packets import (
-    PLAIN_KINDS,
+    PLAIN,
     Beacon,
     Command,
     CommandPacket,
@@ -82,7 +82,7 @@ CONFIGS = {
     "heard always": PAPER,
 }
 COMMANDS: tuple[Command, ...] = (
-    *(CommandPacket(kind, 7) for kind in sorted(PLAIN_KINDS)),
+    *(CommandPacket(kind, 7) for kind in sorted(PLAIN)),
     CommandPacket(Kind.PING, 0),
     CommandPacket(Kind.SINK, 9),
     Beacon(7, 500_000),

@@ -20,7 +20,7 @@ from agents.nursery.answering_board import AnsweringBoard
 from firmware_model.actions import Dropped, RunBuoyancy, SendBytes, StateReported
 from firmware_model.bench import Bench
 from firmware_model.config import LastResort, Timekeeping, Timeslots
-from firmware_model.packets import PLAIN_KINDS, Packet
+from firmware_model.packets import PLAIN, Packet
 from firmware_model.packets.codec import MusselbedCodec
 from firmware_model.packets.command_packets import WITH_ARGUMENTS
 from firmware_model.states import State
@@ -87,7 +87,7 @@ def test_it_reads_every_command_and_comes_to_every_state(
     monkeypatch.setattr(warm_up, "Agent", Watched)
     codec = Recording()
     warm_up.warm_up(fleet.maker(), codec, 1)
-    assert codec.kinds == {None, *PLAIN_KINDS, *(command.kind for command in WITH_ARGUMENTS)}
+    assert codec.kinds == {None, *PLAIN, *(command.kind for command in WITH_ARGUMENTS)}
     assert seen == states
 
 

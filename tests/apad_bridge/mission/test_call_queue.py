@@ -11,13 +11,14 @@ from apad_bridge.events.mission import PRE_EMPTED, AMusselReleased, MissionEnd
 from apad_bridge.events.run import EndReason
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.manual import ManualMission
-from apad_bridge.mission.orders import PermitSurfacing, TellClear
+from apad_bridge.mission.orders import PermitSurfacing, SendCommand
 from apad_bridge.mission.values import Refused, Status
 from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.run_spec import RunSpec
 from apad_bridge.vehicle.commands import CloseDock, GoTo, Hold, Manoeuvre, OpenDock
 from apad_bridge.vehicle.outcomes import DockChanged, NothingCaught, PrimitiveFailed, PrimitiveSucceeded
+from firmware_model.packets import Kind
 from firmware_model.states import State
 
 
@@ -190,7 +191,7 @@ def test_one_that_was_let_go_is_told_that_it_may_sink(pool: Scenario) -> None:
     order = next(it for it in mission.advance(3000) if isinstance(it, OpenDock))
     mission.receive(DockChanged(8000, 1, 7, False, ()), 8000)
     told = mission.receive(PrimitiveSucceeded(8000, order.command_id), 8000)
-    assert told[0] == TellClear(7)
+    assert told[0] == SendCommand(Kind.RELEASE, 7)
     assert [(it.kind, it.data) for it in told if isinstance(it, AMusselReleased)] == [
         ("released", {"agent": 7, "full": True})
     ]

@@ -19,7 +19,7 @@ from apad_bridge.mission.docking_routine import NOT_FOUND, SEARCH_S
 from apad_bridge.mission.end_by import KnownEnd
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.home_stays import NO_HOME, HomeStays
-from apad_bridge.mission.orders import Order, PermitSurfacing, TellClear
+from apad_bridge.mission.orders import Order, PermitSurfacing, SendCommand
 from apad_bridge.mission.phases import DOCKINGS_PER_STEP, LEGS_PER_STEP
 from apad_bridge.mission.planner import PlanRules
 from apad_bridge.planning import registry
@@ -36,6 +36,7 @@ from apad_bridge.vehicle.outcomes import (
     PrimitiveSucceeded,
     after_report,
 )
+from firmware_model.packets import Kind
 from firmware_model.states import State
 
 MISSION = load(POOL_FILE).mission
@@ -233,7 +234,7 @@ def test_a_whole_round_charges_all_to_99_percent_and_brings_them_home() -> None:
         assert isinstance(goto, GoTo) and goto.north_m == 10.0 * expected
         undock = bench.succeed()
         assert isinstance(undock, OpenDock) and undock.agent_id == expected
-        assert TellClear(expected) in bench.orders
+        assert SendCommand(Kind.RELEASE, expected) in bench.orders
         bench.told.say(expected, bench.now_ms, State.SINKING, 1.0)
     assert bench.mission.state.phase is Phase.IDLE and bench.mission.state.services == 4
 
@@ -524,7 +525,7 @@ def test_an_empty_one_that_was_missed_is_told_to_sink_while_others_are_collected
     float_beside_the_apad(bench, charge=0.0)
     miss_all(bench)
     assert bench.mission.state.plan[0].agent_id == 2
-    assert TellClear(1) in bench.tick()
+    assert SendCommand(Kind.RELEASE, 1) in bench.tick()
 
 
 def test_an_aPad_that_cannot_reach_one_that_floats_does_not_try_at_every_tick(alone: Bench) -> None:
@@ -552,9 +553,9 @@ def test_what_was_docked_by_hand_is_charged_first(bench: Bench) -> None:
 
 def test_a_stray_at_the_surface_is_told_that_it_may_sink() -> None:
     bench = Bench(agents=3)
-    assert TellClear(2) in bench.hears(2, State.FLOATING, 0.9)
-    assert TellClear(2) not in bench.tick()
-    assert TellClear(2) in bench.tick(int(MISSION.permission_repeat_s))
+    assert SendCommand(Kind.RELEASE, 2) in bench.hears(2, State.FLOATING, 0.9)
+    assert SendCommand(Kind.RELEASE, 2) not in bench.tick()
+    assert SendCommand(Kind.RELEASE, 2) in bench.tick(int(MISSION.permission_repeat_s))
 
 
 def test_it_ends_once_and_holds() -> None:
@@ -599,7 +600,7 @@ def test_a_resumed_undocking_is_ordered_again() -> None:
     bench.hears(1, State.CHARGING, 1.0)
     bench.succeed()
     bench.succeed()
-    assert TellClear(1) in bench.orders
+    assert SendCommand(Kind.RELEASE, 1) in bench.orders
     assert bench.notes("released") == [{"agent": 1, "full": True}]
     assert bench.mission.state.services == 1
 
@@ -639,7 +640,7 @@ def test_the_docks_service_is_no_witness_of_a_later_docking() -> None:
 def test_an_undocking_that_ended_without_a_supervisor_is_a_service() -> None:
     bench = Bench(agents=1, state=replace(undocking_state(), docked=()))
     bench.hears(1, State.FLOATING, 1.0)
-    assert TellClear(1) in bench.orders
+    assert SendCommand(Kind.RELEASE, 1) in bench.orders
     assert bench.notes("released") == [{"agent": 1, "full": True}]
     assert (bench.mission.state.services, bench.mission.state.phase) == (1, Phase.IDLE)
 
@@ -1025,7 +1026,7 @@ def test_charged_ones_take_the_places_of_those_that_are_collected(exchange: Benc
     assert isinstance(exchange.primitive(), GoTo)
     there = exchange.succeed()
     assert isinstance(there, GoTo) and (there.north_m, there.east_m) == (40.0, 0.0)
-    assert isinstance(exchange.succeed(), OpenDock) and TellClear(2) in exchange.orders
+    assert isinstance(exchange.succeed(), OpenDock) and SendCommand(Kind.RELEASE, 2) in exchange.orders
     assert exchange.mission.docks == (1, None, 4, None)
     assert homes_of(exchange) == {1: 30.0, 2: 40.0, 3: 10.0, 4: 20.0}
 

@@ -18,7 +18,7 @@ from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.flight_mission import FLIES_ALREADY, FlightMission
 from apad_bridge.mission.manual import ManualMission
-from apad_bridge.mission.orders import Order, TellClear
+from apad_bridge.mission.orders import Order, SendCommand
 from apad_bridge.mission.planner import PlanRules
 from apad_bridge.mission.values import Refused, Status
 from apad_bridge.planning import registry
@@ -32,6 +32,7 @@ from apad_bridge.vehicle.commands import GoTo, OpenDock, PoseReported
 from apad_bridge.vehicle.link import LinkFact
 from apad_bridge.vehicle.outcomes import DockChanged, PrimitiveSucceeded
 from apad_bridge.world.apad.in_process import InProcessVehicle
+from firmware_model.packets import Kind
 from firmware_model.states import State
 
 
@@ -127,7 +128,7 @@ def test_a_mechanism_that_opens_when_a_person_takes_over_is_a_service_all_the_sa
         takeover.give_back()
     takeover.receive(DockChanged(4000, 0, 3, False, ()), 4000)
     orders = takeover.receive(PrimitiveSucceeded(4000, undock), 4000)
-    assert TellClear(3) in orders
+    assert SendCommand(Kind.RELEASE, 3) in orders
     assert takeover.state.services == 1 and takeover.by_hand.docking is Status.DONE
     assert takeover.by_hand.events.take("docking")[0].agent == 3
     # A person who gives the aPad back gives those another chance that were left alone.

@@ -9,7 +9,7 @@ from firmware_model.actions import Action, Buoyancy, Dropped, RunBuoyancy, SendS
 from firmware_model.bench import Bench
 from firmware_model.config import BoardConfig, LastResort
 from firmware_model.packets import (
-    PLAIN_KINDS,
+    PLAIN,
     Beacon,
     Command,
     CommandPacket,
@@ -171,7 +171,7 @@ def test_docked_it_does_not_sink() -> None:
 
 WORST = BoardConfig(1, WORST_CASE, 50, 2000, 12 * HOUR, 120_000)
 COMMANDS: list[Command] = [
-    *(CommandPacket(kind, 1) for kind in sorted(PLAIN_KINDS)),
+    *(CommandPacket(kind, 1) for kind in sorted(PLAIN)),
     SleepSchedule(1, 60_000, 1000),
     SlotAssignment(1, 60_000, 1000, 10, 0, 0),
     Beacon(1, 1000),
@@ -191,7 +191,7 @@ def test_the_worst_case_knows_permission_release_ping_and_sink(command: Command)
 
 
 def test_every_plain_command_but_those_of_the_log_is_a_trigger() -> None:
-    assert set(TRIGGERS) == PLAIN_KINDS - {Kind.BACK_UP_LOG}
+    assert set(TRIGGERS) == PLAIN.keys() - {Kind.BACK_UP_LOG}
     assert len(set(TRIGGERS.values())) == len(TRIGGERS)
     assert TRIGGERS[Kind.RELEASE] is Trigger.CLEAR_TO_SINK
 

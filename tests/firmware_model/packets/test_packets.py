@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from firmware_model.packets import (
     EVERYONE,
-    PLAIN_KINDS,
+    PLAIN,
     AcousticStatus,
     Beacon,
     CommandPacket,
@@ -29,6 +29,7 @@ from firmware_model.packets import (
     WifiStatus,
     decode,
 )
+from firmware_model.packets.command_packets import WITH_ARGUMENTS
 from firmware_model.packets.sample_record import RECORD_BYTES, SampleRecord
 from firmware_model.power.active_battery import ActiveBattery
 from firmware_model.sampling.sensors import SENSORS
@@ -175,6 +176,39 @@ def test_what_a_v2_modem_carries() -> None:
     assert len(golden("SHORT_STATUS")) == 7
 
 
+NATIVE = Path(__file__).parents[3] / "firmware_model/native"
+LAYOUTS = {(it.version, kind, 6) for kind, it in PLAIN.items()} | {
+    (it.VERSION, it.kind, it.FORMAT.size + 2) for it in WITH_ARGUMENTS
+}
+
+
+def test_the_board_of_the_worst_case_in_c_has_the_declared_commands() -> None:
+    rows = re.findall(r'\{(\d+), (\d+), (\d+), "(\w+)", +(-1|\w+)\}', (NATIVE / "worst_case.c").read_text())
+    assert {(int(version), Kind[name], int(size)) for version, _, size, name, _ in rows} == LAYOUTS
+    assert all(int(kind) == Kind[name] for _, kind, _, name, _ in rows)
+    declared = {
+        kind.name: it.trigger.name
+        for kind, it in PLAIN.items()
+        if it.trigger is not None and it.in_worst_case
+    }
+    assert {name: trigger for *_, name, trigger in rows if trigger != "-1"} == declared
+
+
+def test_the_whole_board_in_c_has_the_declared_commands() -> None:
+    task = (NATIVE / "whole/command_task.c").read_text()
+    (named,) = re.findall(r"enum kind \{(.*?)\}", task, re.DOTALL)
+    numbers: dict[str, int] = {}
+    for name, number in re.findall(r"(\w+)(?: = (\d+))?", named):
+        numbers[name] = int(number or max(numbers.values()) + 1)
+    assert numbers == {kind.name: kind for _, kind, _ in LAYOUTS}
+    rows = re.findall(r"\{(\d+), ([A-Z_]+), (\d+)\}", task)
+    assert {(int(version), Kind[name], int(size)) for version, name, size in rows} == LAYOUTS
+    triggers = re.findall(r"case (\w+): execute_with_trigger\(kind, (\w+),", task)
+    assert dict(triggers) == {
+        kind.name: it.trigger.name for kind, it in PLAIN.items() if it.trigger is not None
+    }
+
+
 CENTIMETRES = st.integers(-(2**31), 2**31 - 1).map(lambda n: n / 100)
 U8, U16, U32 = (st.integers(0, 2**bits - 1) for bits in (8, 16, 32))
 CHARGES = U16.map(lambda n: n / 65535)
@@ -218,7 +252,7 @@ PACKETS: st.SearchStrategy[Packet] = st.one_of(
         st.integers(-(2**31), 2**31 - 1),
     ),
     st.builds(ShortStatus, U16, st.sampled_from(State), U8.map(lambda n: n / 255), U8.map(lambda n: n / 255)),
-    st.builds(CommandPacket, st.sampled_from(sorted(PLAIN_KINDS)), U16),
+    st.builds(CommandPacket, st.sampled_from(sorted(PLAIN)), U16),
     st.builds(HoverAt, U16, U8.map(lambda n: n / 4)),
     st.builds(SleepSchedule, U16, U32, U32),
     st.builds(SlotAssignment, U16, U32, U32, U16, U16, st.integers(-(2**31), 2**31 - 1)),
