@@ -5,6 +5,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#define MU_VERSION 1 /* rises with any change of a frame: an older program would read HELLO shifted, without a word */
+
 /* A whole board's, in the order of HELLO: milliseconds, but the bound of the drift, in 1e-9. 0 in the worst case. */
 #define MU_WHOLE_NUMBERS(X) \
     X(chatter_ms)      /* a pin that bounces so long has the level that it held most of the time */ \

@@ -10,7 +10,8 @@
 #define HEAD 12
 #define MAX_BODY (HEAD + MU_MAX_PAYLOAD + 2)
 #define HELLO_SIZE 28
-#define WHOLE_HELLO_SIZE (HELLO_SIZE + 57)
+#define FOUR_MORE(name) +4
+#define WHOLE_HELLO_SIZE (HELLO_SIZE + 5 MU_WHOLE_NUMBERS(FOUR_MORE)) /* its numbers, and what follows them */
 #define MAX_ENCODED (MAX_BODY + MAX_BODY / 254 + 2)
 
 enum to_board { HELLO = 1, RESET, RUN, PIN, UART_RX, ADC, I2C, FLASH };

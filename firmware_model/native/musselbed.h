@@ -8,7 +8,6 @@
 
 #include "board_config.h"
 
-#define MU_VERSION 1 /* rises with any change of a frame: an older program would read HELLO shifted, without a word */
 #define MU_HZ 32768u /* of the board's counter, which wraps after 36 hours */
 #define MU_MAX_PAYLOAD 1024
 
