@@ -71,8 +71,8 @@ SETS = ("Ai2020", "Ecker2015")
 LINEAR = "linear"
 CURVED = {f"{it}, told its curve": it for it in SETS}
 CURVE_PIECES = 6
-SEED = 917052
-"""Written down before any of these was flown; twins that are told a curve were tuned on 917051."""
+SEED = 917053
+"""Written down before any of these was flown; twins that are told a curve were tuned on 917051 and 917052."""
 DAYS, SHORT_DAYS = 10, 1
 HEARD = (1.0, 0.1)
 PIECES = 12
@@ -80,7 +80,7 @@ PIECES = 12
 MEAN_C, OWN_C, SWING_C = 15.0, 4.0, 2.0
 IDLE = 1 / 16
 """The idle load, in windows an hour."""
-CURVED_TWIN = TWIN | {"bias_deviation": 0.04, "coil_deviation": 0.03}
+CURVED_TWIN = TWIN | {"bias_deviation": 0.06, "coil_deviation": 0.05}
 """A twin that is told a curve: temperature and charge change one resistance, and the charging rate."""
 
 
