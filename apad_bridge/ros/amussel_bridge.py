@@ -26,6 +26,7 @@ from apad_bridge.ros.system.ros_time import follow_master
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.supervisor.packet_relay import PacketOrigin, RelayedPacket
 from apad_bridge.vehicle.errors import PeerFailed
+from firmware_model.entry_points import in_one_line
 from firmware_model.packets import EVERYONE, CommandPacket, LogRecords, Packet, ShortStatus, StatusPacket
 from firmware_model.packets.codec import Codec
 
@@ -107,6 +108,9 @@ class AMusselBridge:
         for link in self._links.values():
             link.close()
         self._topics.close()
+        # Its claim ends with it, and not after a lease: then a person may take the aMussels back.
+        self._claim.lease_s = 0.0
+        self._claims.publish(self._claim)
         self._claims.unregister()
 
     def _take(self, link: NodeLink, results: list[LinkResult]) -> None:
@@ -124,9 +128,8 @@ class AMusselBridge:
     def _say(self, packet: RelayedPacket, now_ms: MissionMs) -> None:
         assert packet.medium is not None, "contacts are on another topic"
         data = packet.data
-        if (link := self._links.get(packet.medium)) is None:
-            self._drop(f"to an aMussel by {packet.medium.value}, by which this bridge reaches none")
-            return
+        # One way to the nodes takes all: a permission goes by sound, and a release by Wi-Fi, to whoever has both.
+        link = self._links.get(packet.medium) or next(iter(self._links.values()))
         if self._nodes_codec is not None:
             if (read := self._codec.decode(data)) is None:
                 self._drop("to an aMussel: damaged, or another layout than the scenario's codec")
@@ -138,7 +141,11 @@ class AMusselBridge:
         self._take(link, link.send(packet.agent_id, data, now_ms))
 
     def _hear(self, link: NodeLink, packet: FromNode) -> None:
-        read = (self._nodes_codec or self._codec).decode(packet.data)
+        try:
+            read = (self._nodes_codec or self._codec).decode(packet.data)
+        except Exception as error:  # a laboratory's own code: one datagram ends no bridge
+            self._drop(f"heard: the codec raised {in_one_line(error)}")
+            return
         if read is None:
             whose = "scenario's" if self._nodes_codec is None else "nodes'"
             self._drop(f"heard: damaged, or another layout than the {whose} codec")
@@ -162,21 +169,21 @@ class AMusselBridge:
 
     def _written(self, read: Packet) -> bytes | None:
         """A node's packet in the scenario's codec. A number of it that the codec cannot write makes it dropped."""
-        if isinstance(read, StatusPacket):
-            wrong = out_of_range(
-                north_m=read.north_m,
-                east_m=read.east_m,
-                depth_m=read.depth_m,
-                charge=read.primary,
-                secondary_charge=read.secondary,
-            )
-            if wrong is not None:
-                self._drop(f"heard: {wrong}")
-                return None
         try:
+            if isinstance(read, StatusPacket):
+                wrong = out_of_range(
+                    north_m=read.north_m,
+                    east_m=read.east_m,
+                    depth_m=read.depth_m,
+                    charge=read.primary,
+                    secondary_charge=read.secondary,
+                )
+                if wrong is not None:
+                    self._drop(f"heard: {wrong}")
+                    return None
             return self._codec.encode(read)
-        except (struct.error, ValueError, OverflowError):
-            self._drop("heard: a number of the packet is beyond what the scenario's codec writes")
+        except (struct.error, TypeError, ValueError, OverflowError) as error:
+            self._drop(f"heard: the nodes' codec made a packet that cannot be written: {in_one_line(error)}")
             return None
 
     def _drop(self, reason: str, count: int = 1) -> None:

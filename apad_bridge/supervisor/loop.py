@@ -312,7 +312,8 @@ class Flight:
     def _apply_requests(self, now_ms: MissionMs) -> None:
         """Applies requests to make aMussels simulated, real or retired; begins and ends faults."""
         beliefs, is_simulated = self.supervisor.beliefs, self._world.roster.is_simulated
-        asked = self._world.roster.advance(beliefs, now_ms)
+        held = frozenset(dict(self.supervisor.mission.state.docked).values())
+        asked = self._world.roster.advance(beliefs, now_ms, held)
         for action in [*asked, *self._world.faults.advance(now_ms, beliefs, is_simulated)]:
             if isinstance(action, Event):
                 self._recorder.event(now_ms, action)

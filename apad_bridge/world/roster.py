@@ -166,12 +166,22 @@ class Presences:
         return self._now.get(agent_id)
 
     def do(
-        self, request: PresenceRequest, coordinator: Coordinator, beliefs: FleetBeliefs, now_ms: MissionMs
+        self,
+        request: PresenceRequest,
+        coordinator: Coordinator,
+        beliefs: FleetBeliefs,
+        now_ms: MissionMs,
+        held: frozenset[int] = frozenset(),
     ) -> list[Action] | str:
-        """Returns the aMussels' stimuli and the note for the journal; or the reason for a refusal, without a change."""
+        """Returns the aMussels' stimuli and the note for the journal; or the reason for a refusal, without a change.
+
+        `held` are the aMussels in the mission's docks. The reports of a simulated one count, too: a hand may have docked
+        it. Those of a real one may be of long ago.
+        """
         if (before := self._now.get(request.agent_id)) is None:
             return f"aMussel {request.agent_id} is not of this fleet"
-        if is_docked(beliefs, request.agent_id):
+        reports_docked = before is Presence.SIMULATED and is_docked(beliefs, request.agent_id)
+        if request.agent_id in held or reports_docked:
             return f"aMussel {request.agent_id} is in a dock: undock it first"
         if (after := TABLE.get((before, request.trigger))) is None:
             return f"aMussel {request.agent_id} is {before}: it cannot {request.trigger}"
@@ -241,14 +251,19 @@ class Roster:
     def is_simulated(self, agent_id: int) -> bool:
         return agent_id in self.presences.simulated
 
-    def advance(self, beliefs: FleetBeliefs, now_ms: MissionMs) -> list[Action]:
-        """Applies the requests since the last tick. No caller gets an answer before `answer`."""
+    def advance(
+        self, beliefs: FleetBeliefs, now_ms: MissionMs, held: frozenset[int] = frozenset()
+    ) -> list[Action]:
+        """Applies the requests since the last tick. No caller gets an answer before `answer`.
+
+        `held` are the aMussels in the mission's docks.
+        """
         actions: list[Action] = []
         for request in self._requests.take():
             outcome = (
                 self._cause(request, beliefs, now_ms)
                 if isinstance(request, FaultRequest)
-                else self.presences.do(request, self._coordinator, beliefs, now_ms)
+                else self.presences.do(request, self._coordinator, beliefs, now_ms, held)
             )
             refusal = outcome if isinstance(outcome, str) else None
             actions += outcome if not isinstance(outcome, str) else ()
@@ -288,7 +303,9 @@ class NoRoster:
     def is_simulated(self, agent_id: int) -> bool:
         return True
 
-    def advance(self, beliefs: FleetBeliefs, now_ms: MissionMs) -> list[Action]:
+    def advance(
+        self, beliefs: FleetBeliefs, now_ms: MissionMs, held: frozenset[int] = frozenset()
+    ) -> list[Action]:
         return []
 
     def answer(self) -> None:

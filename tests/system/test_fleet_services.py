@@ -87,6 +87,9 @@ def test_a_real_amussels_claim_makes_the_simulated_one_its_twin_until_it_is_give
     assert fleet.says() == "flying"
     with claimed(shell, "/lab", "[3]"):
         assert fleet.told() == {"id": 3, "is": "real", "by": "/lab"}
+        refused = "/lab claims aMussel 3 as real, and would make it so again: end that first"
+        for service in ("take_back", "retire"):
+            assert fleet.called(service, "{id: 3}") == {"accepted": False, "message": refused}
     # The bridge of real ones says what it hears of it, in the fleet's own packets: 45 % at north 9, east 8.
     status = StatusPacket(3, 0, State.ACTIVE, 0.45, 1.0, 9.0, 8.0, 3.0, 10**9)
     heard = f"{{agent: 3, medium: wifi, data: {list(MusselbedCodec().encode(status))}}}"

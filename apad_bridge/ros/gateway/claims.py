@@ -105,6 +105,10 @@ class ClaimBoard:
                 changes.append(PresenceRequest(agent_id, PresenceTrigger.TAKE_BACK, node))
         return changes
 
+    def real_by(self, agent_id: int) -> str | None:
+        """The living node that claims an aMussel as real; None without one. For any thread."""
+        return next((it.node for it in self._alive() if it.real and agent_id in it.ids), None)
+
     def close(self) -> None:
         self._ended.set()
         self._subscriber.unregister()

@@ -56,6 +56,10 @@ class FleetServices:
         ]
 
     def ask(self, request: RosterRequest) -> str | None:
+        match request:
+            case PresenceRequest(agent_id, PresenceTrigger.TAKE_BACK | PresenceTrigger.RETIRE):
+                if (node := self._claims.real_by(agent_id)) is not None:
+                    return f"{node} claims aMussel {agent_id} as real, and would make it so again: end that first"
         return self._asked.ask(request)
 
     def take(self) -> list[RosterRequest]:

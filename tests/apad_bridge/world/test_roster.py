@@ -143,10 +143,10 @@ class Bench:
             self.flight.tick(self.flight.now_ms)
             self.flight.now_ms += 1000
 
-    def real_one_says(self, north_m: float, primary: float) -> None:
+    def real_one_says(self, north_m: float, primary: float, state: State = State.ACTIVE) -> None:
         agent_ms = self.flight.now_ms * self.scenario.theta
         self.elsewhere.packets.append(
-            StatusPacket(THE_ONE, 0, State.ACTIVE, primary, 0.8, north_m, 0.5, 3.0, agent_ms)
+            StatusPacket(THE_ONE, 0, state, primary, 0.8, north_m, 0.5, 3.0, agent_ms)
         )
         self.ticks(1)
 
@@ -298,6 +298,23 @@ def test_one_in_a_dock_is_left_alone() -> None:
     docked = next(belief.agent_id for belief in beliefs.all() if belief.state is State.CHARGING)
     (refusal,) = bench.ask(PresenceRequest(docked, PresenceTrigger.RETIRE, "a test"))
     assert refusal == f"aMussel {docked} is in a dock: undock it first"
+
+
+def test_of_a_real_one_the_mission_s_docks_decide_and_not_its_last_report(bench: Bench) -> None:
+    bench.ticks(2)
+    bench.ask(PresenceRequest(THE_ONE, PresenceTrigger.HAND_OVER, "a test"))
+    back = PresenceRequest(THE_ONE, PresenceTrigger.TAKE_BACK, "a test")
+
+    def taken_back(held: frozenset[int]) -> object:
+        bench.ticks(1)
+        beliefs, now_ms = bench.flight.supervisor.beliefs, bench.flight.now_ms
+        return bench.presences.do(back, bench.coordinator, beliefs, now_ms, held)
+
+    bench.real_one_says(2.0, 0.5)
+    assert taken_back(frozenset({THE_ONE})) == f"aMussel {THE_ONE} is in a dock: undock it first"
+    bench.real_one_says(2.0, 0.5, State.CHARGING)
+    assert not isinstance(taken_back(frozenset()), str)
+    assert bench.presences.of(THE_ONE) is Presence.SIMULATED
 
 
 def test_what_was_done_is_answered_when_it_is_recorded(bench: Bench) -> None:
