@@ -1,8 +1,9 @@
 """One mission over ROS with twelve simulated aMussels and three of our nodes, which change between simulated and real.
 
-Run it by `nice -n 10 musselbed python hand_overs.py`, with setup.bash sourced and the codec of ./codec installed. The last line
-on stdout is the result, as JSON. Where a node is real, a bridge of its own carries it, by a modem and by UDP; where it is
-simulated that bridge has ended. A node lives on meanwhile. Each time that people put it into the water it has a new place.
+Run it by `nice -n 10 musselbed python hand_overs.py`, with setup.bash sourced and the codec of
+tests/shared/own_node_codec installed. The last line on stdout is the result, as JSON. Where a node is real, a bridge of its
+own carries it, by a modem and by UDP; where it is simulated that bridge has ended. A node lives on meanwhile, and each of
+its stays in the water has a new place.
 """
 
 import argparse
@@ -24,7 +25,7 @@ from typing import Any
 
 HERE = Path(__file__).resolve().parent
 SCENARIOS = HERE.parents[2] / "launch_scripts" / "scenarios"
-sys.path.insert(0, str(HERE / "codec"))
+sys.path.insert(0, str(HERE.parents[1] / "shared" / "own_node_codec"))
 from own_node_codec import NUMBERS, ORIGIN_DEG, metres_per_degree  # noqa: E402
 
 SITES = {13: (26.0, 13.0), 14: (9.0, 16.5), 15: (24.0, 1.0)}
@@ -113,7 +114,14 @@ class Program:
 
 class Node:
     def __init__(
-        self, agent_id: int, place: int, port: int, charge: float, folder: Path, rate: float, env: dict[str, str]
+        self,
+        agent_id: int,
+        place: int,
+        port: int,
+        charge: float,
+        folder: Path,
+        rate: float,
+        env: dict[str, str],
     ) -> None:
         self.agent_id, self.number, self.stays = agent_id, NUMBERS[agent_id], 0
         self.apad_modem, self.port = folder / f"table/modem{place}", port
@@ -122,7 +130,14 @@ class Node:
             f"node{agent_id}",
             [
                 *(sys.executable, HERE / "node.py", "--udp", f"127.0.0.1:{port}"),
-                *("--serial", folder / f"table/modem{place + 3}", "--number", self.number, "--charge", charge),
+                *(
+                    "--serial",
+                    folder / f"table/modem{place + 3}",
+                    "--number",
+                    self.number,
+                    "--charge",
+                    charge,
+                ),
                 *("--place", latitude, longitude, "--every", 3 * rate, "--rate", rate, "--load", LOAD_PER_S),
                 *("--drain", DRAIN_PER_S * FACTORS[agent_id]),
             ],
@@ -200,7 +215,9 @@ def until(holds: Any, what: str, patience_s: float = PATIENCE_S) -> None:
 class Changes(threading.Thread):
     """One node's changes, from its first bridge on."""
 
-    def __init__(self, node: Node, mission: Mission, run: Path, given: argparse.Namespace, env: dict[str, str]) -> None:
+    def __init__(
+        self, node: Node, mission: Mission, run: Path, given: argparse.Namespace, env: dict[str, str]
+    ) -> None:
         super().__init__(daemon=True)
         self.node, self.mission, self.run_directory, self.given, self.env = node, mission, run, given, env
         self.problems: list[str] = []
@@ -209,7 +226,7 @@ class Changes(threading.Thread):
         self.bridge: Program | None = None
 
     def run(self) -> None:
-        node, mission = self.node, self.mission
+        node, _mission = self.node, self.mission
         time.sleep(self.given.dwell * (node.agent_id - 13) / 3 * 2)
         for _ in range(self.given.rounds):
             try:
@@ -297,10 +314,11 @@ def judge_changes(mission: Mission, true: dict[int, tuple[list[float], list[floa
                 row[name] = None
                 continue
             belief = sample[2][agent_id]
-            if of_node:
-                truth = at(*charges_of(mission.nodes[agent_id]), sample[1])
-            else:
-                truth = at(*true[agent_id], sample[0])
+            truth = (
+                at(*charges_of(mission.nodes[agent_id]), sample[1])
+                if of_node
+                else at(*true[agent_id], sample[0])
+            )
             sd = belief.charge_deviation if isfinite(belief.charge_deviation) else None
             row[name] = {
                 "t": sample[0],
@@ -311,7 +329,9 @@ def judge_changes(mission: Mission, true: dict[int, tuple[list[float], list[floa
                 "true": None if truth is None else round(truth, 4),
             }
         if row["before"] and row["after"] and row["before"]["sd"]:
-            row["jump_in_sd"] = round((row["after"]["belief"] - row["before"]["belief"]) / row["before"]["sd"], 2)
+            row["jump_in_sd"] = round(
+                (row["after"]["belief"] - row["before"]["belief"]) / row["before"]["sd"], 2
+            )
         changes.append(row)
     return changes
 
@@ -344,8 +364,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rounds", type=int, default=7, help="changes each way of each node")
     parser.add_argument("--dwell", type=float, default=8.0, help="wall seconds from change to change")
-    parser.add_argument("--lease", type=float, default=6.0, help="wall seconds from a bridge's end to take_back")
+    parser.add_argument(
+        "--lease", type=float, default=6.0, help="wall seconds from a bridge's end to take_back"
+    )
     parser.add_argument("--speed", type=float, default=2.0)
+    parser.add_argument(
+        "--rate", type=float, help="the nodes' own seconds in a wall second (default: theta x speed)"
+    )
     parser.add_argument("--theta", type=int, default=30)
     parser.add_argument("--charge", type=float, default=0.85, help="of the three at the start")
     parser.add_argument("--threshold", type=float, default=0.7, help="the mission's pool_threshold")
@@ -366,8 +391,10 @@ def main() -> None:
         programs.append(flight)
         until(lambda: (run / "run.json").exists() and (folder / "table/modem6").exists(), "no run")
         until(lambda: json.loads((run / "run.json").read_text()).get("master_uri"), "no master")
-        env["ROS_MASTER_URI"] = os.environ["ROS_MASTER_URI"] = json.loads((run / "run.json").read_text())["master_uri"]
-        rate = given.speed * given.theta
+        env["ROS_MASTER_URI"] = os.environ["ROS_MASTER_URI"] = json.loads((run / "run.json").read_text())[
+            "master_uri"
+        ]
+        rate = given.rate or given.speed * given.theta
         nodes: dict[int, Node] = {}
         mission = Mission(nodes)
         until(lambda: mission.samples and all(it in mission.samples[-1][2] for it in SITES), "no beliefs")
@@ -403,13 +430,17 @@ def main() -> None:
         "to_simulated": sum(it["is"] == "simulated" for it in mission.presences),
         "packets_sent": sum("sent" in it for node in nodes.values() for it in node.told()),
         "carried_by_bridges": dict(sum((it.carried for it in threads), Counter())),
-        "words_heard": dict(Counter(it["word"] for node in nodes.values() for it in node.told() if "word" in it)),
+        "words_heard": dict(
+            Counter(it["word"] for node in nodes.values() for it in node.told() if "word" in it)
+        ),
         "beliefs_at_own_place": right,
         "beliefs_at_a_wrong_place": wrong,
         "wrong_examples": examples,
         "true_before_in_interval": share_inside("before"),
         "true_after_in_interval": share_inside("after"),
-        "largest_jump": max((abs(it["after"]["belief"] - it["before"]["belief"]) for it in whole), default=None),
+        "largest_jump": max(
+            (abs(it["after"]["belief"] - it["before"]["belief"]) for it in whole), default=None
+        ),
         "longest_unbelieved_s": max((it["unbelieved_s"] for it in changes), default=0),
         "refusals": dict(mission.refusals),
         "take_backs_undone": sum(it.undone for it in threads),

@@ -5,6 +5,7 @@ It knows nothing of musselbed. Lines on stdin act on it as people and chargers d
 """
 
 import argparse
+import contextlib
 import json
 import select
 import socket
@@ -30,7 +31,9 @@ def fletcher16(data: bytes) -> int:
 class Board:
     """Time is the board's own, in seconds since it was switched on. Charge is the share of the battery that is left."""
 
-    def __init__(self, number: int, charge: float, latitude: float, longitude: float, drain: float, load: float) -> None:
+    def __init__(
+        self, number: int, charge: float, latitude: float, longitude: float, drain: float, load: float
+    ) -> None:
         self.number, self.charge = number, charge
         self.latitude, self.longitude = latitude, longitude
         self.drain_per_s, self.load_per_s = drain, load
@@ -94,10 +97,8 @@ class Wifi:
         self._line.setblocking(False)
 
     def send(self, data: bytes) -> None:
-        try:
+        with contextlib.suppress(OSError):  # where nobody listens at the moment
             self._line.send(data)
-        except OSError:
-            pass  # nobody listens at the moment
 
     def receive(self) -> list[bytes]:
         got = []
@@ -161,7 +162,7 @@ def arguments() -> argparse.Namespace:
 
 def main() -> None:
     given = arguments()
-    board = Board(given.number, given.charge, *given.place, given.drain, given.load)
+    board = Board(given.number, given.charge, given.place[0], given.place[1], given.drain, given.load)
     lines: list[Wifi | Nanomodem] = []
     if given.udp:
         lines.append(Wifi(given.udp))

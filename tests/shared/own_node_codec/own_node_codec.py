@@ -1,4 +1,4 @@
-"""The bytes of our own nodes (../layout.txt) for musselbed's bridge."""
+"""The bytes of our own nodes (tests/counterparts/own_node/layout.txt) for musselbed's bridge."""
 
 import struct
 from math import cos, radians
@@ -29,7 +29,11 @@ class OwnNode:
         self._counts: dict[int, int] = {}
 
     def encode(self, packet: Packet) -> bytes:
-        if not isinstance(packet, CommandPacket) or packet.kind not in WORDS or packet.agent_id not in NUMBERS:
+        if (
+            not isinstance(packet, CommandPacket)
+            or packet.kind not in WORDS
+            or packet.agent_id not in NUMBERS
+        ):
             return b""
         return f"{WORDS[packet.kind]} {NUMBERS[packet.agent_id]}\n".encode()
 
