@@ -1,9 +1,9 @@
 """One mission over ROS with twelve simulated aMussels and three of our nodes, which change between simulated and real.
 
-Run it by `nice -n 10 musselbed python hand_overs.py`, with setup.bash sourced and the codec of
-tests/shared/own_node_codec installed. The last line on stdout is the result, as JSON. Where a node is real, a bridge of its
-own carries it, by a modem and by UDP; where it is simulated that bridge has ended. A node lives on meanwhile, and each of
-its stays in the water has a new place.
+Run it by `.venv/bin/musselbed python tests/counterparts/own_node/hand_overs.py`. The last line on stdout is the result, as
+JSON; the exit code is 1 where a packet went to a wrong aMussel or a take_back was undone. Where a node is real, a bridge of
+its own carries it, by a modem and by UDP; where it is simulated that bridge has ended. A node lives on meanwhile, and each
+of its stays in the water has a new place.
 """
 
 import argparse
@@ -25,7 +25,8 @@ from typing import Any
 
 HERE = Path(__file__).resolve().parent
 SCENARIOS = HERE.parents[2] / "launch_scripts" / "scenarios"
-sys.path.insert(0, str(HERE.parents[1] / "shared" / "own_node_codec"))
+CODEC = HERE.parents[1] / "shared" / "own_node_codec"
+sys.path[:0] = [str(CODEC), str(Path(sys.prefix) / "share" / "musselbed" / "ros")]
 from own_node_codec import NUMBERS, ORIGIN_DEG, metres_per_degree  # noqa: E402
 
 SITES = {13: (26.0, 13.0), 14: (9.0, 16.5), 15: (24.0, 1.0)}
@@ -365,7 +366,7 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=7, help="changes each way of each node")
     parser.add_argument("--dwell", type=float, default=8.0, help="wall seconds from change to change")
     parser.add_argument(
-        "--lease", type=float, default=6.0, help="wall seconds from a bridge's end to take_back"
+        "--lease", type=float, default=0.0, help="wall seconds from a bridge's end to take_back"
     )
     parser.add_argument("--speed", type=float, default=2.0)
     parser.add_argument(
@@ -384,6 +385,8 @@ def main() -> None:
     run, env = folder / "run", dict(os.environ)
     began = time.monotonic()
     env["PYTHONUNBUFFERED"] = "1"
+    env["PYTHONPATH"] = str(CODEC)
+    env["PATH"] = f"{Path(sys.executable).parent}:{env['PATH']}"
     programs = [Program("modems", ["musselbed", "modems", "table", "--count", 6], folder, env)]
     try:
         words = ("musselbed", "run", scenario(folder, given), "--speed", given.speed, "--out", run)
@@ -453,6 +456,9 @@ def main() -> None:
         "changes": changes,
     }
     print(json.dumps(result))
+    undone, problems = result["take_backs_undone"], result["problems"]
+    if wrong or undone or problems or min(result["to_real"], result["to_simulated"]) < 3 * given.rounds:
+        sys.exit(1)
 
 
 if __name__ == "__main__":
