@@ -80,4 +80,6 @@ def _of_one(
     if isinstance(apad, AnotherAPad):
         values |= {"apad.battery.start_fraction": apad.battery_start_fraction, "apad.fault": apad.fault}
     given = {key: value for key, value in values.items() if value is not None}
+    if scenario.sharing.consensus is not None:
+        given["sharing.consensus"] = None
     return with_values(scenario, given, f"{scenario.name}: {apad.name}")

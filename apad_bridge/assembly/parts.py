@@ -23,7 +23,7 @@ from apad_bridge.mission.home_stays import HomeStays
 from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.planner import PlanRules
 from apad_bridge.mission.plans import Planning
-from apad_bridge.mission.sources import Allocation, BeliefSource
+from apad_bridge.mission.sources import Allocation
 from apad_bridge.planning import registry
 from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.errors import ScenarioError
@@ -217,18 +217,19 @@ def _nobody_flies(scenario: Scenario) -> FlightContext:
 
 
 def _energy_exchange(
-    config: FlightConfig, beliefs: BeliefSource, state: MissionState | None, planning: Planning
+    config: FlightConfig, allocation: Allocation, state: MissionState | None, planning: Planning
 ) -> EnergyExchange:
     scenario = config.scenario
     return EnergyExchange(
         plan_rules(scenario, config.trust),
-        beliefs,
+        allocation,
         state,
         home_stays(scenario),
         _end_by(scenario),
         LegForecast(scenario.apad, surface_of(scenario)),
         needs_battery=scenario.guards is not None and scenario.guards.battery_reserve is not None,
         planning=planning,
+        barred=lambda: allocation.barred,
     )
 
 

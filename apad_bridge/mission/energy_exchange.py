@@ -7,7 +7,7 @@ given-up steps.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import partial
 from math import inf
 
@@ -38,6 +38,7 @@ STUCK_AFTER = 3
 """So many go-tos that fail in a row are the aPad's fault and not the aMussels'."""
 BATTERY_TOLD_AFTER_MS = 10_000
 """A battery that is needed and was not heard for so long is told, once."""
+BARRED = "another aPad may dock it"
 _COLLECTING = (Phase.GO_COLLECT, Phase.AWAIT_SURFACING)
 
 
@@ -59,11 +60,12 @@ class EnergyExchange(OrderBook):
         *,
         needs_battery: bool = False,
         planning: Planning = untold,
+        barred: Callable[[], frozenset[int]] = frozenset,
     ) -> None:
         """`home` says when the aPad goes home, `end_by` when for good. With `legs` it serves nobody whom the sea bars.
 
         One that `needs_battery` does nothing before the aPad's battery was heard: a guard would refuse its go-tos.
-        `planning` is entered while a strategy, by its name, plans.
+        `planning` is entered while a strategy, by its name, plans. `barred` are the aMussels that other aPads may dock.
         """
         super().__init__(state or MissionState())
         self._beliefs = beliefs
@@ -71,7 +73,8 @@ class EnergyExchange(OrderBook):
         self._tells_battery_ms: float | None = None
         """The time at which it tells that it waits for the battery; None before it waits."""
         self._reach = Reach(legs, self, beliefs)
-        self._planner = Planner(rules, beliefs, self, self._reach, planning)
+        self._barred = barred
+        self._planner = Planner(rules, beliefs, self, self._reach, planning, barred)
         config = rules.mission
         self.docking_routine = DockingRoutine(config, beliefs, self, 2 * config.victory_radius_m)
         self._sink_reminders = SinkReminders(round(config.permission_repeat_s * 1000))
@@ -159,6 +162,7 @@ class EnergyExchange(OrderBook):
         self._planner.settle_places()
         self._reach.look(self._planner.config, now_ms)
         self._do(self._look_at_the_time, now_ms)
+        self._do(self._look_at_barred, now_ms)
         behaviour = self._behaviours[
             self.state.phase
         ]  # a phase that begins at this tick acts at the next one
@@ -262,6 +266,19 @@ class EnergyExchange(OrderBook):
         if phase in (*_COLLECTING, Phase.IDLE):
             self.set(plan=())
             self._next_step(now_ms)
+
+    def _look_at_barred(self, now_ms: MissionMs) -> None:
+        """Leaves the aMussels of its plan that it may not dock any more. A mechanism that moves is not stopped."""
+        barred = self._barred()
+        if barred.isdisjoint(it.agent_id for it in self.state.plan):
+            return
+        first, *later = self.state.plan
+        self.set(plan=(first, *(it for it in later if it.agent_id not in barred)))
+        is_fetching = self.state.phase in _COLLECTING or self.docking_routine.is_on_search
+        if is_fetching and first.agent_id in barred:
+            self.docking_routine.pre_empt()
+            self.tell(StepGivenUp(first.agent_id, first.kind.value, BARRED))
+            self._finish_step(now_ms)
 
     # Idle, and charging.
 

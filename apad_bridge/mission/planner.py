@@ -5,7 +5,7 @@ Asked if something is due, it changes nothing. A plan goes into the mission's st
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 
 from agents.time_scale import MissionMs
@@ -112,12 +112,14 @@ class Planner:
         book: OrderBook,
         reach: Reach,
         planning: Planning = untold,
+        barred: Callable[[], frozenset[int]] = frozenset,
     ) -> None:
-        """`planning` is entered while a strategy, by its name, plans."""
+        """`planning` is entered while a strategy, by its name, plans. `barred` are the aMussels not to be collected now."""
         self._beliefs = beliefs
         self._book = book
         self._reach = reach
         self._planning = planning
+        self._barred = barred
         self.charging = ChargingWatch(rules.mission)
         self.tries = ServiceTries(rules.mission, book)
         self.places = HomePlaces(book)
@@ -178,7 +180,8 @@ class Planner:
         if known_end is not None and not known_end.is_worth_a_service(now_ms):
             return []
         pool = self.pool.candidates(now_ms, self._left_alone, self._state.served)
-        return [it for it in pool if not self._book.is_held(it.agent_id)]
+        barred = self._barred()
+        return [it for it in pool if not (self._book.is_held(it.agent_id) or it.agent_id in barred)]
 
     def collect(
         self, pool: Sequence[Belief], batch: int, now_ms: MissionMs, leaving: Collection[int] = ()

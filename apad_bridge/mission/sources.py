@@ -32,6 +32,8 @@ class Allocation:
         """Another fleet's aMussels, served here."""
         self.served_elsewhere: frozenset[int] = frozenset()
         """This fleet's aMussels, served elsewhere."""
+        self.barred: frozenset[int] = frozenset()
+        """The aMussels that are served here, and that no dock here may close on for the present."""
 
     def concerns(self, agent_id: int) -> bool:
         """True for an aMussel of this fleet, whoever serves it, and for one that is served here."""

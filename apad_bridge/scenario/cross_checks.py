@@ -12,6 +12,7 @@ from agents.modem.frames import PAYLOAD_BYTES, ModemGeneration, duration_ms
 from agents.mussel.board_link import serial_line
 from agents.time_scale import TimeScale
 from apad_bridge.planning.registry import Trust, collection, redeployment
+from apad_bridge.scenario.another_apad import ASSIGNMENT_PERIOD_S
 from apad_bridge.scenario.area.chart import chart_of
 from apad_bridge.scenario.area.fence import Fence, fence_of
 from apad_bridge.scenario.area.local_frame import LocalFrame
@@ -64,6 +65,7 @@ def contradictions(scenario: Scenario) -> list[Contradiction]:
         *_rules_of_water(scenario),
         *_rules_of_apad(scenario),
         *_rules_of_further_apads(scenario),
+        *_rules_of_consensus(scenario),
         *_rules_of_faults(scenario),
     )
     return _broken(rules)
@@ -541,6 +543,32 @@ def _rules_of_further_apads(scenario: Scenario) -> Iterator[Rule]:
         "apads",
         "a share of a fleet is one aPad's: leave this key out, or fleet.share",
     )
+
+
+def _rules_of_consensus(scenario: Scenario) -> Iterator[Rule]:
+    if (consensus := scenario.sharing.consensus) is None:
+        return
+    key, names = "sharing.consensus", scenario.apad_names
+    yield not scenario.apads, key, "one aPad has nobody to agree with: leave it out, or name more `apads`"
+    yield not scenario.sharing.transfers, key, "nothing is agreed on without transfers: leave one of both out"
+    exchanges_s = 5 * ASSIGNMENT_PERIOD_S + 4 * consensus.delay_s
+    least_s = scenario.mission.docking.longest_s + exchanges_s
+    yield (
+        consensus.lease_s < least_s,
+        f"{key}.lease_s",
+        f"a docking and five exchanges of messages must fit into it: at least {least_s:g}",
+    )
+    for n, it in enumerate(consensus.silences):
+        yield (
+            it.apad not in names,
+            f"{key}.silences[{n}].apad",
+            f"no such aPad; there are {', '.join(names)}",
+        )
+        yield (
+            it.to_s is not None and it.to_s <= it.from_s,
+            f"{key}.silences[{n}].to_s",
+            "not after from_s",
+        )
 
 
 def _rules_of_faults(scenario: Scenario) -> Iterator[Rule]:

@@ -306,6 +306,11 @@ class Docking:
         if self.servo is not None and self.timeout_s <= self.servo.search_s:
             raise ValueError("timeout_s must be longer than servo.search_s")
 
+    @property
+    def longest_s(self) -> float:
+        """A docking has ended after this time, with all its tries."""
+        return self.attempts * self.timeout_s
+
     def profile_of(self, agent_id: int) -> DockingProfile:
         if agent_id in self.virtual_ids:
             return DockingProfile.VIRTUAL

@@ -43,7 +43,7 @@ def check_run(options: RunOptions, scenario: Scenario, starts: Sequence[Start]) 
         ),
     )
     if scenario.apads:
-        _refuse_for_several(options)
+        _refuse_for_several(options, scenario)
     check_real_vehicle(options, scenario)
     if options.apad is APadKind.SIM:
         generation = scenario.apad.generation
@@ -127,8 +127,12 @@ def tell_docks_in_use(options: RunOptions, scenario: Scenario) -> None:
                 )
 
 
-def _refuse_for_several(options: RunOptions) -> None:
+def _refuse_for_several(options: RunOptions, scenario: Scenario) -> None:
     refuse(
+        (
+            scenario.sharing.consensus is not None and options.time is not TimeSource.ASAP,
+            "sharing.consensus: aPads agree in virtual time alone: add --time asap, or leave the key out",
+        ),
         (options.script, "a script flies one aPad, and the scenario names several: leave `apads` out"),
         (
             options.part is not BenchPart.WHOLE,

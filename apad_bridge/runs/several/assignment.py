@@ -15,7 +15,7 @@ from math import fsum
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.modes import LIKELY, SUBMERGED, Mode
-from apad_bridge.events.mission import Phase
+from apad_bridge.events.mission import MissionState, Phase
 from apad_bridge.mission.pool import floats
 from apad_bridge.planning.allocation import Point, allocate
 from apad_bridge.runs.parent_protocol import APadView
@@ -103,7 +103,7 @@ def view_of(name: str, start_m: tuple[float, float], supervisor: Supervisor) -> 
     """`start_m` stands for the aPad's place until a pose was reported."""
     state, pose = supervisor.mission.state, supervisor.pose
     is_down = state.phase is Phase.STANDS_DOWN
-    busy = {step.agent_id for step in state.plan} | set(dict(state.docked).values())
+    busy = busy_with(state)
     served = [it for it in supervisor.allocation.all() if not _is_lost(it)]
     return APadView(
         name,
@@ -112,6 +112,11 @@ def view_of(name: str, start_m: tuple[float, float], supervisor: Supervisor) -> 
         {it.agent_id: (it.north_m, it.east_m) for it in served},
         frozenset(it.agent_id for it in served if it.agent_id not in busy and _is_free(it, is_down)),
     )
+
+
+def busy_with(state: MissionState) -> frozenset[int]:
+    """The aMussels in a mission's plan and in its docks."""
+    return frozenset(step.agent_id for step in state.plan) | frozenset(dict(state.docked).values())
 
 
 def _is_lost(belief: Belief) -> bool:

@@ -31,8 +31,9 @@ from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs import flying
 from apad_bridge.runs.display import JointDisplay, ProgressDisplay
 from apad_bridge.runs.several.assignment import Assignment, Move, view_of
+from apad_bridge.runs.several.consensus import ByConsensus
 from apad_bridge.runs.several.summary import Flown
-from apad_bridge.scenario.another_apad import Sharing
+from apad_bridge.scenario.another_apad import ASSIGNMENT_PERIOD_S, Sharing
 from apad_bridge.supervisor import recorder_interface
 from apad_bridge.supervisor.context import FlightContext, Watcher
 from apad_bridge.supervisor.core import Supervisor
@@ -49,9 +50,7 @@ from apad_bridge.supervisor.run_spec import RunSpec
 from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.guards.orders import BodyInWater, Point
 
-ASSIGNMENT_PERIOD_MS = 10_000
-"""Mission time between two looks at the assignment. In this time an aPad that stood down can still receive packets from
-the aMussels that it called up."""
+ASSIGNMENT_PERIOD_MS = round(1000 * ASSIGNMENT_PERIOD_S)
 
 
 class Exchange:
@@ -128,14 +127,19 @@ Join = Callable[[FlightContext], FlightContext]
 
 
 class LockstepRunner:
-    """Runs the flights. Without an `assignment` each aPad serves its own aMussels to the end."""
+    """Runs the flights. Without an `assignment` or a `consensus` each aPad serves its own aMussels to the end."""
 
     def __init__(
-        self, flights: Mapping[str, MemberFlight], exchange: Exchange, assignment: Assignment | None
+        self,
+        flights: Mapping[str, MemberFlight],
+        exchange: Exchange,
+        assignment: Assignment | None,
+        consensus: ByConsensus | None = None,
     ) -> None:
         self.flights = dict(flights)
         self._exchange = exchange
         self.assignment = assignment
+        self.consensus = consensus
         self.moves: list[tuple[int, Move]] = []
         """(mission ms, move), in the order in which they were made."""
 
@@ -153,7 +157,11 @@ class LockstepRunner:
         for member in members:
             join: Join = _unchanged if is_alone else partial(exchange.join, member.name, sharing)
             flights[member.name] = open_member(member, join, sea)
-        return cls(flights, exchange, Assignment(served) if sharing.transfers and not is_alone else None)
+        if is_alone or not sharing.transfers:
+            return cls(flights, exchange, None)
+        if sharing.consensus is not None:
+            return cls(flights, exchange, None, ByConsensus(members, sharing.consensus))
+        return cls(flights, exchange, Assignment(served))
 
     @property
     def handed_on_count(self) -> int:
@@ -170,8 +178,12 @@ class LockstepRunner:
             ended = [name for name, it in running.items() if it.flight.step()]
             for name in ended:
                 del running[name]
-            if self.assignment is not None and now_ms % ASSIGNMENT_PERIOD_MS == 0:
+            if now_ms % ASSIGNMENT_PERIOD_MS != 0:
+                continue
+            if self.assignment is not None:
                 self._reassign(self.assignment, running, now_ms)
+            if self.consensus is not None:
+                self._agree(self.consensus, running, now_ms)
 
     def _reassign(
         self, assignment: Assignment, running: Mapping[str, MemberFlight], now_ms: MissionMs
@@ -187,6 +199,20 @@ class LockstepRunner:
             self.moves.append((now_ms, move))
             giver.recorder.event(now_ms, HandedOn(move.agent_id, move.taker))
             taker.recorder.event(now_ms, TookOn(move.agent_id, move.giver))
+
+    def _agree(self, consensus: ByConsensus, running: Mapping[str, MemberFlight], now_ms: MissionMs) -> None:
+        """Has each aPad look at what it serves. An aMussel in a dock sends its packets to that dock's aPad."""
+        server: dict[int, str] = {}
+        for name, it in running.items():
+            for event in consensus.look(name, it.start_m, it.flight, now_ms):
+                it.recorder.event(now_ms, event)
+            server |= dict.fromkeys(consensus.parts[name].granted, name)
+        for name, it in self.flights.items():
+            server |= dict.fromkeys(dict(it.flight.supervisor.mission.state.docked).values(), name)
+        for agent_id, name in server.items():
+            if (former := self._exchange.server[agent_id]) != name:
+                self._exchange.server[agent_id] = name
+                self.moves.append((now_ms, Move(agent_id, former, name)))
 
 
 def _unchanged(context: FlightContext) -> FlightContext:
