@@ -196,8 +196,9 @@ class Jurisdiction:
     def _is_granted(self, agent_id: int, now_ms: int) -> bool:
         since_ms = self.known[self._name].claims[agent_id]
         votes = [it.votes[agent_id] for it in self.known.values() if agent_id in it.votes]
+        until_ms = now_ms + self._terms.margin_ms
         count = sum(
-            it.claimer == self._name and it.since_ms == since_ms and it.until_ms > now_ms for it in votes
+            it.claimer == self._name and it.since_ms == since_ms and it.until_ms > until_ms for it in votes
         )
         return count >= (self._keeps if agent_id in self.granted else self._majority)
 

@@ -13,7 +13,6 @@ from apad_bridge.scenario.quantities import (
     frozen,
 )
 
-
 ASSIGNMENT_PERIOD_S = 10.0
 """Mission time between two looks at the assignment. In this time an aPad that stood down can still receive packets from
 the aMussels that it called up."""

@@ -3,8 +3,8 @@
 Each aPad decides by its own beliefs and by what others sent it (`planning/jurisdiction.py`); nothing here knows more. It
 serves the aMussels whose claims are granted. Without a grant it docks no aMussel, and brings back those in its docks.
 
-A grant alone does not say that another aPad's dock is not closed on the aMussel since its last message. So an aPad that took
-an aMussel on docks it only after it has received a packet from it.
+A dock of an aPad that fell silent may have closed on an aMussel since its last message, and no other aPad knows it. So an
+aPad that took an aMussel on docks it only after it has received a packet from it.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class Mesh:
 
 
 class ByConsensus:
-    """The part of each aPad. All begin with the scenario's shares: each has all votes for its own until a lease has passed."""
+    """The part of each aPad. All begin with the scenario's shares: each has all votes for its own until a lease is over."""
 
     def __init__(self, members: Sequence[Member], consensus: Consensus) -> None:
         scenario, names = members[0].scenario, [it.name for it in members]
