@@ -174,6 +174,7 @@ def test_a_dry_run_says_who_serves_whom(
         (["run", "SCENARIO", "--dry-run", "--apad", "ros"], "leave out --apad ros"),
         (["script", "FILE", "--scenario", "SCENARIO", "--time", "asap"], "a script flies one aPad"),
         (["run", "BY_SOUND", "--open-modem", "1"], "opens a modem beside one aPad"),
+        (["run", "AGREEING", "--time", "wall"], "aPads agree in virtual time alone: add --time asap"),
     ],
 )
 def test_what_is_for_one_aPad_says_so(
@@ -183,6 +184,8 @@ def test_what_is_for_one_aPad_says_so(
     by_sound = small(bay)
     by_sound["water"] = {}
     (tmp_path / "BY_SOUND").write_text(yaml.safe_dump(by_sound))
+    agreeing = {**small(bay), "sharing": {"consensus": {}}}
+    (tmp_path / "AGREEING").write_text(yaml.safe_dump(agreeing))
     (tmp_path / "FILE").write_text("pass\n")
     paths = [str(tmp_path / word) if word.replace("_", "").isupper() else word for word in words]
     assert main(paths) == 2

@@ -76,6 +76,7 @@ class Bench:
         home: HomeStays = NO_HOME,
         known_end: KnownEnd | None = None,
     ) -> None:
+        self.barred = frozenset[int]()
         self.told = Told()
         self.config = config
         self.now_ms = 0
@@ -87,6 +88,7 @@ class Bench:
             self.told,
             state,
             home,
+            barred=lambda: self.barred,
         )
         self.mission.moved(*place)
         for agent_id in range(1, agents + 1):
@@ -1245,3 +1247,41 @@ def test_the_rest_of_a_tour_with_releases_is_not_planned_anew() -> None:
     bench.tick()
     bench.collect(4)
     assert bench.mission.state.plan == steps[1:]
+
+
+def test_an_aMussel_that_another_aPad_may_dock_is_not_collected() -> None:
+    bench = Bench(agents=5)
+    bench.barred = frozenset({1})
+    bench.tick()
+    assert [step.agent_id for step in bench.mission.state.plan] == [2, 3, 4, 5]
+
+
+def test_it_leaves_an_aMussel_that_another_aPad_may_dock_now_and_calls_up_no_such_one() -> None:
+    """Of four, the first is left on the way, and the second with it; the third is left where it is waited for."""
+    bench = Bench()
+    bench.tick()
+    first, second, third, fourth = (step.agent_id for step in bench.mission.state.plan)
+    bench.barred = frozenset({first, second})
+    bench.tick()
+    assert [it["agent"] for it in bench.notes("given_up")] == [first]
+    assert [it.agent_id for it in bench.orders if isinstance(it, PermitSurfacing)] == [third]
+    bench.succeed()
+    bench.barred = frozenset({third})
+    bench.hears(third, State.FLOATING, 0.5)
+    assert not any(isinstance(it, CloseDock) for it in bench.orders)
+    assert [it.agent_id for it in bench.orders if isinstance(it, PermitSurfacing)] == [fourth]
+
+
+def test_it_ends_a_search_for_an_aMussel_that_another_aPad_may_dock(bench: Bench) -> None:
+    bench.tick()
+    float_beside_the_apad(bench)
+    bench.barred = frozenset({1})
+    bench.tick()
+    assert bench.notes("given_up") == []  # a mechanism that moves is not stopped
+    bench.orders = [
+        *bench.mission.receive(NothingCaught(bench.now_ms, bench.mission.state.primitive_id), bench.now_ms)
+    ]
+    assert isinstance(bench.primitive(), GoTo)
+    bench.tick()
+    assert [it["agent"] for it in bench.notes("given_up")] == [1]
+    assert bench.mission.state.plan[0].agent_id != 1

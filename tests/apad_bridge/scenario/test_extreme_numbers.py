@@ -35,6 +35,7 @@ guards: {leg_m: 500, adrift_s: 27, leg_s: 600, speed_limit_m_s: 5, battery_reser
          position_error_m: 0.5, hull_m: 0.7, coasting_m: 1, coasting_speed_m_s: 1}
 apad: {home: {charging_w: 200, go_at: 0.2, leave_at: 0.9}, unavailable: [{from_s: 5, until_s: 8}]}
 apads: [{name: apad2, start_m: [5, 5], battery_start_fraction: 0.9}]
+sharing: {consensus: {loss: 0.1, delay_s: 1, silences: [{apad: apad2, from_s: 5, to_s: 9}]}}
 faults: {at: [{fault: bit_flip, id: 1, at_s: 5, for_s: 4, value: 0.5}], mix: {seed: 3, count: 10, of: [apad_lies]}}
 """
 SOUND = """

@@ -412,6 +412,32 @@ def test_the_shipped_variants_of_the_pool_differ_in_nothing_else() -> None:
             "fleet: first_id: an aMussel's id is 65535 at most, not 65536",
         ),
         (
+            "theta: 30",
+            "theta: 30\napads: [{name: apad2, start_m: [5, 5]}]\nsharing: {consensus: {silences: [{apad: apad3}]}}",
+            "sharing.consensus.silences[0].apad: no such aPad; there are apad1, apad2",
+        ),
+        (
+            "theta: 30",
+            "theta: 30\napads: [{name: apad2, start_m: [5, 5]}]\n"
+            "sharing: {consensus: {silences: [{apad: apad2, from_s: 9, to_s: 9}]}}",
+            "sharing.consensus.silences[0].to_s: not after from_s",
+        ),
+        (
+            "theta: 30",
+            "theta: 30\napads: [{name: apad2, start_m: [5, 5]}]\nsharing: {consensus: {lease_s: 100, delay_s: 5}}",
+            "sharing.consensus.lease_s: a docking and five exchanges of messages must fit into it: at least 130",
+        ),
+        (
+            "theta: 30",
+            "theta: 30\napads: [{name: apad2, start_m: [5, 5]}]\nsharing: {transfers: false, consensus: {}}",
+            "sharing.consensus: nothing is agreed on without transfers: leave one of both out",
+        ),
+        (
+            "theta: 30",
+            "theta: 30\nsharing: {consensus: {}}",
+            "sharing.consensus: one aPad has nobody to agree with: leave it out, or name more `apads`",
+        ),
+        (
             "\napad:\n",
             "\napad:\n  docks: 2\n",
             "mission.batch: 4 aMussels do not fit into 2 docks (apad.docks): leave it out, or lower it",

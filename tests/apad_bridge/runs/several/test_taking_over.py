@@ -194,3 +194,73 @@ def test_beyond_the_range_of_sound_nothing_differs_from_flying_alone(tmp_path: P
         assert packets_of(alone, member.name)
         assert alone.recorders[member.name].journal == together.recorders[member.name].journal
         assert alone.figures()[member.name] == together.figures()[member.name]
+
+
+def agreeing(
+    folder: Path, *, third: bool, battery: float, duration_s: float, **network: Any
+) -> OpenedLockstep:
+    data = resolve(two_apads(folder, transfers=True, battery=battery))
+    data["duration_s"] = duration_s
+    data["sharing"]["consensus"] = {"loss": 0.3, "delay_s": 5, **network}
+    if third:
+        data["apads"].append({"name": "apad3", "start_m": [50, 10]})
+    scenario = from_data(data, "agreeing")
+    return open_lockstep(members(scenario, starts_of(scenario)), scenario.sharing)
+
+
+def fly_watched(opened: OpenedLockstep) -> dict[str, set[int]]:
+    """Flies to the end; an observer of all aPads finds no aMussel granted to two, nor a dock that closes without a grant.
+
+    Returns the aMussels that each aPad docked.
+    """
+    docked: dict[str, set[int]] = {name: set() for name in opened.flights}
+    holding: dict[str, set[int]] = {name: set() for name in opened.flights}
+    assert opened.runner.consensus is not None
+    parts, now_ms, is_over = opened.runner.consensus.parts, 0, False
+    recent: list[dict[str, frozenset[int]]] = []
+    while not is_over:
+        # A docking ends within a minute of its order, for which a grant was there.
+        recent = [*recent[-6:], {name: it.granted for name, it in parts.items()}]
+        now_ms += 10_000
+        opened.runner.run(now_ms)
+        is_over = all(it.flight.supervisor.has_ended for it in opened.flights.values())
+        granted = [agent_id for it in parts.values() for agent_id in it.granted]
+        assert len(granted) == len(set(granted))
+        for name, it in opened.flights.items():
+            held = set(dict(it.flight.supervisor.mission.state.docked).values())
+            assert held - holding[name] <= frozenset().union(*(grants[name] for grants in recent))
+            holding[name], docked[name] = held, docked[name] | held
+    return docked
+
+
+def test_an_aPad_that_stands_down_is_followed_by_the_others_agreement(tmp_path: Path) -> None:
+    opened = agreeing(tmp_path, third=False, battery=0.005, duration_s=3000)
+    docked = fly_watched(opened)
+    assert not docked["apad2"] and docked["apad1"] >= set(NEEDY)
+    down_ms = events_of(opened, "apad2", "stands_down")[0]["t"]
+    took = {it["id"]: it["t"] for it in events_of(opened, "apad1", "took_on")}
+    # Nobody has to wait for a lease: the aPad tells that it stands down, and votes for the other.
+    assert took.keys() == {5, 6, 7, 8} and max(took.values()) - down_ms < 120_000
+    assert opened.runner.handed_on_count == 4
+
+
+def test_of_two_aPads_neither_takes_over_from_one_that_is_silent(tmp_path: Path) -> None:
+    opened = agreeing(
+        tmp_path, third=False, battery=1.0, duration_s=1200, silences=[{"apad": "apad2", "from_s": 0}]
+    )
+    docked = fly_watched(opened)
+    assert docked == {"apad1": set(), "apad2": set(NEEDY)}
+    assert opened.runner.moves == []
+
+
+def test_two_take_over_from_a_third_that_falls_silent_and_leave_what_it_has_docked(tmp_path: Path) -> None:
+    """It falls silent on its way. It leaves the aMussels to them within a lease, and they dock none that it holds."""
+    silences = [{"apad": "apad2", "from_s": 30}]
+    opened = agreeing(tmp_path, third=True, battery=1.0, duration_s=3000, silences=silences)
+    fly_watched(opened)
+    left = {it["id"]: it["t"] for it in events_of(opened, "apad2", "handed_on")}
+    took = {it["id"]: it["t"] for name in ("apad1", "apad3") for it in events_of(opened, name, "took_on")}
+    assert left and left.keys() <= took.keys()
+    assert max(took.values()) <= 30_000 + 180_000 + 2_000 + 7 * 10_000 + 10_000
+    consensus = opened.runner.consensus
+    assert consensus is not None and consensus.parts["apad2"].granted == frozenset()
