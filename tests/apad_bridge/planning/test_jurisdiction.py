@@ -243,3 +243,38 @@ def test_time_that_stands_is_a_bug() -> None:
     part.advance(OwnSight(), 5)
     with pytest.raises(ValueError, match="time did not go on: 5 after 5"):
         part.advance(OwnSight(), 5)
+
+
+def test_a_vote_binds_until_its_lease_has_ended_by_every_clock() -> None:
+    """The lease ends at 60 s by the claimer's clock, which may be a second late."""
+    part = alone("b", 3)  # b claims 7, with its own vote
+    voter = Jurisdiction("a", part.known.values(), NAMES[:3], NET)
+    voter.receive([PeerState("c", (0.0, 0.0), 50_000, claims={7: 50_000})])
+    for now_ms, claimer in ((60_000, "b"), (61_000, "b"), (61_001, "c")):
+        voter.advance(OwnSight(), now_ms)
+        assert voter.known["a"].votes[7].claimer == claimer
+    # Until then it is the claimer's to give the vote back.
+    other = Jurisdiction("a", part.known.values(), NAMES[:3], NET)
+    other.receive(
+        [PeerState("c", (0.0, 0.0), 10_000, claims={7: 10_000}), PeerState("b", (0.0, 0.0), 10_000)]
+    )
+    other.advance(OwnSight(), 11_000)
+    assert other.known["a"].votes[7] == Vote("c", 10_000, 70_000)
+
+
+def test_an_aPad_that_did_not_look_for_too_long_needs_a_majority_again() -> None:
+    """Meanwhile another may have been granted the aMussel, and lost it again."""
+    for late_ms, granted in ((45_000, True), (45_001, False)):
+        part = alone("a", 2)
+        for now_ms in (15_000, 30_000, late_ms):
+            part.advance(OwnSight(busy=frozenset({7})), now_ms)
+        assert (part.granted == {7}) == granted
+
+
+def test_an_aPad_that_begins_anew_votes_when_its_former_votes_have_ended() -> None:
+    """At 100 s it may have voted for one whose clock is a second ahead, until 161 s; another's clock may be late by one."""
+    assert Jurisdiction.votes_again_ms(100_000, NET) == 162_000
+    part = alone("a", 1, votes_from_ms=162_000)
+    for now_ms, votes in ((161_999, False), (162_000, True)):
+        part.advance(OwnSight(busy=frozenset({7})), now_ms)
+        assert bool(part.known["a"].votes) == votes
