@@ -26,7 +26,6 @@ from apad_bridge.ros.system.ros_time import follow_master
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.supervisor.packet_relay import PacketOrigin, RelayedPacket
 from apad_bridge.vehicle.errors import PeerFailed
-from firmware_model.entry_points import in_one_line
 from firmware_model.packets import EVERYONE, CommandPacket, LogRecords, Packet, ShortStatus, StatusPacket
 from firmware_model.packets.codec import Codec
 
@@ -126,7 +125,9 @@ class AMusselBridge:
                     self._tell("modem", text)
 
     def _say(self, packet: RelayedPacket, now_ms: MissionMs) -> None:
-        assert packet.medium is not None, "contacts are on another topic"
+        if packet.medium is None:
+            self._drop("to an aMussel: a contact, which is of the topic `felt`")
+            return
         data = packet.data
         # One way to the nodes takes all: a permission goes by sound, and a release by Wi-Fi, to whoever has both.
         link = self._links.get(packet.medium) or next(iter(self._links.values()))
@@ -134,7 +135,12 @@ class AMusselBridge:
             if (read := self._codec.decode(data)) is None:
                 self._drop("to an aMussel: damaged, or another layout than the scenario's codec")
                 return
-            if not (data := self._nodes_codec.encode(read)):
+            try:
+                data = self._nodes_codec.encode(read)
+            except Exception as error:  # as in decode
+                self._drop(f"to an aMussel: the nodes' codec raised {type(error).__name__}", why=str(error))
+                return
+            if not data:
                 kind = read.kind.name if isinstance(read, CommandPacket) else type(read).__name__
                 self._drop(f"to an aMussel: the nodes' codec has no bytes for {kind}")
                 return
@@ -144,7 +150,7 @@ class AMusselBridge:
         try:
             read = (self._nodes_codec or self._codec).decode(packet.data)
         except Exception as error:  # a laboratory's own code: one datagram ends no bridge
-            self._drop(f"heard: the codec raised {in_one_line(error)}")
+            self._drop(f"heard: the codec raised {type(error).__name__}", why=str(error))
             return
         if read is None:
             whose = "scenario's" if self._nodes_codec is None else "nodes'"
@@ -183,10 +189,12 @@ class AMusselBridge:
                     return None
             return self._codec.encode(read)
         except (struct.error, TypeError, ValueError, OverflowError) as error:
-            self._drop(f"heard: the nodes' codec made a packet that cannot be written: {in_one_line(error)}")
+            self._drop("heard: the nodes' codec made a packet that cannot be written", why=str(error))
             return None
 
-    def _drop(self, reason: str, count: int = 1) -> None:
+    def _drop(self, reason: str, count: int = 1, why: str = "") -> None:
+        """Counts by `reason`; tells the first one, with `why`, which may be another for each packet."""
         if not self.counts[reason]:
-            self._tell("dropped", f"dropped, and counted from now on: {reason}")
+            told = f"{reason}: {' '.join(why.split())}" if why else reason
+            self._tell("dropped", f"dropped, and counted from now on: {told}")
         self.counts[reason] += count

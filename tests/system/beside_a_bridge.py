@@ -54,8 +54,8 @@ def main() -> None:
     show("ready")
     for line in sys.stdin:
         agent_id, medium, data = json.loads(line)
-        reached = {"connected": heard, "modem": modem}.get(medium)
-        while reached is not None and not reached.get_num_connections():
+        reached = {"connected": heard, "modem": modem}.get(medium, said)
+        while not reached.get_num_connections():
             pause.wait(0.02)
         if medium == "connected":
             show("connected")

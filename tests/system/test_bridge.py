@@ -123,6 +123,10 @@ def test_nodes_with_bytes_of_their_own_are_heard_and_told_in_their_own_words(
 ) -> None:
     """The mission speaks the built-in codec, and the node the template's: the bridge translates both ways."""
     install_template(tmp_path, "codec")
+    first = '        if not data.startswith(b"$"):\n'
+    raising = f'        if data == b"raise":\n            raise RuntimeError("no such\\nline")\n{first}'
+    codec = tmp_path / "lab_codec.py"
+    codec.write_text(codec.read_text().replace(first, raising))
     inside = shell | {"PYTHONPATH": f"{ROOT}:{tmp_path}"}
     mission = begin(
         sys.executable, Path(__file__).with_name("beside_a_bridge.py"), env=inside, stdin=subprocess.PIPE
@@ -158,6 +162,10 @@ def test_nodes_with_bytes_of_their_own_are_heard_and_told_in_their_own_words(
         until(bridge, lambda it: "modem" in it)
 
     medium = "wifi" if way == "wifi" else "sound"
+    say(7, "contact", "00")
+    until(bridge, lambda it: "a contact" in it.get("dropped", ""))
+    send(b"raise")
+    until(bridge, lambda it: it.get("dropped", "").endswith("the codec raised RuntimeError: no such line"))
     send(LINE + b"00")
     until(bridge, lambda it: "damaged" in it.get("dropped", ""))
     send(checked(LINE.replace(b"S,7", b"S,8")))
