@@ -234,11 +234,13 @@ class TopicLink(NodeLink):
         self.medium = self._names.hear[0].medium
         self._counted: Counter[str] = Counter()
         self._pause = threading.Event()
+        self._begun: list[LaboratorySubscribers | LaboratoryPublishers] = []
 
     def begin(self) -> None:
         """Raises VehicleNotReady for a message type that is known nowhere."""
         self._publishers = LaboratoryPublishers(self._names, self._apad, self._ids)
         self._subscribers = LaboratorySubscribers(self._names, self._apad, self._ids)
+        self._begun = [self._subscribers, self._publishers]
 
     def wait(self, timeout_s: float) -> None:
         self._pause.wait(timeout_s)
@@ -258,8 +260,8 @@ class TopicLink(NodeLink):
         return [SentToNode()]
 
     def close(self) -> None:
-        self._subscribers.close()
-        self._publishers.close()
+        for it in self._begun:
+            it.close()
 
 
 def _names_of_packets(path: Path) -> Names:

@@ -233,6 +233,7 @@ def test_modems_on_a_table_answer_and_hear_each_other_until_ctrl_c(tmp_path: Pat
         (["udp:5005", "--codec", "no-such"], "no codec is called 'no-such'; there are: musselbed-1"),
         (["udp:192.0.2.1:5005"], "udp:192.0.2.1:5005: nobody can listen there"),
         (["udp:0", "udp:0"], "a bridge has one port by wifi"),
+        ([ROOT / "launch_scripts/interfaces/nodes.yaml"] * 2, "a bridge has one port by sound"),
         ([ROOT / "launch_scripts/interfaces/modem.yaml"], "a bridge hears packets and tells packets"),
         (["/dev/no-such-modem", "--ids", "99"], "--ids 99: the scenario's aMussels are 1 to 12"),
     ],
