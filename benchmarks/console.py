@@ -41,6 +41,7 @@ SETTLING_S = 2.0
 STARTS_S = 4
 DRAWN = 2000
 WANTED_MS = 5.0
+MUSSELBED = ("-m", "apad_bridge.commands.main")
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,25 +150,31 @@ class Flight:
         self._duration_s = duration_s
         master = start_master(home, timeout_s=20, orphan_s=0)
         stack.callback(master.stop)
-        environment = loopback_environment(home, master.uri)
+        self._stack, self._environment = stack, loopback_environment(home, master.uri)
+        environment = self._environment
         environment["PYTHONPATH"] = str(NODES.parents[1])
         words = ["--scenario", str(scenario), "--time", "wall"]
         self.apad = Node(stack, environment, "-m", "apad_bridge.ros.simulated_node.apad_node", *words)
         self.reader = Node(stack, environment, str(NODES / "tick_reader.py"))
         assert self.reader.line() == "reading"
-        musselbed = [sys.executable, "-m", "apad_bridge.commands.main"]
-        self.command = subprocess.Popen(
-            [*musselbed, "run", scenario, "--apad", "ros", "--time", "wall", "--json", "--out", self.run],
-            env=environment,
-            stdout=subprocess.DEVNULL,
+        self.command = self._begun("run", scenario, "--apad", "ros", "--time", "wall", "--out", self.run)
+        self.console = Node(stack, environment, *MUSSELBED, "console", str(self.run), "--json")
+        self.url = json.loads(self.console.line())["url"]
+
+    def resume(self) -> None:
+        """Continues a flight that was killed; a simulated aPad needs a person's word, too, as it has a node of its own."""
+        self.command = self._begun("resume", "--confirm-motion", self.run)
+
+    def _begun(self, *words: str | Path) -> subprocess.Popen[bytes]:
+        command = subprocess.Popen(
+            [sys.executable, *MUSSELBED, *words, "--json"], env=self._environment, stdout=subprocess.DEVNULL
         )
-        stack.callback(end_program, self.command)
+        self._stack.callback(end_program, command)
         while not (self.run.is_dir() and listens(self.run)):
-            if self.command.poll() is not None:
+            if command.poll() is not None:
                 raise RuntimeError("the flight did not begin")
             select.select([], [], [], 0.1)
-        self.console = Node(stack, environment, *musselbed[1:], "console", str(self.run), "--json")
-        self.url = json.loads(self.console.line())["url"]
+        return command
 
     def ticks(self) -> list[tuple[float, float]]:
         """Waits for the flight's end; returns each tick as (mission second, monotonic second of its beliefs)."""

@@ -1,14 +1,17 @@
-"""Memory, descriptors and threads of each process in an hour at real time, and in ten days at once: they have to stay flat.
+"""Memory, descriptors and threads of each process in long real time, and in ten days at once: they have to stay flat.
 
-- An hour at real time and theta 30, over ROS: the flight of `benchmarks/run console` with 12 aMussels, and a browser that
-  stays. The bare rospy node that reads the ticks is the floor: what its memory does is rospy's own.
+- Twice 100 minutes at real time and theta 30, over ROS: the flight of `benchmarks/run console` with 24 aMussels, and a
+  browser that stays. In each leg ten aMussels' processes are killed. The first leg ends as a power cut ends it, with a kill
+  of all processes at once, and `musselbed resume` flies the second. The bare rospy node that reads the ticks is the floor:
+  what its memory does is rospy's own.
 - Ten days of 120 aMussels with five aPads at theta 30, in virtual time, each aMussel a process. The aPads' energy is
   unlimited.
 
-Every process is looked at each 10 s. The first quarter fills caches and does not count; `..._per_hour` and `..._per_day`
-are slopes of a straight line through the rest, the latter by days of the aMussels' time. Memory is what is private to a
-process, so that no other program of the machine changes it. docs/processes.md tells what makes it rise slowly: the
-bag's index, and the pages that an aMussel copies. The laws of `musselbed check` are checked at the end.
+Every process is looked at each 10 s. The first 30 % fills caches and does not count; `..._per_hour` and `..._per_day` are
+slopes of a straight line through the rest with the halves of their intervals of 95 %, the latter by days of the aMussels'
+time. Memory is what is private to a process, so that no other program of the machine changes it. docs/processes.md says
+why it rises slowly: the bag's index, and the pages that an aMussel copies. The laws of `musselbed check` are checked at
+the end.
 
 The published stack advertises a topic for each aMussel when it first docks, and rospy takes a descriptor and a thread for
 its connection at either end. So `docked_so_far` stands beside the table: that growth ends with the fleet.
@@ -18,6 +21,8 @@ from __future__ import annotations
 
 import json
 import os
+import random
+import signal
 import subprocess
 import sys
 import tempfile
@@ -33,20 +38,23 @@ import numpy as np
 import yaml
 
 from apad_bridge.commands.look.check import broken_rules
-from benchmarks.console import Clients, Flight, end_program
+from benchmarks.console import MUSSELBED, Clients, Flight, end_program
 from benchmarks.rows import told
 
-AGENTS = 12
-"""So few that each of them docks well before the hour is over: the growth with first dockings then ends in it."""
+AGENTS, KILLS = 24, 10
 LOOK_S, SHORT_LOOK_S = 10.0, 1.0
 SHORT_MINUTES, SHORT_DAYS = 0.5, 0.1
-WARM_PART = 0.25
+WARM_PART = 0.3
+REPORT_S = 120.0
+"""The longest that a report of the flight may take."""
 PROC = Path("/proc")
-MUSSELBED = [sys.executable, "-m", "apad_bridge.commands.main"]
+COMMAND = [sys.executable, *MUSSELBED]
 SEVERAL = Path(__file__).parents[3] / "launch_scripts/scenarios/bay-120.yaml"
 UNLIMITED_WH = 1e6
 COUNTED = {"private_mb": ".1f", "descriptors": "d", "threads": "d"}
 """The counted quantities, each with the format of its cells."""
+_FEWEST = 4
+"""A line through fewer moments has no interval."""
 _TAIL_BYTES = 100_000
 """More than a tick's lines of a journal."""
 
@@ -62,7 +70,7 @@ class Used:
     threads: int
 
 
-def measure(minutes: float = 60.0, days: float = 10.0, short: bool = False) -> dict[str, Any]:
+def measure(minutes: float = 100.0, days: float = 10.0, short: bool = False) -> dict[str, Any]:
     look_s = SHORT_LOOK_S if short else LOOK_S
     minutes, days = (SHORT_MINUTES, SHORT_DAYS) if short else (minutes, days)
     real_time = told(at_real_time(minutes, look_s))
@@ -70,32 +78,70 @@ def measure(minutes: float = 60.0, days: float = 10.0, short: bool = False) -> d
 
 
 def at_real_time(minutes: float, look_s: float) -> dict[str, Any]:
-    seen: dict[str, list[Used]] = defaultdict(list)
-    docked: list[int] = []
     with ExitStack() as stack:
-        flight = Flight(stack, round(60 * minutes), AGENTS)
+        flight = Flight(stack, round(2 * 60 * minutes), AGENTS)
         browser = Clients(flight.url, 1)
         stack.callback(browser.close)
+        legs = [Leg(flight, look_s, random.Random(1), 60 * minutes)]
+        for pid in tree_of(flight.command.pid):
+            os.kill(pid, signal.SIGKILL)
+        flight.resume()
+        legs.append(Leg(flight, look_s, random.Random(2), 60 * minutes))
+        ticks = flight.ticks()
+        laws = sum(map(len, broken_rules(flight.run).values()))
+        began_s = time.monotonic()
+        subprocess.run(
+            [*COMMAND, "report", flight.run], check=True, stdout=subprocess.DEVNULL, timeout=REPORT_S
+        )
+        report_s = time.monotonic() - began_s
+    return {
+        "agents": AGENTS,
+        "minutes": minutes,
+        "ticks": len(ticks),
+        "broken_rules": laws,
+        "report_s": report_s,
+        "legs": [it.figures(ticks) for it in legs],
+    }
+
+
+class Leg:
+    """Looks at a flight's processes for so many seconds, and kills aMussels at times drawn by `rng`."""
+
+    def __init__(self, flight: Flight, look_s: float, rng: random.Random, seconds: float) -> None:
+        self._seen: dict[str, list[Used]] = defaultdict(list)
+        self._docked: list[int] = []
+        self._from_s = time.monotonic()
+        kills = sorted(rng.uniform(0, 0.9 * seconds) for _ in range(KILLS))
         kinds = {
             "command": flight.command.pid,
             "aPad's node": flight.apad.process.pid,
             "console": flight.console.process.pid,
             "bare rospy node": flight.reader.process.pid,
         }
-        while not _ended(flight.command, look_s):
+        self.killed = 0
+        while not _ended(flight.command, look_s) and time.monotonic() < self._from_s + seconds:
             for kind, used in _looked(kinds, time.monotonic()):
-                seen[kind].append(used)
-            docked.append(_docked_so_far(flight.run))
-        ticks = len(flight.ticks())
-        laws = sum(map(len, broken_rules(flight.run).values()))
-    return {
-        "agents": AGENTS,
-        "minutes": minutes,
-        "ticks": ticks,
-        "broken_rules": laws,
-        "docked_so_far": _three(_counted(docked)),
-        "rows": [_row(kind, used, "hour", 3600) for kind, used in seen.items()],
-    }
+                self._seen[kind].append(used)
+            self._docked.append(_docked_so_far(flight.run))
+            if kills and time.monotonic() > self._from_s + kills[0]:
+                del kills[0]
+                if living := _amussels(flight.command.pid):
+                    os.kill(rng.choice(living), signal.SIGKILL)
+                    self.killed += 1
+        self._until_s = time.monotonic()
+
+    def figures(self, ticks: list[tuple[float, float]]) -> dict[str, Any]:
+        heard = [it for it in ticks if self._from_s <= it[1] < self._until_s]
+        return {
+            "killed": self.killed,
+            "ticks": len(heard),
+            "docked_so_far": _three(_counted(self._docked)),
+            "late_ms_per_hour": _slope(
+                [at_s / 3600 for _, at_s in _counted(heard)],
+                [1000 * (at_s - mission_s) for mission_s, at_s in _counted(heard)],
+            ),
+            "rows": [_row(kind, used, "hour", 3600) for kind, used in self._seen.items()],
+        }
 
 
 def in_virtual_time(days: float, look_s: float) -> dict[str, Any]:
@@ -110,7 +156,7 @@ def in_virtual_time(days: float, look_s: float) -> dict[str, Any]:
         (home / "flown.yaml").write_text(yaml.safe_dump(data))
         run = home / "run"
         command = subprocess.Popen(
-            [*MUSSELBED, "run", home / "flown.yaml", "--time", "asap", "--json", "--out", run],
+            [*COMMAND, "run", home / "flown.yaml", "--time", "asap", "--json", "--out", run],
             stdout=subprocess.DEVNULL,
         )
         stack.callback(end_program, command)
@@ -154,12 +200,11 @@ def _mission_s(run: Path) -> float:
 
 
 def _looked(kinds: dict[str, int], at_s: float) -> Iterator[tuple[str, Used]]:
-    """Each kind with what it uses now; the command's children are a kind each, and their children belong to them."""
-    children = children_of_all()
+    """Each kind with what it uses now; what runs below the command is a kind of its own."""
     trees = {kind: [pid] for kind, pid in kinds.items()}
-    for pid in children[kinds["command"]]:
+    for pid in tree_of(kinds["command"])[1:]:
         kind = "nursery and aMussels" if "agents.nursery" in _command_line(pid) else "supervisor"
-        trees.setdefault(kind, []).extend([pid, *children[pid]])
+        trees.setdefault(kind, []).append(pid)
     for kind, pids in trees.items():
         found = [used for pid in pids if (used := _used(pid)) is not None]
         if found:
@@ -177,6 +222,26 @@ def children_of_all() -> dict[int, list[int]]:
                 fields = (folder / "stat").read_text().rpartition(")")[2].split()
                 found[int(fields[1])].append(int(folder.name))
     return found
+
+
+def tree_of(pid: int) -> list[int]:
+    """The pids of a process and of all below it."""
+    children = children_of_all()
+    found = [pid]
+    for it in found:
+        found += children[it]
+    return found
+
+
+def _amussels(command: int) -> list[int]:
+    return [it for it in tree_of(command) if _name(it).startswith("amussel")]
+
+
+def _name(pid: int) -> str:
+    try:
+        return (PROC / str(pid) / "comm").read_text()
+    except OSError:
+        return ""
 
 
 def _command_line(pid: int) -> str:
@@ -228,5 +293,13 @@ def _row(kind: str, used: list[Used], unit: str, unit_s: float) -> dict[str, Any
         values = [getattr(it, key) for it in counted]
         times = [(it.at_s - counted[0].at_s) / unit_s for it in counted]
         row[key] = _three(values)
-        row[f"{key}_per_{unit}"] = float(np.polyfit(times, values, 1)[0]) if len(set(times)) > 1 else None
+        row[f"{key}_per_{unit}"] = _slope(times, values)
     return row
+
+
+def _slope(times: list[float], values: list[float]) -> list[float] | None:
+    """The slope of a straight line, and the half of its interval of 95 %; None for too few moments."""
+    if len(set(times)) < _FEWEST:
+        return None
+    line, covariance = np.polyfit(times, values, 1, cov=True)
+    return [float(line[0]), 2 * float(covariance[0, 0]) ** 0.5]
