@@ -12,7 +12,7 @@ from apad_bridge.records.summary import interruption
 from apad_bridge.runs.rich_console import Console, table_of
 
 # Table II of the paper: average, maximum, minimum uptime in percent, movement cost in metres, mean number active.
-# The Greedy rows are left out: their Active column contradicts their Avg (it should be N * Avg / 100).
+# The Greedy rows are left out: they read as recorded for another time than the mission's (docs/paper-figures.md).
 _CAUTIOUS = ("74.37", "87.38", "59.88", "307.17", "8.92")
 _PAPER = {
     ("pool-12", "cautious"): _CAUTIOUS,

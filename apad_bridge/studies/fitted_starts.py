@@ -17,10 +17,11 @@ import math
 import random
 import signal
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from functools import partial
-from multiprocessing import Pool
+from multiprocessing import Pool, TimeoutError, Value
 from pathlib import Path
 from typing import Any
 
@@ -39,10 +40,15 @@ from apad_bridge.studies.table_two import BESIDE, COLUMNS, FIGURES, PAPER, Paper
 
 GOALS = {"cautious": ("Cautious",), "greedy": ("Cautious", "Greedy"), "bay": ("Greedy (bay)",)}
 """The rows that a search fits. The same starts show what the others are."""
+FOUND = "shipped"
+"""Searches nothing: flies the shipped scenarios with starts that searches found."""
+_SUFFIX = "-fitted"
+"""The end of their names, after those of the scenarios that were searched."""
 FLIGHTS = 12_000
 """The most flights of a search for one set of starts."""
 TOLERANCES = {"mean": 0.25, "max": 0.5, "min": 0.5, "cost_m": 3.0, "active_mean": 0.03}
 """A row fits if each figure lies so near to the paper's: points of uptime, metres, aMussels."""
+_REPORT_S = 1.0
 _MOVES = 0.6
 """The part of the tries that move an aMussel; the others change charges."""
 _STEP_M = 4.0
@@ -54,40 +60,67 @@ _BAY_CHARGES = (0.5, 1.0)
 
 def fitted_study(goal: str, seeds: int = 200) -> StudyPlan:
     """The study that flies each strategy from starts that fit the goal's rows, for the mission and its recorded part."""
-    rows = [_row(name) for name in GOALS[goal]]
-    whole_s = load(SHIPPED / f"{rows[0].scenario}.yaml").duration_s
-    parts = {it.recorded for it in PAPER if it.scenario == rows[0].scenario}
+    paper = PAPER if goal == FOUND else [it for it in PAPER if it.scenario == _row(GOALS[goal][0]).scenario]
+    suffix = _SUFFIX if goal == FOUND else ""
+    names = [f"{it}{suffix}.yaml" for it in dict.fromkeys(it.scenario for it in paper)]
+    scenarios = [load(SHIPPED / it) for it in names]
+    parts = {round(scenarios[0].duration_s * it.recorded) for it in paper}
     name = f"table2-fit-{goal}"
     data = {
         "name": name,
-        "scenarios": [f"{rows[0].scenario}.yaml"],
+        "scenarios": names,
         "strategies": ["cautious", "greedy", "none"],
-        "seeds": seeds,
-        "parameters": {"duration_s": [round(whole_s * it) for it in sorted(parts, reverse=True)]},
+        "seeds": sorted({it.seed for it in scenarios}) if goal == FOUND else seeds,
+        **({"start": "scenario"} if goal == FOUND else {}),
+        "parameters": {"duration_s": sorted(parts, reverse=True)},
     }
-    return replace(plan_of(data, name, SHIPPED), fitted_to=goal)
+    return replace(plan_of(data, name, SHIPPED), fitted_to="" if goal == FOUND else goal)
 
 
-def fly_fitted(goal: str, directory: Path, workers: int) -> Fly:
-    """Searches the starts of each seed and flies its blocks from them; keeps the starts as `starts-SEED.csv` there."""
+def fly_fitted(
+    goal: str, directory: Path, workers: int, report: Callable[[str], None] = lambda text: None
+) -> Fly:
+    """Searches the starts of each seed and flies its blocks from them; keeps the starts as `starts-SEED.csv` there.
+
+    A search flies for minutes before its first block: `report` gets the number of its flights each second.
+    """
 
     def fly(plan: StudyPlan, blocks: Sequence[Block]) -> Iterator[tuple[Block, list[Row]]]:
         by_seed: dict[int, list[Block]] = {}
         for block in blocks:
             by_seed.setdefault(block[1], []).append(block)
+        flights = Value("q", 0)
         # Its end kills the workers: a search takes minutes.
-        with Pool(workers, initializer=_leave_interrupts) as pool:
-            search = partial(_fly_seed, plan, goal, directory)
-            for flown in pool.imap_unordered(search, by_seed.values()):
+        with Pool(workers, initializer=_begin_worker, initargs=(flights,)) as pool:
+            searched = pool.imap_unordered(partial(_fly_seed, plan, goal, directory), by_seed.values())
+            for _ in by_seed:
+                while True:
+                    with suppress(TimeoutError):
+                        flown = searched.next(_REPORT_S)
+                        break
+                    report(
+                        f"{plan.study.name}: {flights.value} of at most {FLIGHTS * len(by_seed)} flights of searches"
+                    )
                 yield from flown
 
     return fly
 
 
-def _leave_interrupts() -> None:
+_flights: Any = None
+"""In a worker: the shared number of flights of all searches."""
+
+
+def _begin_worker(flights: Any) -> None:
     """The study's process ends its workers, and they have no handlers of its own."""
+    global _flights
+    _flights = flights
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
+def _count_flight() -> None:
+    with _flights.get_lock():
+        _flights.value += 1
 
 
 def _fly_seed(
@@ -96,7 +129,7 @@ def _fly_seed(
     seed = blocks[0][1]
     rows = [_row(name) for name in GOALS[goal]]
     scenario = with_values(load(SHIPPED / f"{rows[0].scenario}.yaml"), {"seed": seed}, f"seed {seed}")
-    starts = Search(scenario, rows, random.Random(seed)).run()
+    starts = Search(scenario, rows, random.Random(seed), _count_flight).run()
     path = directory / f"starts-{seed}.csv"
     save_starts(path, starts, scenario.area.origin)
 
@@ -119,8 +152,12 @@ class _Tried:
 class Search:
     """Searches starts from which these rows come out as in the paper."""
 
-    def __init__(self, scenario: Scenario, rows: Sequence[PaperRow], rng: random.Random) -> None:
+    def __init__(
+        self, scenario: Scenario, rows: Sequence[PaperRow], rng: random.Random, count: Callable[[], None]
+    ) -> None:
+        """`count` is called for each set of starts that is tried."""
         self._scenario = scenario
+        self._count = count
         self._rows = rows
         self._rng = rng
         self._are_charges_free = rows[0].scenario != _row("No charging").scenario
@@ -143,6 +180,7 @@ class Search:
 
     def _tried(self, starts: tuple[Start, ...], most: float) -> _Tried:
         """Flies the rows in turn; the distance is infinite if it exceeds `most`, and no further row is flown then."""
+        self._count()
         distance, worst = 0.0, 0.0
         for row in self._rows:
             figures = figures_of(row, self._flown(row, starts), row.recorded)
@@ -229,9 +267,11 @@ class FittedStarts(Findings):
 
     def lines(self, width: int) -> Iterator[Table | str]:
         for row in self._compared():
-            title = f"{row['row']}, {row['seconds']:g} s, {len(self.plan.seeds)} searched starts"
+            count = len(self.plan.seeds)
+            starts = f"{count} searched starts" if count > 1 else "starts that were searched to fit"
+            title = f"{row['row']}, {row['seconds']:g} s, {starts}"
             table = table_of(title, ["", *COLUMNS.values(), *BESIDE.values()])
-            for key, heading in _SHOWN.items():
+            for key, heading in (_SHOWN if count > 1 else _SHOWN_OF_ONE).items():
                 values = [row[column][key] for column in (*COLUMNS, *BESIDE)]
                 table.add_row(heading, *("–" if it is None else f"{it:.2f}" for it in values))
             yield table
@@ -243,7 +283,8 @@ class FittedStarts(Findings):
         for row, (setting, each) in itertools.product(PAPER, enumerate(self.plan.settings)):
             flown = [it for it in self.rows if it["setting"] == setting and it["strategy"] == row.collection]
             seconds = dict(each.parameters)["duration_s"]
-            if row.scenario != each.scenario or (row.recorded == 1 and seconds != whole_s):
+            lengths = (whole_s, round(whole_s * row.recorded))
+            if row.scenario != each.scenario.removesuffix(_SUFFIX) or seconds not in lengths:
                 continue
             figures = [figures_of(row, it, seconds / whole_s) for it in flown]
             columns = {it: beside(getattr(row, it), [each[it] for each in figures]) for it in COLUMNS}
@@ -259,3 +300,4 @@ _SHOWN = {
     "p95": "ours, 95 %",
     "percentile": "percentile",
 }
+_SHOWN_OF_ONE = {"paper": "paper", "median": "ours"}

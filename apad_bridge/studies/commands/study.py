@@ -65,9 +65,9 @@ def add_parser(commands: Any) -> None:
     )
     parser.add_argument(
         "--fit",
-        choices=("cautious", "greedy", "bay"),
+        choices=("cautious", "greedy", "bay", "shipped"),
         help=f"searches starts for {TABLE_TWO} from which rows come out as in the paper: Cautious, Cautious and Greedy in "
-        "the pool, or Greedy in the bay",
+        "the pool, or Greedy in the bay; shipped: the starts that were found so",
     )
     parser.add_argument(
         "--workers", type=int, metavar="N", help="number of processes (default: one for each processor)"
@@ -114,11 +114,13 @@ def run(arguments: argparse.Namespace) -> int:
         print("a study flies our firmware in place of fleet.firmware", file=sys.stderr)
     directory: Path = arguments.out or _OUT / plan.study.name
     workers = _workers(arguments) if arguments.dask is None else _on_dask(arguments)
-    if arguments.fit is not None:
-        workers = _fitting(arguments.fit, directory, workers)
     try:
         with _progress(arguments.json or arguments.table is not None) as progress:
             task = progress.add_task(plan.study.name, total=plan.missions)
+            if plan.fitted_to:
+                workers = _fitting(
+                    plan.fitted_to, directory, workers, lambda text: progress.update(task, description=text)
+                )
             rows = fly_study(plan, directory, workers, lambda missions: progress.advance(task, missions))
     except KeyboardInterrupt:
         print(f"musselbed study: ended; the same command continues from {directory}", file=sys.stderr)
@@ -193,8 +195,10 @@ def _study_of(arguments: argparse.Namespace) -> tuple[StudyPlan, type[Findings]]
     if arguments.fit is not None:
         if arguments.study != TABLE_TWO or "theta" in given:
             raise UserError(f"--fit works with {TABLE_TWO} at the paper's theta: leave it out, or --theta")
-        from apad_bridge.studies.fitted_starts import FittedStarts, fitted_study
+        from apad_bridge.studies.fitted_starts import FOUND, FittedStarts, fitted_study
 
+        if arguments.fit == FOUND and "seeds" in given:
+            raise UserError(f"--fit {FOUND} has one start of each scenario: leave out --seeds")
         return fitted_study(arguments.fit, **given), FittedStarts
     if arguments.study in built_in:
         plan_of, findings_of = built_in[arguments.study]
@@ -227,12 +231,12 @@ def _workers(arguments: argparse.Namespace) -> int:
     return int(arguments.workers)
 
 
-def _fitting(goal: str, directory: Path, workers: int | Fly) -> Fly:
+def _fitting(goal: str, directory: Path, workers: int | Fly, report: Callable[[str], None]) -> Fly:
     if not isinstance(workers, int):
         raise UserError("--fit searches on this machine: leave out --dask")
     from apad_bridge.studies.fitted_starts import fly_fitted
 
-    return fly_fitted(goal, directory, workers)
+    return fly_fitted(goal, directory, workers, report)
 
 
 def _on_dask(arguments: argparse.Namespace) -> Fly:

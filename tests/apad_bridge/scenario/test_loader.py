@@ -202,8 +202,8 @@ def test_every_shipped_scenario_loads_and_is_named_after_its_file(path: Path) ->
     if isinstance(scenario.fleet.start, RandomStart):
         assert path.stem in ("bay-120", "published-a")
     else:
-        table = "bay-24.csv" if path.stem == "bay-24" else "pool-12.csv"
-        assert scenario.fleet.start == str(path.parent / table)
+        own = path.stem if path.stem in ("bay-24", "bay-24-fitted", "pool-12-fitted") else "pool-12"
+        assert scenario.fleet.start == str(path.parent / f"{own}.csv")
 
 
 def test_the_shipped_variants_of_the_pool_differ_in_nothing_else() -> None:
@@ -214,6 +214,13 @@ def test_the_shipped_variants_of_the_pool_differ_in_nothing_else() -> None:
     collected = replace(idle.mission, collection="cautious")
     assert idle.mission.collection == "none"
     assert replace(idle, name="pool-12", description=pool.description, mission=collected) == pool
+
+
+@pytest.mark.parametrize("name", ["pool-12", "bay-24"])
+def test_a_scenario_of_searched_starts_differs_in_its_starts_and_seed_alone(name: str) -> None:
+    own, fitted = load(SCENARIOS / f"{name}.yaml"), load(SCENARIOS / f"{name}-fitted.yaml")
+    fleet = replace(fitted.fleet, start=own.fleet.start)
+    assert replace(fitted, name=name, description=own.description, seed=own.seed, fleet=fleet) == own
 
 
 @pytest.mark.parametrize(

@@ -102,6 +102,21 @@ def test_searched_starts_fit_cautious_and_keep_what_the_row_without_charging_say
         assert 0 <= start.north_m <= 28 and 0 <= start.east_m <= 21
 
 
+def test_shipped_starts_give_the_bay_s_row_and_nearly_those_of_the_pool(tmp_path: Path) -> None:
+    plan = fitted_study("shipped")
+    findings = FittedStarts(plan, fly_study(plan, tmp_path, 2))
+    found = {(it["row"], it["seconds"]): it for it in findings.as_data()["fitted"]}
+    assert list(found) == [
+        *[("Cautious", 2400), ("Greedy", 2400), ("Greedy", 2326)],
+        *[("Greedy (bay)", 2553), ("Greedy (bay)", 2400), ("No charging", 2400)],
+    ]
+    for row, part in (("Cautious", 2400), ("Greedy", 2326), ("Greedy (bay)", 2553), ("No charging", 2400)):
+        for column, tolerance in TOLERANCES.items():
+            nearly = 1.0 if "bay" in row or row == "No charging" else 2.1
+            within = pytest.approx(found[row, part][column]["paper"], abs=nearly * tolerance)
+            assert found[row, part][column]["median"] == within, (row, column)
+
+
 def test_searches_for_other_rows_share_no_directory(tmp_path: Path) -> None:
     """Their scenarios and settings are equal, and their starts are not."""
     fly_study(fitted_study("cautious", 1), tmp_path, lambda plan, blocks: iter([(it, []) for it in blocks]))

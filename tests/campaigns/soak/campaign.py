@@ -90,9 +90,8 @@ def at_real_time(minutes: float, look_s: float) -> dict[str, Any]:
         ticks = flight.ticks()
         laws = sum(map(len, broken_rules(flight.run).values()))
         began_s = time.monotonic()
-        subprocess.run(
-            [*COMMAND, "report", flight.run], check=True, stdout=subprocess.DEVNULL, timeout=REPORT_S
-        )
+        words = [*COMMAND, "report", str(flight.run), "--out", str(flight.run.with_name("report"))]
+        subprocess.run(words, check=True, stdout=subprocess.DEVNULL, timeout=REPORT_S)
         report_s = time.monotonic() - began_s
     return {
         "agents": AGENTS,
