@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any
 
 from network.campaign import MUSSELBED, ON_RED, ROOT
-from soak.campaign import children_of_all
+from soak.campaign import tree_of
 from two_machines import (
     Link,
     Machine,
@@ -247,11 +247,8 @@ def ended(started: Mapping[str, subprocess.Popen[bytes]]) -> list[str]:
 
 def read_of_all(root: int, name: str) -> list[str]:
     """The texts of /proc/PID/NAME of a process and all that it started; those that end meanwhile are left out."""
-    children = children_of_all()
-    texts, waiting = [], [root]
-    while waiting:
-        pid = waiting.pop()
-        waiting += children[pid]
+    texts = []
+    for pid in tree_of(root):
         with suppress(OSError):
             texts.append(Path(f"/proc/{pid}/{name}").read_text())
     return texts
