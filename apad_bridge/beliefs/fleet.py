@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 from agents.time_scale import AgentMs, MissionMs, TimeScale
 from apad_bridge.beliefs.belief import Belief, Suspicion
-from apad_bridge.beliefs.input_ranges import out_of_range
+from apad_bridge.beliefs.input_ranges import out_of_range, status_out_of_range
 from apad_bridge.beliefs.measurement import ClockSet, Measurement, Rejected
 from apad_bridge.beliefs.stamp_checker import Stamp, StampChecker, StampVerdict
 from firmware_model.packets import ShortStatus, StatusPacket
@@ -105,14 +105,7 @@ class FleetBeliefs:
         """Takes in a packet received at mission time `at_ms`; or returns the reason why not, and changes nothing."""
         if packet.agent_id not in self._known:
             return "a status of an unknown aMussel"
-        reason = out_of_range(
-            north_m=packet.north_m,
-            east_m=packet.east_m,
-            depth_m=packet.depth_m,
-            charge=packet.primary,
-            secondary_charge=packet.secondary,
-        )
-        if reason is not None:
+        if (reason := status_out_of_range(packet)) is not None:
             return f"a status: {reason}"
         match self._stamp_checker.judge(packet, at_ms):
             case StampVerdict.OVERTAKEN:

@@ -5,6 +5,8 @@ A range is far wider than anything that the field sees, and narrow enough that n
 
 from __future__ import annotations
 
+from firmware_model.packets import StatusPacket
+
 FARTHEST_M = 50_000.0
 """The largest distance from the origin at which the bench sends an aPad or places an aMussel."""
 
@@ -34,3 +36,14 @@ def out_of_range(**numbers: float) -> str | None:
         if not least <= number <= greatest:
             return f"{name} is outside {least:g} to {greatest:g}"
     return None
+
+
+def status_out_of_range(status: StatusPacket) -> str | None:
+    """The reason to drop a status, as `out_of_range` gives it."""
+    return out_of_range(
+        north_m=status.north_m,
+        east_m=status.east_m,
+        depth_m=status.depth_m,
+        charge=status.primary,
+        secondary_charge=status.secondary,
+    )

@@ -17,7 +17,7 @@ import rosgraph
 import rospy
 
 from agents.time_scale import MissionMs
-from apad_bridge.beliefs.input_ranges import out_of_range
+from apad_bridge.beliefs.input_ranges import status_out_of_range
 from apad_bridge.ros.gateway.claims import LEASE_S, PERIOD_S, TOPIC
 from apad_bridge.ros.links.packet_topics import PacketTopics
 from apad_bridge.ros.node_links import FromNode, LinkNotice, LinkResult, NodeLink, NotCarried, SentToNode
@@ -167,7 +167,7 @@ class AMusselBridge:
             self._drop("heard: what stands beside the packet names another aMussel than the packet")
         elif (data := packet.data if self._nodes_codec is None else self._written(read)) is not None:
             self.counts["heard from aMussels"] += 1
-            link.found(agent_id, packet.sender)
+            self._take(link, link.found(agent_id, packet.sender))
             follow_master(_NO_MISSIONS_TIME)
             self._topics.publish(
                 RelayedPacket(PacketOrigin.LOCAL_AMUSSEL, agent_id, link.medium, data, _NO_MISSIONS_TIME)
@@ -176,17 +176,9 @@ class AMusselBridge:
     def _written(self, read: Packet) -> bytes | None:
         """A node's packet in the scenario's codec. A number of it that the codec cannot write makes it dropped."""
         try:
-            if isinstance(read, StatusPacket):
-                wrong = out_of_range(
-                    north_m=read.north_m,
-                    east_m=read.east_m,
-                    depth_m=read.depth_m,
-                    charge=read.primary,
-                    secondary_charge=read.secondary,
-                )
-                if wrong is not None:
-                    self._drop(f"heard: {wrong}")
-                    return None
+            if isinstance(read, StatusPacket) and (wrong := status_out_of_range(read)) is not None:
+                self._drop(f"heard: {wrong}")
+                return None
             return self._codec.encode(read)
         except (struct.error, TypeError, ValueError, OverflowError) as error:
             self._drop("heard: the nodes' codec made a packet that cannot be written", why=str(error))

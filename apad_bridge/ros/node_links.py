@@ -25,6 +25,8 @@ from apad_bridge.acoustics.serial.nanomodem import (
     PacketReceived,
     PacketSent,
 )
+from apad_bridge.doctor.finding import CheckStatus
+from apad_bridge.doctor.modem import check_modem
 from apad_bridge.ros.links.laboratory_topics import LaboratoryPublishers, LaboratorySubscribers
 from apad_bridge.scenario.errors import UserError
 from apad_bridge.scenario.lab_interface.messages import LaboratoryPacket, MessageKind
@@ -36,6 +38,9 @@ _LARGEST = 1024
 """Bytes; a longer datagram is no packet of an aMussel."""
 _DATAGRAMS = 256
 """The most that are read in one call, so that a flood holds up nothing else."""
+_KEPT_MS = 30_000
+"""A node's address is kept until the node has been silent for so long, whoever else sends its id."""
+_ELSEWHERE = "wifi: a second address of an aMussel: its commands go to the first until that is silent for 30 s"
 _SKIPPED = "bytes of the modem that belong to no answer"
 
 
@@ -74,6 +79,8 @@ class NodeLink:
     """One way to nodes, of one medium. It is opened before the bridge's node is on the graph, and begun after."""
 
     medium: Medium
+    name: str
+    """For a person."""
 
     def begin(self) -> None:
         """Does what needs the node on the graph."""
@@ -90,8 +97,9 @@ class NodeLink:
         """Sends bytes to an aMussel, or to EVERYONE."""
         raise NotImplementedError
 
-    def found(self, agent_id: int, sender: Any) -> None:
-        """An aMussel's bytes came from the address `sender`, where the link has addresses."""
+    def found(self, agent_id: int, sender: Any) -> list[LinkResult]:
+        """An aMussel's bytes came from the address `sender` in the last `poll`, where the link has addresses."""
+        return []
 
     def close(self) -> None:
         raise NotImplementedError
@@ -123,8 +131,7 @@ def _link(port: str, apad: str, ids: Iterable[int], has_header: bool) -> NodeLin
         return WifiLink(port)
     if port.endswith((".yaml", ".yml")):
         return TopicLink(Path(port), apad, ids)
-    framing = Framing.HEADER if has_header else Framing.BARE
-    return ModemLink(AttachedModem(SerialPort(port), framing=framing))
+    return ModemLink(port, Framing.HEADER if has_header else Framing.BARE)
 
 
 class ModemLink(NodeLink):
@@ -132,8 +139,13 @@ class ModemLink(NodeLink):
 
     medium = Medium.SOUND
 
-    def __init__(self, modem: AttachedModem) -> None:
-        self._modem = modem
+    def __init__(self, port: str, framing: Framing) -> None:
+        """Raises UserError where no modem answers."""
+        (finding,) = check_modem(Path(port), None)
+        if finding.status is not CheckStatus.OK:
+            raise UserError(f"{finding.found}: {finding.mend}")
+        self.name = finding.found
+        self._modem = AttachedModem(SerialPort(port), framing=framing)
         self._skipped = 0
 
     def wait(self, timeout_s: float) -> None:
@@ -168,15 +180,18 @@ def _of_modem(result: NanomodemResult) -> LinkResult:
 
 
 class WifiLink(NodeLink):
-    """Datagrams (UDP): a packet each, from nodes on the same Wi-Fi. A node is answered where it last sent from."""
+    """Datagrams (UDP): a packet each, from nodes on the same Wi-Fi. A node is answered where it sends from."""
 
     medium = Medium.WIFI
 
     def __init__(self, name: str) -> None:
         """`name` is `udp:PORT`, on loopback, or `udp:ADDRESS:PORT`. UserError if nobody can listen there."""
+        self.name = name
         host, _, port = name.removeprefix(_WIFI).rpartition(":")
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._senders: dict[int, Any] = {}
+        self._now_ms = 0
+        self._senders: dict[int, tuple[Any, int]] = {}
+        """A node's address, and the time at which it last sent from there."""
         try:
             self._socket.bind((host or "127.0.0.1", int(port)))
         except (OSError, ValueError, OverflowError) as error:
@@ -189,6 +204,7 @@ class WifiLink(NodeLink):
         select.select([self._socket], [], [], timeout_s)
 
     def poll(self, now_ms: int) -> list[LinkResult]:
+        self._now_ms = now_ms
         results: list[LinkResult] = []
         for _ in range(_DATAGRAMS):
             try:
@@ -209,14 +225,18 @@ class WifiLink(NodeLink):
         results: list[LinkResult] = []
         for one in sorted(them):
             try:
-                self._socket.sendto(data, self._senders[one])
+                self._socket.sendto(data, self._senders[one][0])
                 results.append(SentToNode())
             except OSError as error:
                 results.append(NotCarried(f"wifi: {error.strerror}"))
         return results
 
-    def found(self, agent_id: int, sender: Any) -> None:
-        self._senders[agent_id] = sender
+    def found(self, agent_id: int, sender: Any) -> list[LinkResult]:
+        kept, heard_ms = self._senders.get(agent_id, (sender, 0))
+        if sender != kept and self._now_ms - heard_ms < _KEPT_MS:
+            return [NotCarried(_ELSEWHERE)]
+        self._senders[agent_id] = sender, self._now_ms
+        return []
 
     def close(self) -> None:
         self._socket.close()
@@ -230,6 +250,7 @@ class TopicLink(NodeLink):
 
         Raises UserError for another file.
         """
+        self.name = str(path)
         self._names, self._apad, self._ids = _names_of_packets(path), apad, tuple(ids)
         self.medium = self._names.hear[0].medium
         self._counted: Counter[str] = Counter()

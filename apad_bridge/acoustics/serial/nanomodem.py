@@ -146,6 +146,8 @@ class _Waiting:
     number: int
     since_ms: int
     packet: RoutedPacket
+    payload: bytes
+    """The packet's bytes on the modem."""
     attempts: int = 0
 
 
@@ -204,7 +206,8 @@ class ModemQueue:
     def send(self, packet: RoutedPacket, priority: Priority, now_ms: int) -> list[NanomodemAction]:
         """Queues a packet. A report replaces an older waiting report of the same aMussel."""
         actions = self.advance(now_ms)
-        if not _FEWEST <= len(self._framing.encode(packet)) <= _MOST:
+        payload = self._framing.encode(packet)
+        if not _FEWEST <= len(payload) <= _MOST:
             besides = " besides the id" if self._framing is Framing.HEADER else ""
             reason = f"sound: more than the {_MOST - self._framing.value} bytes that a modem carries{besides}"
             if len(packet.data) < _FEWEST:
@@ -215,7 +218,7 @@ class ModemQueue:
                 self._waiting.remove(older)
                 actions.append(self._drop("sound: overtaken by a newer report", older.packet))
         self._number += 1
-        self._waiting.append(_Waiting(priority, self._number, now_ms, packet))
+        self._waiting.append(_Waiting(priority, self._number, now_ms, packet, payload))
         self._waiting.sort(key=lambda it: (it.priority, it.number))
         if len(self._waiting) > MAX_WAITING:
             actions.append(self._drop("sound: the modem's queue is full", self._waiting.pop().packet))
@@ -262,7 +265,7 @@ class ModemQueue:
             and self.stage is ModemStage.AWAITING_ACCEPTANCE
             and self._sending is not None
         ):
-            size = len(self._framing.encode(self._sending.packet))
+            size = len(self._sending.payload)
             if text == b"$B%02d" % size:
                 self._enter(ModemStage.SENDING, duration_ms(ModemGeneration.V3, size) + _TURNAROUND_MS)
                 return []
@@ -296,7 +299,7 @@ class ModemQueue:
             return []
         self._sending = self._waiting.pop(0)
         self._sending.attempts += 1
-        payload = self._framing.encode(self._sending.packet)
+        payload = self._sending.payload
         self._enter(ModemStage.AWAITING_ACCEPTANCE, ANSWER_MS)
         return [WriteLine(b"$B%02d" % len(payload) + payload)]
 

@@ -13,7 +13,6 @@ from typing import Any
 from agents.hosting import interrupts
 from agents.time_scale import MissionMs
 from apad_bridge.commands.help_text import ending
-from apad_bridge.doctor.finding import CheckStatus
 from apad_bridge.runs.exits import Exit
 from apad_bridge.scenario.errors import UserError
 
@@ -73,7 +72,6 @@ def run(arguments: argparse.Namespace) -> int:
         nodes_codec = None if arguments.codec is None else load_codec(arguments.codec)
     except ValueError as error:
         raise UserError(f"--codec {arguments.codec}: {error}") from None
-    found = [_checked(port) for port in arguments.ports]
 
     def tell(kind: str, text: str) -> None:
         line = json.dumps({kind: text}) if arguments.json else text
@@ -92,7 +90,10 @@ def run(arguments: argparse.Namespace) -> int:
         begun_s = time.monotonic()
         bridge = AMusselBridge.on_graph(ids, codec_of(scenario), links, tell, nodes_codec)
         with closing(bridge):
-            tell("ready", f"{', '.join(found)}; claims aMussels {', '.join(map(str, ids))} as real")
+            tell(
+                "ready",
+                f"{', '.join(it.name for it in links)}; claims aMussels {', '.join(map(str, ids))} as real",
+            )
             while not stop.is_set():
                 bridge.advance(MissionMs(round(1000 * (time.monotonic() - begun_s))))
     if arguments.json:
@@ -101,15 +102,3 @@ def run(arguments: argparse.Namespace) -> int:
         for what, count in sorted(bridge.counts.items()):
             print(f"{count:6d}  {what}", file=sys.stderr)
     return Exit.INTERRUPTED
-
-
-def _checked(port: str) -> str:
-    """The port for a person, after a modem has answered there. UserError where none does."""
-    from apad_bridge.doctor.modem import check_modem
-
-    if port.startswith("udp:") or port.endswith((".yaml", ".yml")):
-        return port
-    (finding,) = check_modem(Path(port), None)
-    if finding.status is not CheckStatus.OK:
-        raise UserError(f"{finding.found}: {finding.mend}")
-    return finding.found
