@@ -2,6 +2,10 @@
 
 Between two packets a clock runs theta times as fast as mission time. A single packet that contradicts this is not
 believed, because every true packet after it would look overtaken. A second packet that agrees with it is believed.
+
+A board that restarts begins at 0 again, and is believed at once where no packet can have been under way for so long: a
+corrupted stamp hardly hits so small a number, and a spoofed one costs a true packet as any spoofed stamp does. A board
+that restarts within `_MAX_DELAY_MS` of its former start is believed at its second packet in pace with mission time.
 """
 
 from __future__ import annotations
@@ -16,6 +20,10 @@ _MAX_DELAY_MS = 60_000
 """The longest mission time that a packet may travel or wait; a wrong stamp can shut true packets out no longer."""
 _MAX_DRIFT_PPM = 500
 """Far more than any board's drift: a watch crystal is within some tens of ppm."""
+_JUST_ON_MS = 60_000
+"""The mission time for which a board has just been switched on: its first report comes within it."""
+_PACE = 2.0
+"""Packets that waited somewhere and come at once do not keep pace within this factor."""
 
 
 class StampVerdict(Enum):
@@ -24,7 +32,7 @@ class StampVerdict(Enum):
     IMPOSSIBLE = auto()
     """The clock as believed cannot show this time; the stamp is kept for comparison, and the belief does not change."""
     CLOCK_SET = auto()
-    """The stamp agrees with the doubted one before it: the clock was set."""
+    """The stamp agrees with the doubted one before it, or is that of a board that restarted: the clock was set."""
 
 
 class Stamp(NamedTuple):
@@ -47,16 +55,20 @@ class StampChecker:
         if newest is None:
             return StampVerdict.IN_TIME
         off, is_older = self._off(newest, stamp), stamp.agent_ms < newest.agent_ms
-        if off == 0 or (off < 0 and not is_older):
+        just_on = self._scale is not None and stamp.agent_ms <= self._scale.agent_span(_JUST_ON_MS)
+        if (off == 0 and not (is_older and just_on)) or (off < 0 and not is_older):
             self._doubted.pop(packet.agent_id, None)
             return StampVerdict.OVERTAKEN if is_older else StampVerdict.IN_TIME
+        if off < 0 and just_on:
+            return StampVerdict.CLOCK_SET
+        refused = StampVerdict.OVERTAKEN if off == 0 else StampVerdict.IMPOSSIBLE
         before = self._doubted.get(packet.agent_id)
         if before is not None and before[0] == packet.sequence and before[1].agent_ms == stamp.agent_ms:
-            return StampVerdict.IMPOSSIBLE  # a repetition of the same packet is no confirmation
+            return refused  # a repetition of the same packet is no confirmation
         self._doubted[packet.agent_id] = packet.sequence, stamp
         if before is None or stamp.agent_ms < before[1].agent_ms or self._off(before[1], stamp):
-            return StampVerdict.IMPOSSIBLE
-        return StampVerdict.CLOCK_SET
+            return refused
+        return refused if off == 0 and not self._keeps_pace(before[1], stamp) else StampVerdict.CLOCK_SET
 
     def accept(self, packet: StatusPacket, at_ms: int) -> None:
         """Accepts the stamp, whatever the verdict. A delayed packet in sequence carries no information about the clock."""
@@ -75,6 +87,11 @@ class StampChecker:
     def forget(self, agent_id: int) -> None:
         self.newest.pop(agent_id, None)
         self._doubted.pop(agent_id, None)
+
+    def _keeps_pace(self, before: Stamp, after: Stamp) -> bool:
+        assert self._scale is not None, "without a scale no clock is known to have just begun"
+        due_ms = self._scale.agent_span(after.at_ms - before.at_ms)
+        return due_ms / _PACE <= after.agent_ms - before.agent_ms <= due_ms * _PACE
 
     def _off(self, before: Stamp, after: Stamp) -> int:
         """1 or -1 if the clock advanced by too much or too little, against mission time times theta; else 0."""

@@ -85,9 +85,8 @@ def fleet(made: Made) -> FleetBeliefs:
 
 
 @both
-@pytest.mark.parametrize("ahead_ms", [YEAR, -60 * MINUTE * THETA])
+@pytest.mark.parametrize("ahead_ms", [YEAR, -50 * MINUTE * THETA])
 def test_a_clock_that_was_set_is_believed_at_its_second_packet(fleet: FleetBeliefs, ahead_ms: int) -> None:
-    """An hour back is a reset: the clock begins at 0."""
     said(fleet, 60 * MINUTE, 0)
     assert said(fleet, 60 * MINUTE + 1000, ahead_ms) == CANNOT_SHOW
     assert said(fleet, 60 * MINUTE + 2000, ahead_ms, primary=0.68) is None
@@ -98,10 +97,48 @@ def test_a_clock_that_was_set_is_believed_at_its_second_packet(fleet: FleetBelie
 
 
 @both
+@pytest.mark.parametrize("up_s", [62, 3600])
+def test_a_board_that_restarts_is_heard_at_once(fleet: FleetBeliefs, up_s: int) -> None:
+    """No packet is under way for more than a minute, so the one of a clock that began 1 s ago is none from before."""
+    for second in range(up_s - 5, up_s):
+        assert said(fleet, 1000 * second, 0) is None
+    on_ms = 1000 * up_s
+    assert said(fleet, on_ms + 1000, -THETA * on_ms, primary=0.68) is None
+    assert primary_of(fleet) == pytest.approx(0.68, abs=0.02)
+    assert said(fleet, on_ms + 2000, -THETA * on_ms, primary=0.68) is None
+    assert said(fleet, on_ms + 3000, 0) == CANNOT_SHOW
+
+
+@both
+def test_one_that_restarts_in_its_first_minute_is_heard_at_its_second_packet(fleet: FleetBeliefs) -> None:
+    """Its first packet may be one from before that waited. It was unheard until its clock caught up with the former one."""
+    for second in range(5, 30, 5):
+        assert said(fleet, 1000 * second, 0) is None
+    heard = [said(fleet, 1000 * second, -THETA * 27_000, primary=0.68) for second in range(30, 55, 5)]
+    assert heard == [OVERTAKEN, None, None, None, None]
+    assert primary_of(fleet) == pytest.approx(0.68, abs=0.02)
+
+
+@both
+def test_packets_of_a_boards_first_minute_that_waited_and_come_at_once_are_none_of_a_restart(
+    fleet: FleetBeliefs,
+) -> None:
+    assert said(fleet, 30_000, 0) is None
+    waited = [
+        StatusPacket(5, n, State.ACTIVE, 0.7, 1.0, 3.0, 4.0, 3.0, THETA * 5000 * n) for n in range(1, 5)
+    ]
+    fleet.advance(32_000)
+    assert [fleet.hear(it, 31_000 + n) for n, it in enumerate(waited)] == [OVERTAKEN] * 4
+    assert said(fleet, 35_000, 0) is None
+
+
+@both
 def test_a_first_packet_may_state_any_time_and_makes_nobody_deaf(fleet: FleetBeliefs) -> None:
-    assert said(fleet, 0, YEAR) is None and said(fleet, 1000, 0) == CANNOT_SHOW
-    assert said(fleet, 2000, 0) is None
-    assert [said(fleet, at_ms, 0, primary=0.69) for at_ms in range(3000, 60_000, 3000)] == [None] * 19
+    on_ms = 2 * MINUTE  # one that was just switched on is heard at once
+    assert said(fleet, on_ms, YEAR) is None and said(fleet, on_ms + 1000, 0) == CANNOT_SHOW
+    assert said(fleet, on_ms + 2000, 0) is None
+    later = range(on_ms + 3000, on_ms + 60_000, 3000)
+    assert [said(fleet, at_ms, 0, primary=0.69) for at_ms in later] == [None] * 19
     assert primary_of(fleet) == pytest.approx(0.69, abs=0.02)
 
 
