@@ -32,7 +32,6 @@ _COMMON: dict[str, Any] = {
     "dispatch": "asynchronous",
     "places": "exchanged",
 }
-_WAYS_DEAR = {"distance_per_m": 10.0, "energy_per_charge": 50.0}
 RULES: dict[str, dict[str, Any]] = {
     name: {**_COMMON, **thresholds}
     for name, thresholds in {
@@ -43,9 +42,11 @@ RULES: dict[str, dict[str, Any]] = {
         "0.6 to 0.97": {"pool_threshold": 0.6, "charge_to": 0.97},
         "0.62 to 0.95": {"pool_threshold": 0.62, "charge_to": 0.95},
         "0.65 to 0.92": {"pool_threshold": 0.65, "charge_to": 0.92},
-        "0.5 to 0.9, ways dear": {"pool_threshold": 0.5, "charge_to": 0.9, "costs": _WAYS_DEAR},
-        "0.6 to 0.97, ways dear": {"pool_threshold": 0.6, "charge_to": 0.97, "costs": _WAYS_DEAR},
     }.items()
+}
+RULES |= {
+    f"{name}, ways dear": {**RULES[name], "costs": {"distance_per_m": 10.0, "energy_per_charge": 50.0}}
+    for name in ("0.5 to 0.9", "0.6 to 0.97")
 }
 """The keys of `mission` of each rule.
 
