@@ -98,9 +98,7 @@ def fly_fitted(
                     with suppress(TimeoutError):
                         flown = searched.next(_REPORT_S)
                         break
-                    report(
-                        f"{plan.study.name}: {flights.value} of at most {FLIGHTS * len(by_seed)} flights of searches"
-                    )
+                    report(f"search: {flights.value} of {FLIGHTS * len(by_seed)} flights at most")
                 yield from flown
 
     return fly
