@@ -40,7 +40,9 @@ _DATAGRAMS = 256
 """The most that are read in one call, so that a flood holds up nothing else."""
 _KEPT_MS = 30_000
 """A node's address is kept until the node has been silent for so long, whoever else sends its id."""
-_ELSEWHERE = "wifi: a second address of an aMussel: its commands go to the first until that is silent for 30 s"
+_ELSEWHERE = (
+    "wifi: a second address of an aMussel: its commands go to the first until that is silent for 30 s"
+)
 _SKIPPED = "bytes of the modem that belong to no answer"
 
 
