@@ -84,7 +84,7 @@ def at_real_time(minutes: float, look_s: float) -> dict[str, Any]:
         stack.callback(browser.close)
         legs = [Leg(flight, look_s, random.Random(1), 60 * minutes)]
         for pid in tree_of(flight.command.pid):
-            os.kill(pid, signal.SIGKILL)
+            _kill(pid)
         flight.resume()
         legs.append(Leg(flight, look_s, random.Random(2), 60 * minutes))
         ticks = flight.ticks()
@@ -125,7 +125,7 @@ class Leg:
             if kills and time.monotonic() > self._from_s + kills[0]:
                 del kills[0]
                 if living := _amussels(flight.command.pid):
-                    os.kill(rng.choice(living), signal.SIGKILL)
+                    _kill(rng.choice(living))
                     self.killed += 1
         self._until_s = time.monotonic()
 
@@ -232,6 +232,11 @@ def tree_of(pid: int) -> list[int]:
     return found
 
 
+def _kill(pid: int) -> None:
+    with suppress(ProcessLookupError):  # a child may end with its parent
+        os.kill(pid, signal.SIGKILL)
+
+
 def _amussels(command: int) -> list[int]:
     return [it for it in tree_of(command) if _name(it).startswith("amussel")]
 
@@ -297,7 +302,10 @@ def _row(kind: str, used: list[Used], unit: str, unit_s: float) -> dict[str, Any
 
 
 def _slope(times: list[float], values: list[float]) -> list[float] | None:
-    """The slope of a straight line, and the half of its interval of 95 %; None for too few moments."""
+    """The slope of a straight line, and the half of its interval of 95 %; None for too few moments.
+
+    The interval takes the moments as independent. Those of memory are not, so it is too narrow there.
+    """
     if len(set(times)) < _FEWEST:
         return None
     line, covariance = np.polyfit(times, values, 1, cov=True)
