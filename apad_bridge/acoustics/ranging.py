@@ -119,7 +119,7 @@ class RangingService:
         away = frozenset(it.agent_id for it in beliefs if _is_away(it))
         cannot_hear, self._to_ping = self._to_ping & away, self._to_ping - away
         unanswered = [RangeMeasured(it, None) for it in sorted(cannot_hear)]
-        near = [it for it in beliefs if it.agent_id not in away]
+        near = [it for it in beliefs if not (it.agent_id in away or it.is_of_another_board)]
         whereabouts, charges = (
             [] if policy is None else ids_to_ping(policy, near, now_ms)
             for policy in (self._places, self._charges)

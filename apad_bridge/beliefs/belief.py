@@ -28,6 +28,8 @@ class Source(IntFlag):
     RANGE = 16
     SCHEDULE = 32
     """The activity follows from the schedule that was commanded last."""
+    HAND_OVER = 64
+    """The id is that of another board now, which has not been heard: its place and charge are not known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,6 +137,11 @@ class Belief:
     def is_predicted(self) -> bool:
         """True if the estimator predicts between packets; otherwise the belief is only as good as its newest packet."""
         return bool(self.mode_probabilities)
+
+    @property
+    def is_of_another_board(self) -> bool:
+        """True after a hand-over until the new board is heard: nothing tells its place."""
+        return Source.HAND_OVER in self.learned_from
 
     @property
     def mode(self) -> Mode:

@@ -8,7 +8,7 @@ from typing import Any, Protocol
 from agents.time_scale import AgentMs, MissionMs, TimeScale
 from apad_bridge.beliefs.belief import Belief, Suspicion
 from apad_bridge.beliefs.input_ranges import out_of_range, status_out_of_range
-from apad_bridge.beliefs.measurement import ClockSet, Measurement, Rejected
+from apad_bridge.beliefs.measurement import ClockSet, HandedOver, Measurement, Rejected
 from apad_bridge.beliefs.stamp_checker import Stamp, StampChecker, StampVerdict
 from firmware_model.packets import ShortStatus, StatusPacket
 
@@ -118,7 +118,7 @@ class FleetBeliefs:
 
     def hear_short(self, packet: ShortStatus, at_ms: MissionMs) -> str | None:
         """Does the work of `hear` for a status without place and time: both stay as believed."""
-        if (before := self._beliefs.get(packet.agent_id)) is None:
+        if (before := self._beliefs.get(packet.agent_id)) is None or before.is_of_another_board:
             return "a short status of an aMussel whose place is not known"
         if at_ms < before.heard_ms:
             return "a status that a newer one overtook"
@@ -163,6 +163,8 @@ class FleetBeliefs:
         self._all_now = None
         if isinstance(measurement, StatusPacket):
             self._stamp_checker.accept(measurement, at_ms)
+        elif isinstance(measurement, HandedOver):
+            self._stamp_checker.forget(agent_id)
         if self.belief_log is not None:
             self.belief_log.learned(agent_id, measurement, at_ms)
         return None

@@ -7,9 +7,9 @@ from dataclasses import replace
 from typing import Any
 
 from agents.time_scale import MissionMs, TimeScale
-from apad_bridge.beliefs.belief import Belief
+from apad_bridge.beliefs.belief import Belief, Source
 from apad_bridge.beliefs.fleet import FleetBeliefs
-from apad_bridge.beliefs.measurement import Measurement
+from apad_bridge.beliefs.measurement import HandedOver, Measurement
 from firmware_model.packets import NOTHING_REPORTED, Reported, ShortStatus, StatusPacket
 from firmware_model.states import State
 
@@ -26,6 +26,10 @@ class LastPacket:
             return replace(
                 belief, heard_ms=at_ms, state=short.state, primary=short.primary, secondary=short.secondary
             )
+        if isinstance(measurement, HandedOver) and belief is not None:
+            if measurement.placed:
+                return replace(belief, state=State.SLEEPING, learned_from=Source.PACKET)
+            return replace(belief, learned_from=Source.PACKET | Source.HAND_OVER)
         if not isinstance(measurement, StatusPacket):
             return belief
         packet = measurement
@@ -47,6 +51,7 @@ class LastPacket:
             "charges": [belief.primary, belief.secondary],
             "place_m": [belief.north_m, belief.east_m],
             "reported": belief.reported.stated,
+            "learned_from": int(belief.learned_from),
         }
 
     def restored(self, agent_id: int, data: dict[str, Any]) -> Belief:
@@ -54,7 +59,15 @@ class LastPacket:
         state = State(data["state"])
         reported = Reported(**data["reported"])
         return Belief(
-            agent_id, data["heard_ms"], state, primary, secondary, north_m, east_m, reported=reported
+            agent_id,
+            data["heard_ms"],
+            state,
+            primary,
+            secondary,
+            north_m,
+            east_m,
+            learned_from=Source(data["learned_from"]),
+            reported=reported,
         )
 
 

@@ -65,8 +65,27 @@ class ClockSet:
     agent_ms: AgentMs
 
 
+@dataclass(frozen=True, slots=True)
+class HandedOver:
+    """The id is that of another board from now on, with a clock and sensors of its own.
+
+    One that was `placed` lies on the bottom at the believed place, with the believed charges.
+    """
+
+    placed: bool
+
+
 Measurement = (
-    StatusPacket | ShortStatus | TimeslotSilent | Permitted | Docked | Released | Fixed | Ranged | ClockSet
+    StatusPacket
+    | ShortStatus
+    | TimeslotSilent
+    | Permitted
+    | Docked
+    | Released
+    | Fixed
+    | Ranged
+    | ClockSet
+    | HandedOver
 )
 """A short status contains neither place nor time, and counts as sent when it was received."""
 
@@ -89,6 +108,7 @@ _KINDS: dict[str, type[Any]] = {
     "fixed": Fixed,
     "ranged": Ranged,
     "clock set": ClockSet,
+    "handed over": HandedOver,
 }
 _NAMES = {kind: name for name, kind in _KINDS.items()}
 _FIELDS = {kind: [it.name for it in fields(kind) if it.name != "agent_id"] for kind in _NAMES}

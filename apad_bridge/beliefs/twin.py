@@ -12,6 +12,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from agents.time_scale import MissionMs
 from apad_bridge.beliefs import charge_state as charge
 from apad_bridge.beliefs import clock as clocks
@@ -22,6 +24,7 @@ from apad_bridge.beliefs.measurement import (
     ClockSet,
     Docked,
     Fixed,
+    HandedOver,
     Measurement,
     Permitted,
     Ranged,
@@ -55,6 +58,12 @@ from firmware_model.packets import NOTHING_REPORTED, ShortStatus, StatusPacket
 from firmware_model.power.charge import MS_PER_MIN
 from firmware_model.states import State
 
+ANOTHER_CHARGE = 0.3
+"""Deviation of the charge of a board that replaced another and was not heard: as of any charge from 0 to 1."""
+ANOTHER_PLACE_M = 100.0
+"""Deviation of its place along either axis."""
+_NO_PACKET = (-1, -1)
+"""The newest packet of a board that was not heard."""
 _CLOCK_APART_MS = 600_000
 """The least agent time between two readings of a clock."""
 _FIX_APART_MS = 10_000
@@ -133,6 +142,8 @@ class Twin:
                 clock, nominal_ms = self._clock_set(agent_ms, at_ms), self.parameters.scale.agent_ms(at_ms)
                 twin_state = replace(shifted_to_clock(twin_state, agent_ms), clock=clock, clock_ms=nominal_ms)
                 return self._to_belief(belief, twin_state, at_ms, belief.learned_from)
+            case HandedOver(placed):
+                return self._handed_over(belief, twin_state, placed, at_ms)
             case Docked():
                 return self._to_belief(
                     belief, self._docked(twin_state), at_ms, belief.learned_from | Source.DOCKING
@@ -252,6 +263,38 @@ class Twin:
         rows = charge_now(twin_state, self.parameters, surfaced_hypotheses(twin_state, self.parameters))
         return charge.reduced([bounded(row, after_measuring=False) for row in rows])
 
+    def _handed_over(self, belief: Belief, twin_state: TwinState, placed: bool, at_ms: MissionMs) -> Belief:
+        """Keeps the believed charges and place. Those of a board that was not placed get wide deviations."""
+        parameters = self.parameters
+        believed = self._to_belief(belief, twin_state, at_ms, belief.learned_from)
+        mean, cov = charge.prior_state(parameters)
+        both = [charge.PRIMARY, charge.SECONDARY]
+        mean[both] = believed.primary, believed.secondary
+        place, learned_from = self._place(twin_state, at_ms), Source.PACKET
+        if placed:
+            primary, between, secondary = believed.charge_cov
+            cov[np.ix_(both, both)] = [[primary, between], [between, secondary]]
+        else:
+            cov[both, both] = ANOTHER_CHARGE**2
+            place = Place.at(believed.north_m, believed.east_m, ANOTHER_PLACE_M**2, parameters.water)
+            learned_from |= Source.HAND_OVER
+        nominal_ms, usual = parameters.scale.agent_ms(at_ms), parameters.clock
+        twin_state = TwinState(
+            nominal_ms,
+            (Anchor(1.0, mean, cov),),
+            nominal_ms,
+            Load.known(Mode.IDLE),
+            None,
+            nominal_ms,
+            place,
+            at_ms,
+            clocks.prior_clock(usual.offset_ms, usual.drift_ppm),
+            nominal_ms,
+            _NO_PACKET,
+            NOTHING_REPORTED,
+        )
+        return self._to_belief(belief, twin_state, at_ms, learned_from)
+
     # Packets.
 
     def _packet_received(self, belief: Belief | None, packet: StatusPacket, at_ms: MissionMs) -> Belief:
@@ -263,6 +306,8 @@ class Twin:
             return self._first_belief(packet, reading, at_ms)
         twin_state = belief.estimator_state
         assert isinstance(twin_state, TwinState), "a belief of another estimator"
+        if twin_state.packet == _NO_PACKET:
+            return self._first_belief(packet, reading, MissionMs(max(at_ms, belief.at_ms)))
         if (packet.sequence, packet.agent_ms) == twin_state.packet:
             raise Rejected("a status that came already")
         if packet.agent_ms < twin_state.packet[1]:

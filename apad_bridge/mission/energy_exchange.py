@@ -22,7 +22,7 @@ from apad_bridge.mission.end_by import EndBy
 from apad_bridge.mission.home_stays import NO_HOME, HomeStays
 from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.orders import MissionAction, SendCommand
-from apad_bridge.mission.phases import Collecting, GoingHome, PhaseAct, PhaseBehaviour
+from apad_bridge.mission.phases import ANOTHER_BOARD, Collecting, GoingHome, PhaseAct, PhaseBehaviour
 from apad_bridge.mission.planner import Planner, PlanRules
 from apad_bridge.mission.plans import Planning, StrategyFailed, untold
 from apad_bridge.mission.pool import floats
@@ -39,6 +39,7 @@ STUCK_AFTER = 3
 BATTERY_TOLD_AFTER_MS = 10_000
 """A battery that is needed and was not heard for so long is told, once."""
 BARRED = "another aPad may dock it"
+FORGOTTEN = "nothing is believed of it any more"
 _COLLECTING = (Phase.GO_COLLECT, Phase.AWAIT_SURFACING)
 
 
@@ -268,17 +269,26 @@ class EnergyExchange(OrderBook):
             self._next_step(now_ms)
 
     def _look_at_barred(self, now_ms: MissionMs) -> None:
-        """Leaves the aMussels of its plan that it may not dock any more. A mechanism that moves is not stopped."""
-        barred = self._barred()
-        if barred.isdisjoint(it.agent_id for it in self.state.plan):
+        """Leaves the aMussels of its plan that it may not dock any more, and one whose place it does not know any more.
+
+        A mechanism that moves is not stopped.
+        """
+        if not self.state.plan:
             return
+        barred = self._barred()
         first, *later = self.state.plan
-        self.set(plan=(first, *(it for it in later if it.agent_id not in barred)))
-        is_fetching = self.state.phase in _COLLECTING or self.docking_routine.is_on_search
-        if is_fetching and first.agent_id in barred:
-            self.docking_routine.pre_empt()
-            self.tell(StepGivenUp(first.agent_id, first.kind.value, BARRED))
-            self._finish_step(now_ms)
+        if not barred.isdisjoint(it.agent_id for it in later):
+            self.set(plan=(first, *(it for it in later if it.agent_id not in barred)))
+        if self.state.phase not in _COLLECTING and not self.docking_routine.is_on_search:
+            return
+        belief, reason = self._beliefs.get(first.agent_id), BARRED
+        if first.agent_id not in barred:
+            if belief is not None and not belief.is_of_another_board:
+                return
+            reason = FORGOTTEN if belief is None else ANOTHER_BOARD
+        self.docking_routine.pre_empt()
+        self.tell(StepGivenUp(first.agent_id, first.kind.value, reason))
+        self._finish_step(now_ms)
 
     # Idle, and charging.
 

@@ -23,6 +23,7 @@ DOCKINGS_PER_STEP = 3
 """A step is given up after so many failed dockings, because an aMussel spends most of its charge at the surface."""
 HOME_AGAIN_MS = 10_000
 """A failed way home for good is tried again after so long: the time to be there is near."""
+ANOTHER_BOARD = "another board has its id now, and has not been heard"
 PhaseAct = Callable[[MissionMs], None]
 """It is called with the time at which it is done."""
 
@@ -91,6 +92,10 @@ class Collecting:
             return
         if belief is None:
             self._give_up("it never reported", now_ms)
+            return
+        if belief.is_of_another_board:
+            self._book.tell(StepGivenUp(step.agent_id, step.kind.value, ANOTHER_BOARD))
+            self._finish_step(now_ms)
             return
         docks = self._book.docks
         if docks[step.dock_index] is not None:

@@ -104,6 +104,7 @@ class ChargingPool:
             and (belief.primary > 0 or belief.secondary > 0)
             and self._excluded_until_ms.get(belief.agent_id, now_ms) <= now_ms
             and (belief.is_predicted or now_ms - belief.heard_ms <= self._silence_ms)
+            and not belief.is_of_another_board
         )
 
 

@@ -266,6 +266,8 @@ class Flight:
                     self.dropped[reason] += 1
                 case StateDoubted(_, agent_id, reason):
                     self._recorder.event(now_ms, StateDisbelieved(agent_id, reason))
+                case SoundReached(_, agent_id, _) if self._world.roster.is_muted(agent_id):
+                    self.dropped["sound: from a simulated aMussel whose id is real or retired by now"] += 1
                 case SoundReached(at_ms, agent_id, data) if self._water.has_others:
                     # Each aPad in the water hears for itself, so nothing is relayed.
                     if self.supervisor.allocation.concerns(agent_id):
@@ -275,10 +277,10 @@ class Flight:
                 case SoundReached(at_ms, agent_id, data):
                     self.supervisor.receive(SoundHeard(at_ms, data))
                     self._relay.transmit(Medium.SOUND, agent_id, data, at_ms)
-                case AgentRanged(at_ms, agent_id, range_m):
+                case AgentRanged(at_ms, agent_id, range_m) if not self._world.roster.is_muted(agent_id):
                     self.supervisor.receive(RangeHeard(at_ms, agent_id, range_m))
                     self._recorder.event(now_ms, RangeMeasured(agent_id, round(range_m, 3)))
-                case NotRanged(at_ms, agent_id):
+                case AgentRanged(at_ms, agent_id) | NotRanged(at_ms, agent_id):
                     self.supervisor.receive(RangeHeard(at_ms, agent_id, None))
                     self._recorder.event(now_ms, RangeMeasured(agent_id, None))
                 case StimulusDelivered(_, agent_id, agent_ms, stimulus):

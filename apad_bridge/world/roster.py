@@ -1,8 +1,8 @@
 """The presence of each aMussel (simulated, real or retired), and the requests that change a fleet in flight.
 
 A simulated aMussel that is handed over to a real one continues beside it as its muted twin: it feels the same docks, and
-its truth is recorded beside the belief of the real one. Taken back, it begins at the believed place of the real one. A
-retired one is out of the water.
+its truth is recorded beside the belief of the real one. Taken back, it begins at the believed place of the real one, with
+its believed charges. The belief lives on in both directions, and no clock does. A retired one is out of the water.
 
 Nodes claim aMussels on the ROS graph. When a run is resumed, these claims take precedence over its journal.
 """
@@ -20,6 +20,7 @@ from agents.coordinator import Coordinator
 from agents.mussel.stimuli import Placed
 from agents.time_scale import MissionMs
 from apad_bridge.beliefs.input_ranges import FARTHEST_M
+from apad_bridge.beliefs.measurement import HandedOver
 from apad_bridge.events.fleet import Presence, PresenceChanged
 from apad_bridge.scenario.timed_faults import TimedFault, injection
 from apad_bridge.world.fault_injection import Action, FaultInjection, NoFaults, is_docked
@@ -195,7 +196,9 @@ class Presences:
             coordinator.unmute(request.agent_id, now_ms)
         else:
             coordinator.mute(request.agent_id)
-        if request.trigger is not PresenceTrigger.TAKE_BACK:
+        if request.trigger in (PresenceTrigger.HAND_OVER, PresenceTrigger.TAKE_BACK):
+            beliefs.learn(request.agent_id, HandedOver(placed=after is Presence.SIMULATED), now_ms)
+        else:
             beliefs.forget(request.agent_id)
         self._now[request.agent_id] = after
         self.simulated = self._simulated_ids()
@@ -207,7 +210,7 @@ class Presences:
     def _placed(self, request: PresenceRequest, beliefs: FleetBeliefs) -> Placed | None:
         """On the bottom, at the requested place or at the believed place of the real one; None without a belief."""
         if request.trigger is PresenceTrigger.TAKE_BACK:
-            if (belief := beliefs.get(request.agent_id)) is None:
+            if (belief := beliefs.get(request.agent_id)) is None or belief.is_of_another_board:
                 return None
             north_m, east_m = belief.north_m, belief.east_m
             charges = belief.primary, belief.secondary
@@ -250,6 +253,10 @@ class Roster:
 
     def is_simulated(self, agent_id: int) -> bool:
         return agent_id in self.presences.simulated
+
+    def is_muted(self, agent_id: int) -> bool:
+        """True for one of this fleet whose simulated body nobody hears: its sound and ranges to it count for nothing."""
+        return self.presences.of(agent_id) in (Presence.REAL, Presence.RETIRED)
 
     def advance(
         self, beliefs: FleetBeliefs, now_ms: MissionMs, held: frozenset[int] = frozenset()
@@ -302,6 +309,9 @@ class NoRoster:
 
     def is_simulated(self, agent_id: int) -> bool:
         return True
+
+    def is_muted(self, agent_id: int) -> bool:
+        return False
 
     def advance(
         self, beliefs: FleetBeliefs, now_ms: MissionMs, held: frozenset[int] = frozenset()

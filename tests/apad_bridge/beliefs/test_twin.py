@@ -12,6 +12,7 @@ from apad_bridge.beliefs.belief import Belief, Source
 from apad_bridge.beliefs.measurement import (
     Docked,
     Fixed,
+    HandedOver,
     Measurement,
     Permitted,
     Ranged,
@@ -631,3 +632,27 @@ def test_a_learning_twin_believes_the_first_reading_of_the_secondary_within_the_
     belief = told(twin, heard(HOUR, State.SLEEPING, 0.6, secondary=stated))
     assert belief.secondary == pytest.approx(stated, abs=0.05)
     assert sqrt(belief.charge_cov[2]) < 0.05
+
+
+@pytest.mark.parametrize("placed", [True, False])
+def test_a_belief_outlives_a_hand_over_and_the_next_board_is_believed_from_its_first_packet(
+    twin: Twin, placed: bool
+) -> None:
+    before = told(twin, *hourly(State.SLEEPING, 0.7, 60 * ASLEEP, 6))
+    after = told(twin, *hourly(State.SLEEPING, 0.7, 60 * ASLEEP, 6), (HandedOver(placed), 5 * HOUR))
+    # A charge of which nothing is known is uniform: its deviation is 1 / sqrt(12), and 0.3 clamped to [0, 1] is near it.
+    deviation = sqrt(before.charge_cov[0]) if placed else sqrt(1 / 12)
+    assert sqrt(after.charge_cov[0]) == pytest.approx(deviation, abs=1e-3 if placed else 0.05)
+    assert abs(after.primary - before.primary) < (1e-3 if placed else 0.05)
+    assert (after.north_m, after.east_m) == (before.north_m, before.east_m)
+    assert after.place_cov == (before.place_cov if placed else (100.0**2, 0.0, 100.0**2))
+    assert after.is_of_another_board is not placed
+    assert twin.restored(1, json.loads(json.dumps(twin.kept(after)))) == after
+    later = twin.predict(after, 6 * HOUR)
+    assert later.charge_cov[0] >= after.charge_cov[0] and later.is_of_another_board is not placed
+    # Its clock is minutes old, its charge and place are others: all as of a board that is heard for the first time.
+    new = heard(6 * HOUR, State.SLEEPING, 0.3, agent_ms=60_000)
+    first, alone = twin.update(later, *new), told(twin, new)
+    assert first == alone and not first.is_of_another_board
+    again = heard(7 * HOUR, State.SLEEPING, 0.296, sequence=1, agent_ms=60_000 + HOUR)
+    assert twin.update(first, *again) == twin.update(alone, *again)

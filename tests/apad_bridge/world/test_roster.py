@@ -22,6 +22,7 @@ from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.events.event import Event
 from apad_bridge.events.fleet import Presence, PresenceChanged
+from apad_bridge.events.mission import Phase
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.summary import uptime_figures
@@ -143,8 +144,10 @@ class Bench:
             self.flight.tick(self.flight.now_ms)
             self.flight.now_ms += 1000
 
-    def real_one_says(self, north_m: float, primary: float, state: State = State.ACTIVE) -> None:
-        agent_ms = self.flight.now_ms * self.scenario.theta
+    def real_one_says(
+        self, north_m: float, primary: float, state: State = State.ACTIVE, ahead_ms: int = 0
+    ) -> None:
+        agent_ms = self.flight.now_ms * self.scenario.theta + ahead_ms
         self.elsewhere.packets.append(
             StatusPacket(THE_ONE, 0, state, primary, 0.8, north_m, 0.5, 3.0, agent_ms)
         )
@@ -185,7 +188,8 @@ def test_a_real_one_is_believed_while_its_twin_goes_on_unheard_and_takes_over_wh
     beliefs = bench.flight.supervisor.beliefs
     assert bench.ask(PresenceRequest(THE_ONE, PresenceTrigger.HAND_OVER, "a test")) == [None]
     bench.ticks(5)
-    assert beliefs.get(THE_ONE) is None  # its twin reports every second, and is muted
+    # Its twin reports every second, and is muted. What was believed of it lives on.
+    assert beliefs.get(THE_ONE).heard_ms <= bench.flight.now_ms - 6000
     _, twin_m = bench.truth()
     bench.real_one_says(north_m=twin_m + 4.0, primary=0.5)
     belief = beliefs.get(THE_ONE)
@@ -202,6 +206,58 @@ def test_a_real_one_is_believed_while_its_twin_goes_on_unheard_and_takes_over_wh
         "real",
         "simulated",
     ]
+
+
+@pytest.mark.parametrize("ahead_ms", [3_600_000 * 30, 20_000 * 30, -4000 * 30])
+def test_a_real_ones_clock_counts_for_nothing_after_it_is_taken_back_nor_its_twins_before(
+    bench: Bench, ahead_ms: int
+) -> None:
+    bench.ticks(5)
+    bench.ask(PresenceRequest(THE_ONE, PresenceTrigger.HAND_OVER, "a test"))
+    bench.real_one_says(20.0, 0.5, ahead_ms=ahead_ms)
+    beliefs = bench.flight.supervisor.beliefs
+    assert beliefs.get(THE_ONE).north_m == 20.0
+    bench.ask(PresenceRequest(THE_ONE, PresenceTrigger.TAKE_BACK, "a test"))
+    taken_ms = bench.flight.now_ms
+    bench.ticks(1)
+    assert beliefs.get(THE_ONE).heard_ms == taken_ms
+
+
+def test_the_apad_goes_to_a_real_one_where_that_is_and_no_longer_to_its_simulated_place() -> None:
+    bench = Bench(charge=0.5)
+    bench.ticks(2)
+    bench.ask(*(PresenceRequest(it, PresenceTrigger.RETIRE, "a test") for it in (1, 2, 4)))
+    mission = bench.flight.supervisor.mission
+    while mission.state.phase is not Phase.GO_COLLECT:
+        bench.ticks(1)
+        assert bench.flight.now_ms < 60_000
+    bench.ask(PresenceRequest(THE_ONE, PresenceTrigger.HAND_OVER, "a test"))
+    bench.ticks(5)
+    assert mission.state.phase is Phase.IDLE
+    reasons = {
+        data["agent"]: data["reason"] for _, kind, data in facts_of(bench.recorder) if kind == "given_up"
+    }
+    assert "another board has its id now" in reasons[THE_ONE]
+    went = len(facts_of(bench.recorder))
+    for _ in range(20):
+        bench.real_one_says(2.0, 0.4)
+    goals = {
+        (data["north_m"], data["east_m"])
+        for _, kind, data in facts_of(bench.recorder)[went:]
+        if kind == "primitive" and data["name"] == "go to point"
+    }
+    assert goals == {(2.0, 0.5)}
+
+
+def test_one_that_is_retired_on_the_way_to_it_is_left() -> None:
+    bench = Bench(charge=0.5)
+    bench.ticks(3)
+    mission = bench.flight.supervisor.mission
+    assert mission.state.phase is Phase.GO_COLLECT
+    first = mission.state.plan[0].agent_id
+    bench.ask(PresenceRequest(first, PresenceTrigger.RETIRE, "a test"))
+    bench.ticks(2)
+    assert first not in [it.agent_id for it in mission.state.plan] and mission.state.plan
 
 
 def test_uptimes_are_of_the_simulated_ones_and_others_are_told_apart(bench: Bench) -> None:
