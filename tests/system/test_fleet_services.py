@@ -95,7 +95,7 @@ def test_a_real_amussels_claim_makes_the_simulated_one_its_twin_until_it_is_give
     heard = f"{{agent: 3, medium: wifi, data: {list(MusselbedCodec().encode(status))}}}"
     topic = ("/musselbed/heard", "musselbed_msgs/Packet", heard)
     with begun("/usr/bin/rostopic", "pub", "-r", 5, *topic, env=shell, ends_by=signal.SIGTERM):
-        believed = "any(it.id == 3 and it.north > 8.9 for it in m.agents)"
+        believed = "any(it.id == 3 and abs(it.north - 9) < 0.01 for it in m.agents)"
         seen = echoed(shell, "--filter", believed, "/musselbed/beliefs")
     beliefs = {it["id"]: it for it in seen["agents"]}
     assert (beliefs[3]["north"], beliefs[3]["charge"]) == pytest.approx((9.0, 0.45), abs=0.01)

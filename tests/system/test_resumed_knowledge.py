@@ -16,6 +16,7 @@ from programs import MUSSELBED, ROOT, Begin, ended_well, lines_of, wait_until
 from rosbags.rosbag1 import Reader
 from scenario_files import write_scenario
 
+from apad_bridge.beliefs.belief import Source
 from apad_bridge.records.bag_messages import BELIEFS, typestore
 from apad_bridge.records.journal import read_journal
 from apad_bridge.ros.system.master import loopback_environment
@@ -45,15 +46,19 @@ def scenario(tmp_path: Path) -> Path:
 
 
 def noted(run: Path) -> dict[int, int]:
-    """Returns the time at which each was heard last, by the checkpoint."""
+    """Returns the time at which each board was heard last, by the checkpoint; one that another replaced is left out."""
     path, heard = run / "checkpoint.jsonl", dict[int, int]()
     for text in path.read_text().splitlines() if path.exists() else []:
         line = json.loads(text)
-        heard |= {agent_id: data["heard_ms"] for agent_id, _, data in line.get("beliefs", ())}
+        heard |= {
+            agent_id: data["heard_ms"]
+            for agent_id, _, data in line.get("beliefs", ())
+            if Source.HAND_OVER not in Source(data["learned_from"])
+        }
         for kind, agent_id, *rest in line.get("learned", ()):
             if kind.startswith("heard"):
                 heard[agent_id] = rest[0]
-            elif kind == "forgot":
+            elif kind in ("forgot", "handed over"):
                 heard.pop(agent_id, None)
     return heard
 

@@ -176,7 +176,7 @@ def fleet_markers(
     shown = [
         shape
         for it in allocation.all()
-        if it.agent_id in ids
+        if it.agent_id in ids and not it.is_of_another_board
         for shape in make.shown(it).shapes(ball_m, rows.get(it.agent_id, 0))
     ]
     if pose is not None:
