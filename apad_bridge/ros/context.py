@@ -50,6 +50,7 @@ from apad_bridge.supervisor.run_spec import ResumePoint
 from apad_bridge.vehicle.errors import PeerFailed, VehicleNotReady
 from apad_bridge.vehicle.guards.gate import Gate, Safety, plain_safety
 from apad_bridge.vehicle.guards.orders import BodyInWater
+from apad_bridge.vehicle.guards.stops import TAKEN_MS
 from apad_bridge.vehicle.link import ListeningLink
 from apad_bridge.vehicle.telemetry import SilenceWatch
 from apad_bridge.world.fleet import NoFleet
@@ -104,6 +105,8 @@ def open_flight_context(
             stack.callback(others.close)
             vehicle, watches = _vehicle(scenario, options, safety.gate, docked, now_ms, truths_at)
             stack.callback(vehicle.close)
+            if options.has_real_vehicle and not isinstance(vehicle, ContactsLink):
+                stack.callback(_leave, vehicle, tell)
             states = WatchdogStates(scenario.apad.name, safety.gate)
             stack.callback(states.close)
             # A fleet alone flies no aPad. Its heartbeat would hide the death of the bench that does.
@@ -150,6 +153,15 @@ def open_flight_context(
                 lambda why: stop(MissionEnd(EndReason.NODE_ENDED, f"{EndReason.NODE_ENDED}: {why}"))
             ),
             keeps_samples=options.part is not BenchPart.FLEET,
+        )
+
+
+def _leave(vehicle: APadLink, tell: Callable[[str], None]) -> None:
+    """Waits for the answers to the last orders: a vehicle may drop a call whose connection is closed."""
+    if missing := vehicle.wait_until_taken(TAKEN_MS / 1000):
+        tell(
+            f"the aPad has not answered the last order within {TAKEN_MS / 1000:g} s ({', '.join(missing)}), and may go on: "
+            "if it must stop, use the vehicle's own switch"
         )
 
 

@@ -23,6 +23,8 @@ from agents.water.sea_client import RemoteSea, SeaRefused
 from apad_bridge.acoustics.serial.lines import open_serial_lines
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.flight_config import FlightConfig, flight_config
+from apad_bridge.events.event import Event
+from apad_bridge.events.guards import StopChanged, StopKind, StopState
 from apad_bridge.events.mission import StandsDown
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.manual import CommandSource
@@ -50,12 +52,14 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.amussel_orders import AMusselOrders
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.control import control_offered
-from apad_bridge.supervisor.run_spec import RunSpec
+from apad_bridge.supervisor.run_spec import ResumePoint, RunSpec
 from apad_bridge.vehicle.errors import PeerFailed
 from apad_bridge.world.contacts import Contacts
 from apad_bridge.world.fleet import FlightFleet, NoFleet
 from apad_bridge.world.world import World
 from firmware_model.entry_points import in_one_line, package_to_blame
+
+DIED = "its supervisor died"
 
 
 def command_sources_of(
@@ -134,11 +138,26 @@ def _open_run(run_dir: Path, trust: Trust | None, *, resume: bool, keeps: bool) 
     others_ms = None if sea is None else sea.now_ms
     start_state = resume_run(directory, config, options, say, stamp_ms, others_ms)
     if (resume_point := start_state.resume_point) is not None and options.keeps:
-        resume_point = replace(resume_point, state=resume_point.state.stood_down())
-        start_state = replace(start_state, resume_point=resume_point)
         at_ms = MissionMs(max(start_state.start_ms, start_state.journal.last_ms))
-        start_state.recorder.event(at_ms, StandsDown("its supervisor died"))
+        resume_point, events = stood_down(resume_point, at_ms, is_real=options.has_real_vehicle)
+        for event in events:
+            start_state.recorder.event(at_ms, event)
+        start_state = replace(start_state, resume_point=resume_point)
     return _Run(run_dir, config, options, start_state, sea)
+
+
+def stood_down(before: ResumePoint, at_ms: MissionMs, *, is_real: bool) -> tuple[ResumePoint, list[Event]]:
+    """The state of one that keeps the fleet of a supervisor that died, and the journal's lines of it.
+
+    Our heartbeats go on, so the watchdog of a real vehicle does not hold it: a stop of ours does, until a person's word.
+    """
+    after = replace(before, state=before.state.stood_down())
+    events: list[Event] = [StandsDown(DIED)]
+    if not is_real or before.stops.in_force is not None:
+        return after, events
+    number = before.stops.next_number
+    held = StopChanged(number, StopKind.HOLD, "guard: supervisor", StopState.ORDERED, DIED)
+    return replace(after, stops=before.stops.after(at_ms, held)), [*events, held]
 
 
 def _find_sea(config: FlightConfig, options: RunOptions) -> RemoteSea | None:

@@ -116,6 +116,10 @@ class StopsState:
         newest = self.newest if self.newest and self.newest.number > changed.number else changed
         return StopsState(newest, self.in_force if event.state is StopState.REFUSED else changed)
 
+    @property
+    def next_number(self) -> int:
+        return 1 if self.newest is None else self.newest.number + 1
+
     def text(self) -> str:
         """A line for the person who resumes the run; empty without a stop in force."""
         if (stop := self.in_force) is None:
@@ -232,13 +236,13 @@ class Stops:
         self._latch.turn()
         self._command_id, self._is_told = None, False
         stop = StopRecord(
-            self._next_number(), kind, by, reason, now_ms, is_persons=is_persons, stills_arms=stills
+            self._state.next_number, kind, by, reason, now_ms, is_persons=is_persons, stills_arms=stills
         )
         self._tell(stop, StopState.ORDERED, now_ms, reason)
 
     def refuse(self, kind: StopKind, by: str, reason: str, now_ms: int) -> None:
         """Somebody wants a stop, and nothing may be sent, for this reason."""
-        stop = StopRecord(self._next_number(), kind, by, reason, now_ms, is_persons=True)
+        stop = StopRecord(self._state.next_number, kind, by, reason, now_ms, is_persons=True)
         self._tell(stop, StopState.REFUSED, now_ms, reason)
 
     def become_off(self, reason: str, now_ms: int) -> None:
@@ -325,9 +329,6 @@ class Stops:
         self._state = restored
         self._restored_number = None if restored.in_force is None else restored.in_force.number
         self._latch.turn()
-
-    def _next_number(self) -> int:
-        return 1 if self.newest is None else self.newest.number + 1
 
     def _tell(self, stop: StopRecord, state: StopState, now_ms: int, reason: str = "") -> None:
         """A stop came to a state, for this reason."""

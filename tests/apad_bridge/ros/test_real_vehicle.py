@@ -115,6 +115,37 @@ def test_every_real_vehicle_that_was_stopped_waits_for_a_person_whoever_gives_th
     assert asked == [waits]
 
 
+@pytest.mark.parametrize(
+    ("unanswered", "told"),
+    [([], []), (["hold"], ["the aPad has not answered the last order within 3 s (hold), and may go on: "])],
+)
+def test_its_last_orders_are_answered_before_the_link_to_it_is_closed(
+    monkeypatch: pytest.MonkeyPatch, unanswered: list[str], told: list[str]
+) -> None:
+    """A vehicle in roscpp drops a call that waits for its turn when its connection is closed."""
+    vehicle, lines = MagicMock(spec=GenerationBLink), list[str]()
+    vehicle.wait_until_taken.return_value = unanswered
+    for part in ("_refuse_other_origin", "_gateway", "_roster", "_laboratory", "_beside_the_gateway"):
+        monkeypatch.setattr(context, part, MagicMock())
+    monkeypatch.setattr(context, "OtherAPads", MagicMock())
+    monkeypatch.setattr(context, "WatchdogStates", MagicMock(side_effect=VehicleNotReady("far enough")))
+    monkeypatch.setattr(context, "_vehicle", lambda *_: (vehicle, ()))
+    opened = context.open_flight_context(
+        load(POOL_FILE),
+        OPTIONS,
+        world=World(NoFleet()),
+        resume_point=None,
+        truths_at=lambda now_ms: [],
+        presences=MagicMock(),
+        allocation=MagicMock(),
+        tell=lines.append,
+    )
+    with pytest.raises(PeerFailed, match="far enough"), opened:
+        pass
+    assert [name for name, _, _ in vehicle.method_calls] == ["wait_until_taken", "close"]
+    assert [line[: len(begin)] for line, begin in zip(lines, told, strict=True)] == told
+
+
 def test_a_fleet_is_told_of_docks_by_a_mission_where_its_aPad_does_not_report_them() -> None:
     fleet = replace(OPTIONS, part=BenchPart.FLEET)
     heard = [

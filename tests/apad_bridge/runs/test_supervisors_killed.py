@@ -13,15 +13,19 @@ from journals import lines_in
 from scenario_files import POOL_FILE
 
 from agents.hosting.in_process import InProcessHost
+from agents.time_scale import MissionMs
 from apad_bridge.analysis.invariants import check_run
 from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.assembly.safety import safety_of
+from apad_bridge.events.guards import StopChanged, StopKind, StopState
+from apad_bridge.events.mission import MissionState, Phase, StandsDown
 from apad_bridge.records.journal import JournalTail
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.flying import PreparedFlight, prepare
 from apad_bridge.runs.progress import FlightProgress
 from apad_bridge.runs.start_state import begin_run, ongoing_faults, resume_run
+from apad_bridge.runs.supervisor_process import stood_down
 from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource
@@ -30,7 +34,8 @@ from apad_bridge.scenario.starts import starts_of
 from apad_bridge.scenario.timed_faults import FaultAt, Faults, TimedFault
 from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
-from apad_bridge.supervisor.run_spec import RunSpec
+from apad_bridge.supervisor.run_spec import ResumePoint, RunSpec
+from apad_bridge.vehicle.guards.stops import NO_STOPS
 from apad_bridge.world.apad.in_process import InProcessVehicle
 from apad_bridge.world.contacts import Contacts
 from apad_bridge.world.world import World
@@ -117,3 +122,26 @@ def test_supervisors_that_are_killed_lose_no_stimulus_of_theirs(stack: ExitStack
     assert check_run(directory) == []
     kinds = [it["kind"] for it in lines_in(directory.journal)]
     assert kinds.count("resumed") == KILLS and kinds.count("fault") == len(leaks)
+
+
+@pytest.mark.parametrize(
+    ("is_real", "in_force", "held"),
+    [(True, None, "hold"), (True, StopKind.OFF, "off"), (False, None, None)],
+)
+def test_a_real_aPad_is_held_where_another_supervisor_keeps_its_aMussels(
+    is_real: bool, in_force: StopKind | None, held: str | None
+) -> None:
+    """The heartbeats go on, and the vehicle's watchdog with them. An OFF that was in force stays one."""
+    stops = NO_STOPS
+    if in_force is not None:
+        stops = stops.after(1000, StopChanged(4, in_force, "Ana", StopState.ORDERED, is_persons=True))
+    before = ResumePoint(MissionMs(5000), MissionState(phase=Phase.GO_COLLECT), 1, None, stops=stops)
+    after, events = stood_down(before, MissionMs(5000), is_real=is_real)
+    assert after.state.phase is Phase.STANDS_DOWN and isinstance(events[0], StandsDown)
+    stop = after.stops.in_force
+    assert (stop and stop.kind) == held
+    assert len(events) == (2 if is_real and in_force is None else 1)
+    if len(events) == 2:
+        assert NO_STOPS.after(5000, events[1]).in_force == stop, (
+            "the journal gives the same stop to whoever resumes"
+        )
