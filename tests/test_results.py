@@ -130,7 +130,34 @@ def test_the_goal_is_judged_on_the_better_one_that_knows_the_end(
     assert make.misses(cell) == missed
 
 
-def test_a_missed_cell_counts_where_its_bound_leaves_less_than_two_points(make: ModuleType) -> None:
-    assert make.verdict(9.0, []) == "met"
-    assert make.verdict(2.0, ["uptime"]) == "missed: uptime"
-    assert make.verdict(1.9, ["uptime", "metres"]).startswith("met: the bound")
+def test_a_missed_cell_counts_where_its_bound_or_a_search_leaves_less_than_two_points(
+    make: ModuleType,
+) -> None:
+    def found(*gains: float) -> dict[str, Any]:
+        return {str(it): make.estimate_of([it], 0.95) for it in gains}
+
+    assert make.verdict(9.0, [], {}) == "met"
+    assert make.verdict(2.0, ["uptime"], {}) == "missed: uptime"
+    assert make.verdict(1.9, ["uptime", "metres"], {}).startswith("met: the bound")
+    assert make.verdict(2.5, ["uptime"], found(-3.0, 1.9)).startswith("met: a search of 2 rules")
+    assert make.verdict(2.5, ["uptime"], found(1.9, 2.0)) == "missed: uptime"
+
+
+def test_a_search_is_measured_from_the_chosen_rule_on_the_same_configurations(
+    make: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flown = {
+        ("from 0.3", 1): 50.0,
+        ("from 0.3", 2): 60.0,
+        ("more", 1): 51.0,
+        ("more", 2): 63.0,
+        ("once", 2): 59.0,
+    }
+    rows = [
+        {"setting": "a cell, 80 h", "strategy": name, "seed": seed, make.UPTIME: uptime}
+        for (name, seed), uptime in flown.items()
+    ]
+    monkeypatch.setattr(make, "archived", lambda name: rows if name == make.SEARCH else [])
+    cell = judged(make, {})
+    assert {name: it.mean for name, it in make.searched(cell).items()} == {"more": 2.0, "once": -1.0}
+    assert make.searched(judged(make, {}, 240)) == {}

@@ -113,7 +113,7 @@ def flown(job: Job, attempt: int, kept: Kept, minutes: float) -> Result:
             flight.pause(rng.uniform(0.0, 3.0))
             judged = row.act(Try(flight, job.number, minutes))
             cases = {"apad1": judged} if isinstance(judged, Case) else judged
-            verdict = joined({apad: judge(flight.look(apad), case) for apad, case in cases.items()})
+            verdict = joined({name: judge(flight.look(name.split(",")[0]), it) for name, it in cases.items()})
             despite = flight.despite
         if verdict.failures:
             _keep(home, kept.folder / "failed" / job.name)

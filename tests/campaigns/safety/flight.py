@@ -46,6 +46,10 @@ START_M: Place = (40.0, 40.0)
 CORNERS: tuple[Place, ...] = ((59.0, 57.0), (56.0, 22.0), (23.0, 24.0), (24.0, 58.0))
 """The aMussels' places: a leg of 23 m takes the vehicle 45 s."""
 SHIFT_M = 2.0
+SHORE_M = 15.0
+"""The fence's clearance, and some."""
+LOW, SHORT_CHARGE = 0.77, 0.81
+"""Around the pool's threshold of 0.8: a dock lets one go so soon that a vehicle rests for little more than a minute."""
 LANES_M = (12.0, 26.0, 40.0, 54.0, 68.0)
 LANE_ENDS_M = (62.0, 18.0)
 """Several aPads start side by side, each with an aMussel ahead and one behind."""
@@ -103,7 +107,9 @@ class Setup:
     arm_moves: bool = False
     """The arm stands open in a docking of generation B."""
     apads: int = 1
-    """Several aPads have neither relay nor watchdog: their hulls publish the truth themselves."""
+    """Several aPads have no relay: their hulls publish the truth themselves."""
+    amussels: int = 0
+    """So many anywhere in the square, and short charges, so that the aPads are always at work; 0 for a few far ones."""
     is_our_own: bool = False
     """The bench starts master and simulated vehicle itself, on the laptop, and restarts a supervisor that died."""
     guards: dict[str, Any] = field(default_factory=dict)
@@ -196,9 +202,12 @@ class Flight:
         hull += ["--time", "wall", "--tether", "1.0"]
         if self.setup.apads > 1:
             for name in self.names:
-                self._start(name, *hull, "--direct", "--apad", name, environment=environment)
+                words = ["--direct", "--apad", name, "--orders", str(self._socket(name))]
+                self._start(name, *hull, *words, environment=environment)
             for name in self.names:
                 self._wait_ready(name)
+                if self.setup.watchdog:
+                    self.start_watchdog(apad=name)
             return
         if self.is_counterpart:
             self._start("hull", *clock, *self._counterpart(start_m), environment={})
@@ -218,12 +227,17 @@ class Flight:
         words += ["--idle-hours", f"{IDLE_HOURS:g}"]
         return [*words, f"/apad1/position:={HULL}", "/apad1/battery_level:=/hull/battery_level"]
 
-    def start_watchdog(self, *clock: str, environment: dict[str, str] | None = None) -> None:
+    def start_watchdog(
+        self, *clock: str, environment: dict[str, str] | None = None, apad: str = "apad1"
+    ) -> None:
         version = self.setup.watchdog_python
         python = older_python(version) if version else "/usr/bin/python3"
         words = [*clock, python, str(ROOT / "launch_scripts" / "vehicle_watchdog"), "--apad"]
-        words += ["/apad1", "--silence-s", f"{self.setup.silence_s:g}"]
-        self._start("watchdog", *words, environment=environment or self._workspace(PATH))
+        words += [f"/{apad}", "--silence-s", f"{self.setup.silence_s:g}"]
+        if self.setup.apads > 1:
+            words += ["--heartbeat", f"/musselbed/{apad}/heartbeat"]
+        name = "watchdog" if self.setup.apads == 1 else f"watchdog-{apad}"
+        self._start(name, *words, environment=environment or self._workspace(PATH))
 
     def actor(self, name: str, *words: str) -> None:
         """Another node on the vehicle's computer: `stranger`, `caller`, or a second `relay`."""
@@ -292,7 +306,9 @@ class Flight:
         raise NoFlight(self.programs.said(f"run-{number}")[-1500:])
 
     def _has_begun(self) -> bool:
-        return bool(self.orders()) if self.setup.rests else all(map(self.is_under_way, self.names))
+        if self.setup.rests or self.setup.amussels:
+            return all(map(self.orders, self.names))
+        return all(map(self.is_under_way, self.names))
 
     def _start_run(self, number: int) -> subprocess.Popen[bytes]:
         self.run = self.programs.folder(self.bench) / f"run-{number}"
@@ -367,7 +383,8 @@ class Flight:
         data = yaml.safe_load(SCENARIO.read_text())
         corners = [list(it) for it in FENCE]
         data["area"] |= {"polygon_m": corners, "fence": corners, "home_m": list(START_M)}
-        data["fleet"] |= {"count": len(self._corners()), "start": str(self.home / "fleet.csv")}
+        count = self.setup.amussels or len(self._corners())
+        data["fleet"] |= {"count": count, "start": str(self.home / "fleet.csv")}
         data["apad"] |= {
             "start_m": list(start_m),
             "generation": self.generation,
@@ -390,6 +407,8 @@ class Flight:
         data["duration_s"] = self.duration_s
         if self.setup.rests:
             data["theta"] = 1
+        if self.setup.amussels:
+            data["mission"]["full_threshold"] = SHORT_CHARGE
         path = self.home / f"{name}.yaml"
         path.write_text(yaml.safe_dump(data, sort_keys=False))
         return path
@@ -408,7 +427,12 @@ class Flight:
             angle = self.rng.uniform(0, 2 * math.pi)
             near = self.setup.near_m
             places[0] = (START_M[0] + near * math.cos(angle), START_M[1] + near * math.sin(angle))
-        charge = 1.0 if self.setup.rests else 0.5
+        if self.setup.amussels:
+            inner_m = (SHORE_M, SIDE_M - SHORE_M)
+            places = [
+                (self.rng.uniform(*inner_m), self.rng.uniform(*inner_m)) for _ in range(self.setup.amussels)
+            ]
+        charge = 1.0 if self.setup.rests else LOW if self.setup.amussels else 0.5
         rows = [f"{number},{n:.3f},{e:.3f},{charge}" for number, (n, e) in enumerate(places, 1)]
         (self.home / "fleet.csv").write_text("\n".join(["id,north,east,battery", *rows]) + "\n")
 
@@ -446,9 +470,9 @@ class Flight:
         self.pause(off_s)
         self.boot("after", here)
 
-    def spoil(self, **how: Any) -> None:
-        """A fault of our hull, or of its services (`nodes/hull.py`)."""
-        self._send("hull", how)
+    def spoil(self, who: str = "hull", **how: Any) -> None:
+        """A fault of our hull, or of its services (`nodes/hull.py`); `who` is the aPad, where there are several."""
+        self._send(who, how)
 
     def signal_vehicle(self, number: int, name: str) -> None:
         """A program of the vehicle's computer, with all of its processes."""

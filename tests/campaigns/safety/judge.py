@@ -22,7 +22,7 @@ from dataclasses import dataclass, field, fields
 from enum import Enum
 from itertools import pairwise
 
-from safety.track import REST_S, Fact, Place, Track, out_m, way_out_m
+from safety.track import REST_M, REST_S, Fact, Place, Track, out_m, way_out_m
 
 AT_PLACE_M = 1.0
 """A hold so near to the true place is a stop: 0.6 m/s, and a look each second."""
@@ -114,6 +114,8 @@ class Case:
     """Nodes with names that begin so are neither the bench nor its watchdog."""
     is_rest_due: bool = True
     """False where the water carries the vehicle along."""
+    rest_m: float = REST_M
+    """A vehicle that comes no farther in REST_S is at rest."""
     may_stop: bool = True
     """False for a healthy flight: neither may the bench switch the controllers off, nor the watchdog order anything."""
     must_take: bool = True
@@ -150,6 +152,8 @@ class Case:
     """From this time on the other fence holds, too."""
     other_faults: tuple[str, ...] = ()
     """Faults that the row itself saw."""
+    during_s: tuple[float, float] = (-math.inf, math.inf)
+    """Facts of these times alone count: a flight may have several disturbances, one after the other."""
 
 
 @dataclass(slots=True)
@@ -257,6 +261,8 @@ def _join_off_of_a(orders: list[Order]) -> None:
 
 
 def judge(facts: list[Fact], case: Case) -> Verdict:
+    from_s, until_s = case.during_s
+    facts = [it for it in facts if from_s <= it["at_s"] <= until_s]
     track = Track(facts)
     orders = orders_of(facts, case, track)
     ours = [it for it in orders if not it.by.startswith(case.strangers)]
@@ -290,12 +296,12 @@ def _is_left_at_rest(facts: list[Fact], case: Case, track: Track) -> bool:
     """Its way had ended in the silence, so the watchdog orders nothing, and the hull stays where it is."""
     says = [it["at_s"] for it in facts if it["fact"] == "watchdog" and it["state"] == "LEFT"]
     left_s = next((it for it in says if case.begun_s <= it <= case.begun_s + case.limit_s), None)
-    rest = None if case.deaf is None or left_s is None else track.rest(left_s)
+    rest = None if case.deaf is None or left_s is None else track.rest(left_s, case.rest_m)
     return rest is not None and rest[0] <= REST_S
 
 
 def joined(verdicts: dict[str, Verdict]) -> Verdict:
-    """One verdict of all aPads of a flight: the longest times and ways, the sums of counts, and each one's failures."""
+    """One verdict of a flight's cases, by name: the longest times and ways, the sums of counts, and each one's failures."""
     if len(verdicts) == 1:
         return next(iter(verdicts.values()))
     whole = Verdict()
@@ -318,7 +324,7 @@ def _judge_stop(verdict: Verdict, stop: Order | None, case: Case, track: Track) 
         verdict.stop_s = round(max(0.0, stop.at_s - case.begun_s), 2)
         verdict.stop_kind, verdict.stop_by = stop.kind.value, stop.by
         verdict.taken_s = None if stop.taken_s is None else round(stop.taken_s - case.begun_s, 2)
-        if (rest := track.rest(stop.at_s)) is not None:
+        if (rest := track.rest(stop.at_s, case.rest_m)) is not None:
             verdict.rest_s, verdict.coasting_m = round(rest[0], 1), round(rest[1], 2)
     if not case.is_stop_due:
         return
@@ -405,7 +411,7 @@ def _judge_going_on(verdict: Verdict, ours: list[Order], case: Case, track: Trac
     """A healthy vehicle is on a way, or gets one again before long, and nobody stops it."""
     ends_s = track.times_s[-1] if track.times_s else case.begun_s
     way_s = max((it.at_s for it in ours if it.kind in (Kind.MOVE, Kind.DOCK)), default=case.begun_s)
-    if ends_s - way_s > case.goes_on_s and track.ends_at_rest():
+    if ends_s - way_s > case.goes_on_s and track.ends_at_rest(case.rest_m):
         verdict.failures.append(f"no way was ordered in the last {ends_s - way_s:.0f} s")
     if not case.may_stop:
         for it in ours:
@@ -492,7 +498,7 @@ def _judge_done(
 
 def _judge_hull(verdict: Verdict, ours: list[Order], stop: Order | None, case: Case, track: Track) -> None:
     """Judges the hull's true motion, and the debts of the bench where it disobeys."""
-    if case.ends_at_rest and not track.ends_at_rest():
+    if case.ends_at_rest and not track.ends_at_rest(case.rest_m):
         verdict.failures.append("the vehicle moves at the end")
     if stop is not None and case.longest_way_m < math.inf:
         places = [track.at(stop.at_s), *(place for _, place in track.since(stop.at_s))]

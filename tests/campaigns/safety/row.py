@@ -20,6 +20,8 @@ LOSSY_LIMIT_S = 30.0
 """30 % of the packets are lost and a way there and back takes 1 s: as soon as TCP can."""
 SHOWN_S, AFTER_S = 12.0, 15.0
 """A fault that can heal does so after SHOWN_S, and the flight goes on for AFTER_S."""
+GUSTS_M = 0.4
+"""The gusts of the counterpart carry its hull so far in three seconds, without thrust."""
 BOTH = ("a", "b")
 SUPERVISOR = ("runs.supervisor_process",)
 """Words in the command lines of the laptop's processes."""
@@ -41,6 +43,8 @@ class Try:
 
     def case(self, begun_s: float, **how: Any) -> Case:
         how |= {"told": tuple(self.told), "current_m_s": self.flight.setup.current_m_s}
+        if self.flight.is_counterpart:
+            how["rest_m"] = GUSTS_M
         return Case(self.flight.generation, FENCE, begun_s, **how)
 
     def order(self, *words: str) -> float:
@@ -52,7 +56,7 @@ class Try:
 
 
 Act = Callable[[Try], Case | dict[str, Case]]
-"""One case, or one for each of several aPads."""
+"""One case, or several by name: an aPad's, and after a comma the disturbance's."""
 Before = Callable[[Try], None]
 PLAIN = Setup()
 

@@ -97,12 +97,12 @@ class Track:
         )
         return next(far, math.inf)
 
-    def ends_at_rest(self) -> bool:
+    def ends_at_rest(self, rest_m: float = REST_M) -> bool:
         ends_s = self.times_s[-1] if self.times_s else 0.0
         places = [place for at_s, place in self.since(ends_s - REST_S)]
-        return all(math.dist(places[0], it) < REST_M for it in places)
+        return all(math.dist(places[0], it) < rest_m for it in places)
 
-    def rest(self, since_s: float) -> tuple[float, float] | None:
+    def rest(self, since_s: float, rest_m: float = REST_M) -> tuple[float, float] | None:
         """Seconds from `since_s` until it stays where it is, and the metres that it came away meanwhile."""
         begin = self.at(since_s)
         rows = self.since(since_s)
@@ -114,6 +114,6 @@ class Track:
             later = [other for then_s, other in rows[number:] if then_s <= at_s + REST_S]
             if rows[-1][0] < at_s + REST_S:
                 return None
-            if all(math.dist(place, other) < REST_M for other in later):
+            if all(math.dist(place, other) < rest_m for other in later):
                 return at_s - since_s, furthest_m
         return None

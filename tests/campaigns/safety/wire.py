@@ -139,6 +139,7 @@ class Wire:
 
     def __init__(self, apad: str, hull: str, truth: str) -> None:
         self._apad, self._hull, self._truth = apad, hull, truth
+        self._heartbeats = ("/musselbed/heartbeat", f"/musselbed{apad}/heartbeat")
         self._told: dict[str, object] = {}
         self._place, self._stamp = (math.inf, math.inf), -math.inf
 
@@ -203,7 +204,7 @@ class Wire:
             case "watchdog":
                 state = Cursor(it.data).text()
                 return self._changed("watchdog", state, state=state)
-            case _ if it.topic.endswith("/heartbeat") and "watchdog" in it.to:
+            case _ if it.topic in self._heartbeats and "watchdog" in it.to:
                 return {"fact": "heartbeat", "says_off": Cursor(it.data).numbers("f") == (BENCH_OFF,)}
         return None
 
