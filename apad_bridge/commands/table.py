@@ -10,16 +10,7 @@ from rich.text import Text
 from apad_bridge.assembly.capacity import Bounds
 from apad_bridge.records.summary import interruption
 from apad_bridge.runs.rich_console import Console, table_of
-
-# Table II of the paper: average, maximum, minimum uptime in percent, movement cost in metres, mean number active.
-# The Greedy rows are left out: they read as recorded for another time than the mission's (docs/paper-figures.md).
-_CAUTIOUS = ("74.37", "87.38", "59.88", "307.17", "8.92")
-_PAPER = {
-    ("pool-12", "cautious"): _CAUTIOUS,
-    ("demo", "cautious"): _CAUTIOUS,
-    ("no-charging", "none"): ("67.36", "79.56", "56.64", "0", "8.08"),
-}
-"""The paper's rows by scenario and collection strategy: only the shipped pool is the paper's."""
+from apad_bridge.scenario.paper_rows import row_of
 
 _MOST_CAUSES = 5
 
@@ -48,11 +39,11 @@ def print_table(
             table.add_row(f"{apad}, {apad_summary['agents']} aMussels", *_figures(apad_summary), style="dim")
     if (
         table.row_count > 0
-        and (paper := _PAPER.get((name, collection))) is not None
+        and (paper := row_of(name, collection)) is not None
         and _is_as_shipped(summary)
         and is_row
     ):
-        table.add_row(f"{collection} (paper)", *paper, style="dim")
+        table.add_row(f"{collection} (paper)", *(f"{it:.2f}" for it in paper.figures), style="dim")
     if table.row_count > 0:
         console.print(table)
     if why_none is not None:

@@ -29,6 +29,7 @@ from rich.table import Table
 
 from apad_bridge.scenario.area.polygon import bounding_box, contains
 from apad_bridge.scenario.loader import SHIPPED, load, with_values
+from apad_bridge.scenario.paper_rows import PAPER, PaperRow
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import save_starts, starts_of
 from apad_bridge.scenario.starts_table import Start
@@ -36,7 +37,7 @@ from apad_bridge.studies.event_driven import fly_event_driven
 from apad_bridge.studies.findings import Findings, table_of
 from apad_bridge.studies.runner import Block, Fly, Row
 from apad_bridge.studies.specification import StudyPlan, plan_of
-from apad_bridge.studies.table_two import BESIDE, COLUMNS, FIGURES, PAPER, PaperRow, beside
+from apad_bridge.studies.table_two import BESIDE, COLUMNS, FIGURES, beside
 
 GOALS = {"cautious": ("Cautious",), "greedy": ("Cautious", "Greedy"), "bay": ("Greedy (bay)",)}
 """The rows that a search fits. The same starts show what the others are."""

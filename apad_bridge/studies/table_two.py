@@ -11,13 +11,13 @@ import itertools
 import statistics
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from rich.table import Table
 
 from agents.time_scale import TimeScale
 from apad_bridge.scenario.loader import SHIPPED
+from apad_bridge.scenario.paper_rows import PAPER
 from apad_bridge.studies.findings import Findings, table_of
 from apad_bridge.studies.runner import Row
 from apad_bridge.studies.specification import StudyPlan, plan_of
@@ -32,41 +32,6 @@ CHARGES = {"charges of 0.6 to 1": [0.6, 1.0], "charges as without charging": [0.
 """Intervals of the starting charges: the paper's words (section V-A), and what its row without charging implies.
 
 There uptime is charge over drain: the least charge is 0.709, the greatest 0.996 and the mean 0.843."""
-_AGREES = 0.01
-"""A ratio of Active to N * Avg / 100 farther than this from 1 is no rounding."""
-
-
-@dataclass(frozen=True, slots=True)
-class PaperRow:
-    """A row of Table II. Uptimes are percent; `cost_m` metres; `active_mean` the mean number of active aMussels."""
-
-    name: str
-    scenario: str
-    collection: str
-    amussels: int
-    mean: float
-    max: float
-    min: float
-    cost_m: float
-    active_mean: float
-
-    @property
-    def ratio(self) -> float:
-        """Active over N * Avg / 100, which is 1 by definition."""
-        return self.active_mean / (self.amussels * self.mean / 100)
-
-    @property
-    def recorded(self) -> float:
-        """The part of the known length for which the flight was recorded, if Active is a mean over recorded steps."""
-        return 1 / self.ratio if abs(self.ratio - 1) > _AGREES else 1.0
-
-
-PAPER = (
-    PaperRow("Cautious", "pool-12", "cautious", 12, 74.37, 87.38, 59.88, 307.1746, 8.9243),
-    PaperRow("Greedy", "pool-12", "greedy", 12, 72.27, 87.16, 42.84, 247.8026, 8.9495),
-    PaperRow("Greedy (bay)", "bay-24", "greedy", 24, 71.98, 90.31, 31.18, 186.4318, 16.2368),
-    PaperRow("No charging", "pool-12", "none", 12, 67.36, 79.56, 56.64, 0.0, 8.0837),
-)
 COLUMNS = {"mean": "Avg %", "max": "Max %", "min": "Min %", "cost_m": "Cost m", "active_mean": "Active"}
 FIGURES = {
     "mean": "uptime_paper_mean",
