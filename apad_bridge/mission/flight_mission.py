@@ -101,6 +101,10 @@ class FlightMission:
         """Takes the word of the vehicle's service about its docks: whether it names each aMussel reported in one."""
         self._flying.docks_named(named)
 
+    def forget_home(self, agent_id: int) -> None:
+        """Another board has this id from now on, or none."""
+        self._flying.forget_home(agent_id)
+
     def await_person(self, reason: str, pilot: str = "") -> None:
         """From now on no order moves the aPad before a person allows it, for this reason; empty: orders may.
 

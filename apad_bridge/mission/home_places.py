@@ -24,7 +24,7 @@ def with_new_homes(homes: Homes, beliefs: Iterable[Belief]) -> Homes:
     new = [
         (b.agent_id, b.north_m, b.east_m)
         for b in beliefs
-        if b.agent_id not in known and b.state not in DOCKED
+        if b.agent_id not in known and b.state not in DOCKED and not b.is_of_another_board
     ]
     return tuple(sorted((*homes, *new))) if new else homes
 

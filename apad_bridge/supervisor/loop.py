@@ -26,7 +26,7 @@ from agents.water.sea_events import (
     StimulusDelivered,
 )
 from apad_bridge.events.event import Event
-from apad_bridge.events.fleet import APadLeftWater, ProcessDied, StateDisbelieved, Stimulated
+from apad_bridge.events.fleet import APadLeftWater, PresenceChanged, ProcessDied, StateDisbelieved, Stimulated
 from apad_bridge.events.mission import MissionEnd
 from apad_bridge.events.run import EndReason
 from apad_bridge.events.sound import LinksRead, ModemTold, RangeMeasured
@@ -319,6 +319,8 @@ class Flight:
         for action in [*asked, *self._world.faults.advance(now_ms, beliefs, is_simulated)]:
             if isinstance(action, Event):
                 self._recorder.event(now_ms, action)
+                if isinstance(action, PresenceChanged):
+                    self.supervisor.mission.forget_home(action.id)
             else:
                 self._stimulate(*action, now_ms)
 

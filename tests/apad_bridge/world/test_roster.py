@@ -153,6 +153,11 @@ class Bench:
         )
         self.ticks(1)
 
+    def home_m(self) -> tuple[float, float] | None:
+        """The place to which the mission brings it back; None for one that is not known."""
+        homes = {agent_id: place_m for agent_id, *place_m in self.flight.supervisor.mission.state.homes}
+        return None if (place_m := homes.get(THE_ONE)) is None else (place_m[0], place_m[1])
+
     def truth(self) -> tuple[State, float]:
         """The simulated aMussel's state, and its place north in metres."""
         truth = self.recorder.newest[THE_ONE]
@@ -189,7 +194,7 @@ def test_a_real_one_is_believed_while_its_twin_goes_on_unheard_and_takes_over_wh
     assert bench.ask(PresenceRequest(THE_ONE, PresenceTrigger.HAND_OVER, "a test")) == [None]
     bench.ticks(5)
     # Its twin reports every second, and is muted. What was believed of it lives on.
-    assert beliefs.get(THE_ONE).heard_ms <= bench.flight.now_ms - 6000
+    assert beliefs.get(THE_ONE).heard_ms <= bench.flight.now_ms - 6000 and bench.home_m() is None
     _, twin_m = bench.truth()
     bench.real_one_says(north_m=twin_m + 4.0, primary=0.5)
     belief = beliefs.get(THE_ONE)
@@ -247,6 +252,7 @@ def test_the_apad_goes_to_a_real_one_where_that_is_and_no_longer_to_its_simulate
         if kind == "primitive" and data["name"] == "go to point"
     }
     assert goals == {(2.0, 0.5)}
+    assert bench.home_m() == (2.0, 0.5), "it would be brought back to the place of the simulated one"
 
 
 def test_one_that_is_retired_on_the_way_to_it_is_left() -> None:
@@ -297,6 +303,9 @@ def test_a_retired_one_is_planned_for_no_more_and_may_be_spawned_elsewhere() -> 
     bench.ticks(2)
     belief = bench.flight.supervisor.beliefs.get(THE_ONE)
     assert (belief.north_m, belief.east_m, belief.primary) == pytest.approx((7.0, 8.0, 0.25), abs=0.01)
+    assert bench.home_m() == pytest.approx((7.0, 8.0), abs=0.01), (
+        "it would be brought back to the place before"
+    )
 
 
 def test_a_reset_by_fault_is_a_reset(bench: Bench) -> None:

@@ -155,6 +155,7 @@ def _deaf(flight: Flight, one: str) -> dict[str, Case]:
     truth = next(it for it in reversed(flight.look(one)) if it["fact"] == "truth")
     speed_m_s = SPEED_M_S if truth["east"] < START_M[1] else -SPEED_M_S
     flight.spoil(one, hull="deaf", velocity_m_s=[0.0, speed_m_s])
+    flight.pause(SHOWN_S / 4)  # no hull moves at once, and the bench cannot know a speed at once
     pressed.press()
     told = pressed.answer()
     flight.pause(AFTER_S)
