@@ -19,7 +19,7 @@ from safety.track import Track
 BODIES_M = 3.0
 """`guards.bodies_m`, as it is without a word in the scenario."""
 STEP_S = 0.25
-SPEED_M_S = 0.4
+SPEED_M_S = 0.5
 """A deaf hull goes so fast for a quarter of a minute, towards the middle."""
 SETTLES_S = 10.0
 READY_S = 45.0
