@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import signal
 import socket
 import subprocess
@@ -20,6 +21,8 @@ from doc_blocks import install_template
 from programs import MUSSELBED, ROOT, Begin, code_here, line_of
 
 from apad_bridge.acoustics.serial.table_modems import TableModems
+from apad_bridge.doctor.finding import CheckStatus
+from apad_bridge.doctor.modem import check_modem
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.ros.system.master import Master
 from apad_bridge.scenario.loader import load
@@ -51,15 +54,43 @@ def modems(tmp_path: Path) -> Iterator[TableModems]:
         yield made
 
 
+class StrangersModems:
+    """Modems with the addresses 1 and 2, 60 m apart, by an author who knew the published facts alone."""
+
+    def __init__(self, folder: Path, begin: Begin) -> None:
+        program = ROOT / "tests" / "counterparts" / "nanomodem" / "nanomodem.py"
+        self._folder = folder
+        folder.mkdir()
+        assert line_of(begin(sys.executable, program, folder, "1:0:0:3", "2:60:0:3")).strip() == "ready"
+
+    def path(self, address: int) -> str:
+        return str(self._folder / f"modem{address}")
+
+
 def broadcast(modem: serial.Serial, payload: bytes) -> None:
     modem.write(b"$B%02d" % len(payload) + payload)
     assert modem.read_until(b"\r\n") == b"$B%02d\r\n" % len(payload)
 
 
-@pytest.mark.parametrize("by_run", [True, False])
+def test_a_strangers_modems_answer_with_their_distance(tmp_path: Path, begin: Begin) -> None:
+    status, echo = check_modem(Path(StrangersModems(tmp_path / "theirs", begin).path(1)), 2)
+    assert (status.status, echo.status) == (CheckStatus.OK, CheckStatus.OK) and "address 1" in status.found
+    metres = re.search(r"address 2 answers, ([0-9.]+) m away", echo.found)
+    assert metres is not None and float(metres[1]) == pytest.approx(60, abs=1)
+
+
+@pytest.mark.parametrize(("by_run", "whose"), [(True, "ours"), (False, "a stranger's")])
 def test_a_real_amussels_packets_reach_the_mission_and_the_missions_reach_it(
-    modems: TableModems, shell: dict[str, str], tmp_path: Path, begin: Begin, by_run: bool
+    tmp_path: Path,
+    shell: dict[str, str],
+    request: pytest.FixtureRequest,
+    begin: Begin,
+    by_run: bool,
+    whose: str,
 ) -> None:
+    modems: TableModems | StrangersModems = (
+        request.getfixturevalue("modems") if whose == "ours" else StrangersModems(tmp_path / "theirs", begin)
+    )
     inside = shell | {"PYTHONPATH": str(ROOT)}
     named, its_shell = POOL_FILE, inside
     if by_run:
