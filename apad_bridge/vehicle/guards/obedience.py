@@ -1,10 +1,12 @@
 """Judges by the position alone whether the hull obeys a stop that its vehicle has taken.
 
 A service's answer says that a program took the order. A hull whose thrusters ignore it, or push the wrong way, answers as
-well. Two rules find it out:
+well. Three rules find it out:
 
 - A hull that was faster than `SLOW_M_S` over the water's own flow when the stop was taken slows as its coasting says. It
   does not obey if, from the first second on, it makes more way than one that lost half of that speed would.
+- A speed is a mean over two seconds, so a hull that gains speed is faster. One that does not stand is judged after a second, and
+  has not slowed while it still gains speed.
 - Under HOLD, the hull does not obey if it is farther from the held place than its coasting and `RECEDES_MS` long has gone
   away from it.
 
@@ -24,6 +26,8 @@ from apad_bridge.vehicle.guards.orders import Point
 
 SLOW_M_S = 0.3
 """A hull that is no faster than this over the water's own flow has nothing to lose."""
+STANDS_M_S = 0.05
+"""A hull that stands by its last positions is slower than `SLOW_M_S`, whatever it has just begun."""
 DELAY_MS = 1_000
 """The vehicle's controllers may act so long after its answer."""
 SLOWS_MS = 3_000
@@ -66,9 +70,11 @@ class Obedience:
         self._held_m = held_m
         self._stopping = stopping
         self._taken = taken
+        self._speed_m_s = taken.speed_m_s
+        """The speed of which the hull has to lose some."""
         self._first: Sight | None = None
         """The first sight from which on the hull's way counts."""
-        self._has_slowed = taken.speed_m_s <= SLOW_M_S
+        self._has_slowed = min(taken.speed_m_s, math.hypot(*taken.velocity_m_s)) <= STANDS_M_S
         self._away: deque[tuple[int, float]] = deque()
         """The times of the last `MEMORY_MS`, and the distance from the held place at each."""
         self.reason = ""
@@ -79,11 +85,14 @@ class Obedience:
         if self._has_slowed:
             return Obeys.YES
         after_ms = sight.at_ms - self._taken.at_ms
+        if self._first is None and self._taken.speed_m_s <= SLOW_M_S:
+            self._speed_m_s = max(self._speed_m_s, sight.speed_m_s)
         if after_ms < DELAY_MS:
             return Obeys.UNKNOWN
         if self._first is None:
             self._first = sight
-        if sight.speed_m_s <= max(SLOW_M_S, SLOWED_SHARE * self._taken.speed_m_s):
+        gains = self._taken.speed_m_s <= SLOW_M_S and sight.speed_m_s > self._taken.speed_m_s + STANDS_M_S
+        if sight.speed_m_s <= max(0.0 if gains else SLOW_M_S, SLOWED_SHARE * self._speed_m_s):
             self._has_slowed = True
             return Obeys.YES
         if after_ms >= SLOWS_MS and (reason := self._goes_on(self._first, sight)):
@@ -94,7 +103,7 @@ class Obedience:
     def _goes_on(self, first: Sight, now: Sight) -> str:
         """The reason why the hull has not slowed since the first sight; empty where it may have."""
         seconds = (now.at_ms - first.at_ms) / 1000
-        speed_m_s = self._taken.speed_m_s
+        speed_m_s = self._speed_m_s
         way_m = (
             math.dist(
                 now.place_m,

@@ -73,7 +73,7 @@ def test_a_persons_stop_keeps_still_once_its_hull_rests_and_until_it_may_move() 
 
     bench.stop(off=True)
     for step in range(1, 4):
-        bench.at(5.0 + 0.7 * step, 5.0)
+        bench.at(5.0 + 0.2 * step, 5.0)
     assert stops.in_force is not None and stops.in_force.rest_ms is None
     assert stops.keeps_still
     bench.vehicle.allow_motion("Anna", bench.now_ms)
