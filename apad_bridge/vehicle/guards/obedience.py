@@ -5,12 +5,12 @@ well. Three rules find it out:
 
 - A hull that was faster than `SLOW_M_S` over the water's own flow when the stop was taken slows as its coasting says. It
   does not obey if, from the first second on, it makes more way than one that lost half of that speed would.
-- A speed is a mean over two seconds, so a hull that gains speed is faster. One that does not stand is judged after a second, and
-  has not slowed while it still gains speed.
+- A speed is a mean over two seconds, so a hull that gains speed is faster. One that does not stand is judged after a
+  second, and has not slowed while it still gains speed.
 - Under HOLD, the hull does not obey if it is farther from the held place than its coasting and `RECEDES_MS` long has gone
   away from it.
 
-The noise of the position widens both (`PositionWatch.way_error_m`).
+The noise of the position widens the ways of both others (`PositionWatch.way_error_m`).
 """
 
 from __future__ import annotations
