@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import struct
 from binascii import crc32, crc_hqx
 
@@ -11,6 +12,8 @@ from agents.modem.frames import ModemGeneration
 
 ERROR = b"E\r\n"
 TIME_OUT = b"#TO\r\n"
+FOUND = re.compile(rb"#R(\d{3})T(\d{5})")
+"""Address and steps, as `found` prints them."""
 TEST_TEXT = b"musselbed nanomodem: 64 bytes, sent because $Txxx asked for them"
 HELP = (
     b"musselbed nanomodem, NM3 serial commands:\r\n"

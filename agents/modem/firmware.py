@@ -48,3 +48,8 @@ def voltage_steps(firmware: ModemFirmware, supply_mv: int) -> int:
 def range_steps(one_way_us: float) -> int:
     """The number t printed for a range of t x c x 3.125e-5 m: the one-way time in steps of 31.25 us."""
     return min(99_999, round(one_way_us / 31.25))
+
+
+def metres_of(steps: int, sound_speed_m_s: float = 1500.0) -> float:
+    """The range in m of a printed t, by the manual's t x c x 3.125e-5. Its c is 1500 m/s."""
+    return steps * sound_speed_m_s * 3.125e-5

@@ -26,8 +26,8 @@ _GATE = 16.0
 class RangeTaken:
     """A range: at mission time `at_ms` an aPad's modem at this place was `range_m` from the aMussel's modem.
 
-    Places are metres, depth positive down. A physical modem's range is never used, because it is to the jetty where that
-    modem hangs.
+    Places are metres, depth positive down. A run's physical modem gives no ranges, because it hangs at a jetty. That of a
+    bridge to real aMussels hangs at the aPad.
     """
 
     at_ms: MissionMs

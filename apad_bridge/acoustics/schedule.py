@@ -304,6 +304,9 @@ class PendingPings:
         """Awaits an answer that should arrive by `until_ms`; a modem's answer timeout is allowed for in addition."""
         self._give_up_ms[agent_id] = until_ms + ANSWER_TIMEOUT_MS
 
+    def awaits(self, agent_id: int) -> bool:
+        return agent_id in self._give_up_ms
+
     def answered(self, agent_id: int) -> bool:
         """Takes an aMussel's answer; True if it was awaited."""
         return self._give_up_ms.pop(agent_id, None) is not None

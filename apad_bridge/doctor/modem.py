@@ -11,15 +11,15 @@ import threading
 import time
 from pathlib import Path
 
+from agents.modem.answers import FOUND
+from agents.modem.firmware import metres_of
 from agents.serial_port import BytesRead, SerialPort
 from apad_bridge.doctor.finding import Finding, fail, ok
 
 _ANSWER_S, _ECHO_S, _POLL_S = 2.0, 6.0, 0.03
 _STATUS = re.compile(rb"#A(\d{3})(?:V(\d{5})|(?=\D))")
-_ECHO = re.compile(rb"#R(\d{3})T(\d{5})|#TO")
+_ECHO = re.compile(FOUND.pattern + rb"|#TO")
 _VOLTS = 15 / 65536
-_M_PER_TICK = 1500 * 3.125e-5
-"""At 1500 m/s, for people."""
 
 
 def check_modem(path: Path, echo_from: int | None) -> list[Finding]:
@@ -45,7 +45,7 @@ def _echo(answer: re.Match[bytes] | None, echo_from: int) -> Finding:
     if answer is None or answer[1] is None:
         mend = "hang both transducers into the water, 1 m deep, in sight of each other; see the address"
         return fail(f"none from address {echo_from} within {_ECHO_S:g} s", mend, check="modem echo")
-    return ok(f"address {echo_from} answers, {int(answer[2]) * _M_PER_TICK:.1f} m away", check="modem echo")
+    return ok(f"address {echo_from} answers, {metres_of(int(answer[2])):.1f} m away", check="modem echo")
 
 
 def _ask(

@@ -16,15 +16,24 @@ import genpy
 import rosgraph
 import rospy
 
+from agents.packet_medium import Medium
 from agents.time_scale import MissionMs
 from apad_bridge.beliefs.input_ranges import status_out_of_range
 from apad_bridge.ros.gateway.claims import LEASE_S, PERIOD_S, TOPIC
 from apad_bridge.ros.links.packet_topics import PacketTopics
-from apad_bridge.ros.node_links import FromNode, LinkNotice, LinkResult, NodeLink, NotCarried, SentToNode
+from apad_bridge.ros.node_links import (
+    FromNode,
+    LinkNotice,
+    LinkResult,
+    NodeLink,
+    NodeRanged,
+    NotCarried,
+    SentToNode,
+)
 from apad_bridge.ros.system.node import start_node
 from apad_bridge.ros.system.ros_time import follow_master
 from apad_bridge.ros.types.messages import use_generated_messages
-from apad_bridge.supervisor.packet_relay import PacketOrigin, RelayedPacket
+from apad_bridge.supervisor.packet_relay import RANGE, Carriage, PacketOrigin, RelayedPacket
 from apad_bridge.vehicle.errors import PeerFailed
 from firmware_model.packets import EVERYONE, CommandPacket, LogRecords, Packet, ShortStatus, StatusPacket
 from firmware_model.packets.codec import Codec
@@ -119,6 +128,9 @@ class AMusselBridge:
                     self._hear(link, result)
                 case SentToNode():
                     self.counts["sent to aMussels"] += 1
+                case NodeRanged(agent_id, range_m):
+                    self.counts["ranges to aMussels"] += 1
+                    self._publish(agent_id, RANGE, b"%.3f" % range_m)
                 case NotCarried(reason, count):
                     self._drop(reason, count)
                 case LinkNotice(text):
@@ -130,7 +142,11 @@ class AMusselBridge:
             return
         data = packet.data
         # One way to the nodes takes all: a permission goes by sound, and a release by Wi-Fi, to whoever has both.
-        link = self._links.get(packet.medium) or next(iter(self._links.values()))
+        medium = Medium.SOUND if packet.medium == RANGE else packet.medium
+        link = self._links.get(medium) or next(iter(self._links.values()))
+        if packet.medium == RANGE:
+            self._take(link, link.ping(packet.agent_id, now_ms))
+            return
         if self._nodes_codec is not None:
             if (read := self._codec.decode(data)) is None:
                 self._drop("to an aMussel: damaged, or another layout than the scenario's codec")
@@ -168,10 +184,13 @@ class AMusselBridge:
         elif (data := packet.data if self._nodes_codec is None else self._written(read)) is not None:
             self.counts["heard from aMussels"] += 1
             self._take(link, link.found(agent_id, packet.sender))
-            follow_master(_NO_MISSIONS_TIME)
-            self._topics.publish(
-                RelayedPacket(PacketOrigin.LOCAL_AMUSSEL, agent_id, link.medium, data, _NO_MISSIONS_TIME)
-            )
+            self._publish(agent_id, link.medium, data)
+
+    def _publish(self, agent_id: int, medium: Carriage, data: bytes) -> None:
+        follow_master(_NO_MISSIONS_TIME)
+        self._topics.publish(
+            RelayedPacket(PacketOrigin.LOCAL_AMUSSEL, agent_id, medium, data, _NO_MISSIONS_TIME)
+        )
 
     def _written(self, read: Packet) -> bytes | None:
         """A node's packet in the scenario's codec. A number of it that the codec cannot write makes it dropped."""

@@ -14,12 +14,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from agents.modem.firmware import metres_of
 from agents.packet_medium import Medium
 from agents.serial_port import SerialPort
 from apad_bridge.acoustics.serial.attached import AttachedModem, NanomodemResult
 from apad_bridge.acoustics.serial.nanomodem import (
     Framing,
     ModemNotice,
+    ModemRanged,
     PacketDirection,
     PacketDropped,
     PacketReceived,
@@ -62,6 +64,14 @@ class SentToNode:
 
 
 @dataclass(frozen=True, slots=True)
+class NodeRanged:
+    """A node answered a ping from `range_m`."""
+
+    agent_id: int
+    range_m: float
+
+
+@dataclass(frozen=True, slots=True)
 class NotCarried:
     reason: str
     count: int = 1
@@ -74,7 +84,7 @@ class LinkNotice:
     text: str
 
 
-LinkResult = FromNode | SentToNode | NotCarried | LinkNotice
+LinkResult = FromNode | SentToNode | NodeRanged | NotCarried | LinkNotice
 
 
 class NodeLink:
@@ -99,6 +109,10 @@ class NodeLink:
         """Sends bytes to an aMussel, or to EVERYONE."""
         raise NotImplementedError
 
+    def ping(self, agent_id: int, now_ms: int) -> list[LinkResult]:
+        """Measures the range to an aMussel, where the link can; the range is a later result."""
+        return [NotCarried("to an aMussel: a ping, and only a nanomodem on a serial port measures ranges")]
+
     def found(self, agent_id: int, sender: Any) -> list[LinkResult]:
         """An aMussel's bytes came from the address `sender` in the last `poll`, where the link has addresses."""
         return []
@@ -107,7 +121,9 @@ class NodeLink:
         raise NotImplementedError
 
 
-def open_links(ports: Sequence[str], apad: str, ids: Iterable[int], *, has_header: bool) -> list[NodeLink]:
+def open_links(
+    ports: Sequence[str], apad: str, ids: Iterable[int], *, has_header: bool, sound_speed_m_s: float
+) -> list[NodeLink]:
     """Opens a link by each of `ports`, which are as `musselbed bridge` takes them.
 
     Raises UserError for two of one medium, and for one that cannot be opened.
@@ -115,7 +131,7 @@ def open_links(ports: Sequence[str], apad: str, ids: Iterable[int], *, has_heade
     links: list[NodeLink] = []
     try:
         for port in ports:
-            links.append(_link(port, apad, ids, has_header))
+            links.append(_link(port, apad, ids, has_header, sound_speed_m_s))
             if len({it.medium for it in links}) < len(links):
                 medium = links[-1].medium.value
                 raise UserError(
@@ -128,12 +144,12 @@ def open_links(ports: Sequence[str], apad: str, ids: Iterable[int], *, has_heade
     return links
 
 
-def _link(port: str, apad: str, ids: Iterable[int], has_header: bool) -> NodeLink:
+def _link(port: str, apad: str, ids: Iterable[int], has_header: bool, sound_speed_m_s: float) -> NodeLink:
     if port.startswith(_WIFI):
         return WifiLink(port)
     if port.endswith((".yaml", ".yml")):
         return TopicLink(Path(port), apad, ids)
-    return ModemLink(port, Framing.HEADER if has_header else Framing.BARE)
+    return ModemLink(port, Framing.HEADER if has_header else Framing.BARE, sound_speed_m_s)
 
 
 class ModemLink(NodeLink):
@@ -141,44 +157,49 @@ class ModemLink(NodeLink):
 
     medium = Medium.SOUND
 
-    def __init__(self, port: str, framing: Framing) -> None:
+    def __init__(self, port: str, framing: Framing, sound_speed_m_s: float) -> None:
         """Raises UserError where no modem answers."""
         (finding,) = check_modem(Path(port), None)
         if finding.status is not CheckStatus.OK:
             raise UserError(f"{finding.found}: {finding.mend}")
         self.name = finding.found
         self._modem = AttachedModem(SerialPort(port), framing=framing)
+        self._sound_speed_m_s = sound_speed_m_s
         self._skipped = 0
 
     def wait(self, timeout_s: float) -> None:
         self._modem.port.wait(timeout_s)
 
     def poll(self, now_ms: int) -> list[LinkResult]:
-        results = [_of_modem(it) for it in self._modem.poll(now_ms)]
+        results = [self._result(it) for it in self._modem.poll(now_ms)]
         if (skipped := self._modem.queue.skipped_bytes) > self._skipped:
             results.append(NotCarried(_SKIPPED, skipped - self._skipped))
             self._skipped = skipped
         return results
 
     def send(self, agent_id: int, data: bytes, now_ms: int) -> list[LinkResult]:
-        return [_of_modem(it) for it in self._modem.command(agent_id, data, now_ms)]
+        return [self._result(it) for it in self._modem.command(agent_id, data, now_ms)]
+
+    def ping(self, agent_id: int, now_ms: int) -> list[LinkResult]:
+        return [self._result(it) for it in self._modem.ping(agent_id, now_ms)]
 
     def close(self) -> None:
         self._modem.close()
 
-
-def _of_modem(result: NanomodemResult) -> LinkResult:
-    match result:
-        case PacketReceived(_, packet):
-            if packet.direction is not PacketDirection.FROM_AMUSSEL:
-                return NotCarried("heard: another bridge's packet to an aMussel")
-            return FromNode(None if packet.agent_id == EVERYONE else packet.agent_id, packet.data)
-        case PacketSent():
-            return SentToNode()
-        case PacketDropped(_, reason):
-            return NotCarried(reason)
-        case ModemNotice(_, what):
-            return LinkNotice(what)
+    def _result(self, result: NanomodemResult) -> LinkResult:
+        match result:
+            case PacketReceived(_, packet):
+                if packet.direction is not PacketDirection.FROM_AMUSSEL:
+                    return NotCarried("heard: another bridge's packet to an aMussel")
+                return FromNode(None if packet.agent_id == EVERYONE else packet.agent_id, packet.data)
+            case PacketSent():
+                return SentToNode()
+            case ModemRanged(_, agent_id, steps):
+                return NodeRanged(agent_id, metres_of(steps, self._sound_speed_m_s))
+            case PacketDropped(_, reason):
+                return NotCarried(reason)
+            case ModemNotice(_, what):
+                return LinkNotice(what)
 
 
 class WifiLink(NodeLink):

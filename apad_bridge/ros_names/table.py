@@ -106,14 +106,14 @@ OURS = Section(
             "musselbed/heard",
             "musselbed_msgs/Packet",
             "fleets, real or not",
-            "each packet of an aMussel",
+            "each packet of an aMussel, each range to a real one",
             is_common=True,
         ),
         _topic(
             "musselbed/said",
             "musselbed_msgs/Packet",
             "supervisor",
-            "each packet to an aMussel",
+            "each packet to an aMussel, each ping of a real one",
             is_common=True,
         ),
         _topic(

@@ -197,6 +197,8 @@ class Flight:
                     if send.agent_id not in self.supervisor.allocation.served_for_others:
                         self._send(send, now_ms)
                     self._relay.forward(send, now_ms)
+                case Ping(agent_id) if self._world.roster.is_real(agent_id):
+                    self._relay.ping(agent_id, now_ms)
                 case Ping(agent_id, not_before_ms):
                     self._water.ping(agent_id, not_before_ms)
                 case _:
@@ -278,11 +280,9 @@ class Flight:
                     self.supervisor.receive(SoundHeard(at_ms, data))
                     self._relay.transmit(Medium.SOUND, agent_id, data, at_ms)
                 case AgentRanged(at_ms, agent_id, range_m) if not self._world.roster.is_muted(agent_id):
-                    self.supervisor.receive(RangeHeard(at_ms, agent_id, range_m))
-                    self._recorder.event(now_ms, RangeMeasured(agent_id, round(range_m, 3)))
+                    self._receive_range(RangeHeard(at_ms, agent_id, range_m), now_ms)
                 case AgentRanged(at_ms, agent_id) | NotRanged(at_ms, agent_id):
-                    self.supervisor.receive(RangeHeard(at_ms, agent_id, None))
-                    self._recorder.event(now_ms, RangeMeasured(agent_id, None))
+                    self._receive_range(RangeHeard(at_ms, agent_id, None), now_ms)
                 case StimulusDelivered(_, agent_id, agent_ms, stimulus):
                     self._note_stimulus(now_ms, agent_id, agent_ms, stimulus)
                 case PacketEnded() as packet:
@@ -308,8 +308,15 @@ class Flight:
                     self._send(send, now_ms)
             elif isinstance(item, RemoteContact):
                 self._stimulate(item.agent_id, item.stimulus, now_ms)
+            elif isinstance(item, RangeHeard):
+                self._receive_range(item, now_ms)
             else:
                 self.supervisor.receive(item)
+
+    def _receive_range(self, heard: RangeHeard, now_ms: MissionMs) -> None:
+        self.supervisor.receive(heard)
+        range_m = None if heard.range_m is None else round(heard.range_m, 3)
+        self._recorder.event(now_ms, RangeMeasured(heard.agent_id, range_m))
 
     def _apply_requests(self, now_ms: MissionMs) -> None:
         """Applies requests to make aMussels simulated, real or retired; begins and ends faults."""

@@ -13,13 +13,17 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum, auto
 from functools import cache
+from math import nan
+from typing import Final, Literal
 
 from agents.mussel.stimuli import AgentStimulus, ContactClosed, ContactOpened, DockMoved, from_wire, to_wire
 from agents.packet_medium import Medium
 from agents.time_scale import MissionMs
+from apad_bridge.acoustics.schedule import PendingPings
+from apad_bridge.acoustics.serial.nanomodem import WAIT_MS
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.beliefs.input_ranges import FARTHEST_M
-from apad_bridge.mission.facts import Send, SoundHeard, WifiHeard
+from apad_bridge.beliefs.input_ranges import FARTHEST_M, out_of_range
+from apad_bridge.mission.facts import RangeHeard, Send, SoundHeard, WifiHeard
 from apad_bridge.mission.sources import Allocation
 from firmware_model.state_groups import DOCKED
 
@@ -27,6 +31,10 @@ TELLINGS = 3
 """So often an aMussel of another process is told of a contact: one that reports otherwise then does not feel its dock."""
 ON_THE_WAY_MS = 2_000
 """A report that arrives so soon after a contact may have been sent before the aMussel felt it."""
+
+RANGE: Final = "range"
+"""Stands for the medium of a ping of a real aMussel, which has no data, and of its range, in m as text."""
+Carriage = Medium | Literal["range"] | None
 
 
 class PacketOrigin(Enum):
@@ -82,7 +90,7 @@ class Rule:
     medium: Medium | None
     outcome: RelayOutcome
 
-    def applies(self, source: PacketOrigin, standing: AMusselStanding, medium: Medium | None) -> bool:
+    def applies(self, source: PacketOrigin, standing: AMusselStanding, medium: Carriage) -> bool:
         return (
             source is self.source
             and self.standing in (None, standing)
@@ -97,7 +105,8 @@ RULES = (
     Rule(PacketOrigin.LOCAL_SUPERVISOR, AMusselStanding.REAL, None, RelayOutcome.PUBLISH),
     Rule(PacketOrigin.LOCAL_SUPERVISOR, AMusselStanding.BORROWED, None, RelayOutcome.PUBLISH),
     Rule(PacketOrigin.LOCAL_SUPERVISOR, AMusselStanding.FOREIGN, None, RelayOutcome.PUBLISH),
-    Rule(PacketOrigin.LOCAL_SUPERVISOR, None, None, RelayOutcome.TELL_COMMAND),
+    Rule(PacketOrigin.LOCAL_SUPERVISOR, None, Medium.SOUND, RelayOutcome.TELL_COMMAND),
+    Rule(PacketOrigin.LOCAL_SUPERVISOR, None, Medium.WIFI, RelayOutcome.TELL_COMMAND),
     Rule(PacketOrigin.LOCAL_DOCK, AMusselStanding.BORROWED, None, RelayOutcome.PUBLISH),
     Rule(PacketOrigin.REMOTE_AMUSSEL, AMusselStanding.REAL, None, RelayOutcome.RECEIVE),
     Rule(PacketOrigin.REMOTE_AMUSSEL, AMusselStanding.BORROWED, None, RelayOutcome.RECEIVE),
@@ -115,9 +124,7 @@ come back from the topic on which this process published them, for example."""
 
 
 @cache
-def outcomes(
-    source: PacketOrigin, standing: AMusselStanding, medium: Medium | None
-) -> tuple[RelayOutcome, ...]:
+def outcomes(source: PacketOrigin, standing: AMusselStanding, medium: Carriage) -> tuple[RelayOutcome, ...]:
     return tuple(rule.outcome for rule in RULES if rule.applies(source, standing, medium))
 
 
@@ -171,7 +178,7 @@ class RelayedPacket:
 
     source: PacketOrigin
     agent_id: int
-    medium: Medium | None
+    medium: Carriage
     data: bytes
     at_ms: MissionMs
 
@@ -193,7 +200,7 @@ class _Told:
     tellings: int
 
 
-RelayedEvent = WifiHeard | SoundHeard | Send | RemoteContact
+RelayedEvent = WifiHeard | SoundHeard | RangeHeard | Send | RemoteContact
 Inlet = Callable[[MissionMs], Sequence[RelayedPacket]]
 """Returns the packets that arrived since the last call, at a mission time."""
 Outlet = Callable[[RelayedPacket], None]
@@ -210,6 +217,7 @@ class PacketRelay:
         self._inlets = inlets
         self._outlets = outlets
         self._told: dict[int, _Told] = {}
+        self._pings = PendingPings()
 
     def without_outlets(self) -> PacketRelay:
         """The same relay, which receives and transmits nothing. Its drops count in this one's."""
@@ -223,7 +231,17 @@ class PacketRelay:
         for inlet in self._inlets:
             for packet in inlet(now_ms):
                 received += self._route(packet)
-        return received
+        return received + [RangeHeard(now_ms, it, None) for it in self._pings.given_up(now_ms)]
+
+    def ping(self, agent_id: int, now_ms: MissionMs) -> None:
+        """Routes a ping of a real aMussel, unless one waits for its answer; a RangeHeard follows.
+
+        It has no range if none comes while a ping may wait for a modem, and the modem for the answer.
+        """
+        if self._pings.awaits(agent_id):
+            return
+        self._pings.await_answer(agent_id, now_ms + WAIT_MS)
+        self._route(RelayedPacket(PacketOrigin.LOCAL_SUPERVISOR, agent_id, RANGE, b"", now_ms))
 
     def transmit(self, medium: Medium, agent_id: int, data: bytes, now_ms: MissionMs) -> None:
         """Routes a packet that an aMussel of this process sent."""
@@ -281,6 +299,8 @@ class PacketRelay:
 
     def _received(self, packet: RelayedPacket) -> list[RelayedEvent]:
         match packet.source, packet.medium:
+            case PacketOrigin.REMOTE_AMUSSEL, _ if packet.medium == RANGE:
+                return self._received_range(packet)
             case PacketOrigin.REMOTE_AMUSSEL, Medium.WIFI:
                 return [WifiHeard(packet.at_ms, packet.data)]
             case PacketOrigin.REMOTE_AMUSSEL, Medium.SOUND:
@@ -293,6 +313,19 @@ class PacketRelay:
                     return []
                 return [RemoteContact(packet.agent_id, contact)]
         self.dropped["packet: no such medium"] += 1
+        return []
+
+    def _received_range(self, packet: RelayedPacket) -> list[RelayedEvent]:
+        try:
+            range_m = float(packet.data)
+        except ValueError:
+            range_m = nan
+        if (reason := out_of_range(range_m=range_m)) is not None:
+            self.dropped[f"range: {reason}"] += 1
+        elif not self._pings.answered(packet.agent_id):
+            self.dropped["range: no ping awaits it"] += 1
+        else:
+            return [RangeHeard(packet.at_ms, packet.agent_id, range_m)]
         return []
 
 

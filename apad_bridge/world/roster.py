@@ -254,6 +254,9 @@ class Roster:
     def is_simulated(self, agent_id: int) -> bool:
         return agent_id in self.presences.simulated
 
+    def is_real(self, agent_id: int) -> bool:
+        return self.presences.of(agent_id) is Presence.REAL
+
     def is_muted(self, agent_id: int) -> bool:
         """True for one of this fleet whose simulated body nobody hears: its sound and ranges to it count for nothing."""
         return self.presences.of(agent_id) in (Presence.REAL, Presence.RETIRED)
@@ -309,6 +312,9 @@ class NoRoster:
 
     def is_simulated(self, agent_id: int) -> bool:
         return True
+
+    def is_real(self, agent_id: int) -> bool:
+        return False
 
     def is_muted(self, agent_id: int) -> bool:
         return False

@@ -18,7 +18,8 @@ from typing import Any
 import pytest
 import serial
 from doc_blocks import install_template
-from programs import MUSSELBED, ROOT, Begin, code_here, line_of
+from programs import MUSSELBED, ROOT, Begin, code_here, line_of, lines_of, wait_until
+from scenario_files import SOUND_FILE, write_scenario
 
 from apad_bridge.acoustics.serial.table_modems import TableModems
 from apad_bridge.doctor.finding import CheckStatus
@@ -143,6 +144,32 @@ def test_a_real_amussels_packets_reach_the_mission_and_the_missions_reach_it(
     assert counts["heard from aMussels"] == 1
 
 
+def test_a_real_node_that_sends_nothing_is_ranged_through_the_bowl(
+    modems: TableModems, tmp_path: Path, begin: Begin
+) -> None:
+    """Modem 2 is aMussel 2's. Sound takes 20 ms through the bowl, which are 29.6 m at 1480 m/s, and more than the pool."""
+    scenario = write_scenario(
+        tmp_path / "bowl.yaml",
+        SOUND_FILE,
+        theta=1,
+        fleet={"count": 3, "start": {"charge": [0.9, 0.9]}},
+        water={"sound": {"sound_speed_m_s": 1480.0}, "talk": {"ping_period_s": 2, "waits": False}},
+    )
+    run = tmp_path / "run"
+    flight = begin(*MUSSELBED, "run", scenario, "--speed", 1, "--out", run, "--json")
+    wait_until((run / "journal.jsonl").exists, flight)
+    bridge = begin(*MUSSELBED, "bridge", run, modems.path(1), "--ids", 2, "--json", ends_by=signal.SIGKILL)
+
+    def ranges(*ids: int) -> set[float | None]:
+        return {it["range_m"] for it in lines_of(run, "range") if it["id"] in ids}
+
+    wait_until(lambda: 29.6 in ranges(2) and ranges(1, 3), flight, bridge)
+    assert all(it is None or it < 20 for it in ranges(1, 3))
+    bridge.send_signal(signal.SIGINT)
+    counts = until(bridge, lambda it: "counts" in it)["counts"]
+    assert counts["ranges to aMussels"] >= 1 and "heard from aMussels" not in counts
+
+
 LINE = b"$STATUS,7,0,FLOATING,0.50000,1.00000,12.50,3.00,0.00,60000*"
 """The same status in the template's codec, without its check."""
 PERMISSION = b"$COMMAND,PERMISSION,7*"
@@ -209,6 +236,10 @@ def test_nodes_with_bytes_of_their_own_are_heard_and_told_in_their_own_words(
     *packet, _, _ = until(mission, lambda it: it[0] == "heard")
     assert packet == ["heard", 7, medium, STATUS.hex()]
 
+    say(7, "range", "")
+    # In the bowl there is no modem with address 7.
+    why = "not answered" if way == "modem" else "measures ranges"
+    until(bridge, lambda it: "a ping" in it.get("dropped", "") and why in it["dropped"])
     # The mission's medium for it, whatever way there is.
     say(7, "sound", CommandPacket(Kind.PERMISSION, 7).encode().hex())
     match way:

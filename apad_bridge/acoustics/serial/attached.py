@@ -11,6 +11,7 @@ from apad_bridge.acoustics.serial.nanomodem import (
     Framing,
     ModemNotice,
     ModemQueue,
+    ModemRanged,
     NanomodemAction,
     PacketDirection,
     PacketDropped,
@@ -21,7 +22,7 @@ from apad_bridge.acoustics.serial.nanomodem import (
     WriteLine,
 )
 
-NanomodemResult = PacketSent | PacketReceived | PacketDropped | ModemNotice
+NanomodemResult = PacketSent | PacketReceived | ModemRanged | PacketDropped | ModemNotice
 
 
 class AttachedModem:
@@ -60,6 +61,10 @@ class AttachedModem:
         """Queues the aPad's packet to an aMussel, which has priority over all reports."""
         packet = RoutedPacket(PacketDirection.TO_AMUSSEL, agent_id, data)
         return self._write_out(self.queue.send(packet, Priority.COMMAND, now_ms))
+
+    def ping(self, agent_id: int, now_ms: int) -> list[NanomodemResult]:
+        """Queues a ping of the modem whose address is `agent_id`, after the commands that wait."""
+        return self._write_out(self.queue.ping(agent_id, now_ms))
 
     def close(self) -> None:
         self.port.close()

@@ -19,6 +19,7 @@ from agents.water.sea_events import Printed, SeaResult
 from apad_bridge.acoustics.serial.attached import AttachedModem, NanomodemResult
 from apad_bridge.acoustics.serial.nanomodem import (
     ModemNotice,
+    ModemRanged,
     PacketDirection,
     PacketDropped,
     PacketReceived,
@@ -102,6 +103,8 @@ def _action_of(result: NanomodemResult) -> SoundHeard | Send | ModemTold:
             if packet.direction is PacketDirection.FROM_AMUSSEL:
                 return SoundHeard(MissionMs(at_ms), packet.data)
             return Send(Medium.SOUND, packet.agent_id, packet.data)
+        case ModemRanged(_, agent_id):
+            return ModemTold("sound: a range to where the modem hangs", agent_id)
         case PacketDropped(_, reason, of):
             return ModemTold(reason, None if of is None else of.agent_id)
         case ModemNotice(_, what):

@@ -4,11 +4,12 @@ The modem has one address of its own, and a unicast that it receives names no se
 each packet: the direction (from or to the aMussel), and the aMussel's id, little-endian. Nodes whose packets name their
 sender need none (`Framing.BARE`).
 
-The queue gives the modem one command at a time: a broadcast. It sends no unicasts, because only a modem with address 24
-would receive a unicast to aMussel 24. The modem's address is read and shown, and never written. The queue requests no
-ranges, and drops those that the modem prints, because they are to the place where it hangs.
+The queue gives the modem one command at a time: a broadcast, or a ping. It sends no unicasts, because only a modem with
+address 24 would receive a unicast to aMussel 24. The modem's address is read and shown, and never written. A ping measures
+the range from where this modem hangs to the modem whose address is the aMussel's id. The queue drops every other range.
 
-    CLOSED -> IDENTIFYING -> READY -> AWAITING_ACCEPTANCE -> SENDING -> READY     any -> CLOSED when the port is lost
+    CLOSED -> IDENTIFYING -> READY -> AWAITING_ACCEPTANCE -> SENDING, or RANGING -> READY
+    any -> CLOSED when the port is lost
 
 The modem's answers are read by counting bytes, because the data of a message may hold any byte.
 """
@@ -21,7 +22,9 @@ from collections import Counter
 from dataclasses import dataclass
 from enum import Enum, IntEnum
 
-from agents.modem.frames import PAYLOAD_BYTES, ModemGeneration, duration_ms
+from agents.modem.answers import FOUND
+from agents.modem.frames import ADDRESSES, PAYLOAD_BYTES, ModemGeneration, duration_ms
+from agents.water.apad_modem import ANSWER_TIMEOUT_MS
 from firmware_model.packets import EVERYONE
 
 _FORMAT = struct.Struct("<BH")
@@ -33,6 +36,8 @@ WAIT_MS = 30_000
 ANSWER_MS = 1_000
 """The timeout of an answer; a modem answers within some 80 ms."""
 ATTEMPTS = 3
+PING_ADDRESSES = range(1, ADDRESSES)
+"""The ids of aMussels that may be a modem's address."""
 _TURNAROUND_MS = 20
 _FEWEST, _MOST = PAYLOAD_BYTES[ModemGeneration.V3]
 _LINE_BYTES = 120
@@ -86,7 +91,8 @@ class Priority(IntEnum):
     """Orders the waiting packets; within a priority the oldest goes first."""
 
     COMMAND = 0
-    REPORT = 1
+    PING = 1
+    REPORT = 2
 
 
 class ModemStage(Enum):
@@ -95,6 +101,7 @@ class ModemStage(Enum):
     READY = "ready"
     AWAITING_ACCEPTANCE = "awaiting acceptance"
     SENDING = "sending"
+    RANGING = "ranging"
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,8 +128,17 @@ class PacketReceived:
 
 
 @dataclass(frozen=True, slots=True)
+class ModemRanged:
+    """The modem whose address is `agent_id` answered a ping. `steps` are 31.25 us of sound each, one way."""
+
+    at_ms: int
+    agent_id: int
+    steps: int
+
+
+@dataclass(frozen=True, slots=True)
 class PacketDropped:
-    """A packet, or an answer of the modem, was dropped."""
+    """A packet, or an answer of the modem, was dropped. A ping is a packet without data."""
 
     at_ms: int
     reason: str
@@ -137,7 +153,7 @@ class ModemNotice:
     what: str
 
 
-NanomodemAction = WriteLine | PacketSent | PacketReceived | PacketDropped | ModemNotice
+NanomodemAction = WriteLine | PacketSent | PacketReceived | ModemRanged | PacketDropped | ModemNotice
 
 
 @dataclass(slots=True)
@@ -146,8 +162,11 @@ class _Waiting:
     number: int
     since_ms: int
     packet: RoutedPacket
-    payload: bytes
-    """The packet's bytes on the modem."""
+    command: bytes
+    """Its first `acceptance_bytes` are the modem's answer."""
+    acceptance_bytes: int
+    lasting_ms: int
+    """The time from the acceptance to the last sound; for a ping, to the latest answer."""
     attempts: int = 0
 
 
@@ -217,12 +236,20 @@ class ModemQueue:
             for older in [it for it in self._waiting if _is_superseded_by(it, packet)]:
                 self._waiting.remove(older)
                 actions.append(self._drop("sound: overtaken by a newer report", older.packet))
-        self._number += 1
-        self._waiting.append(_Waiting(priority, self._number, now_ms, packet, payload))
-        self._waiting.sort(key=lambda it: (it.priority, it.number))
-        if len(self._waiting) > MAX_WAITING:
-            actions.append(self._drop("sound: the modem's queue is full", self._waiting.pop().packet))
-        return actions + self._send_next()
+        command = b"$B%02d" % len(payload)
+        lasting_ms = duration_ms(ModemGeneration.V3, len(payload)) + _TURNAROUND_MS
+        return actions + self._queue(priority, packet, command + payload, len(command), lasting_ms)
+
+    def ping(self, agent_id: int, now_ms: int) -> list[NanomodemAction]:
+        """Queues a ping, before all reports. Nothing else is sent until it is answered or the modem has given it up."""
+        actions, packet = self.advance(now_ms), RoutedPacket(PacketDirection.TO_AMUSSEL, agent_id, b"")
+        if agent_id not in PING_ADDRESSES:
+            return [
+                *actions,
+                self._drop("sound: a ping of an id that is no modem's address (1 to 255)", packet),
+            ]
+        command, lasting_ms = b"$P%03d" % agent_id, duration_ms(ModemGeneration.V3, 0) + ANSWER_TIMEOUT_MS
+        return actions + self._queue(Priority.PING, packet, command, len(command), lasting_ms + ANSWER_MS)
 
     def port_opened(self, now_ms: int) -> list[NanomodemAction]:
         """The port was opened, perhaps again: asks the modem for its address."""
@@ -261,32 +288,48 @@ class ModemQueue:
                 *self._send_next(),
             ]
         if (
-            text.startswith(b"$B")
-            and self.stage is ModemStage.AWAITING_ACCEPTANCE
+            self.stage is ModemStage.AWAITING_ACCEPTANCE
             and self._sending is not None
+            and text == self._sending.command[: self._sending.acceptance_bytes]
         ):
-            size = len(self._sending.payload)
-            if text == b"$B%02d" % size:
-                self._enter(ModemStage.SENDING, duration_ms(ModemGeneration.V3, size) + _TURNAROUND_MS)
-                return []
+            is_ping = self._sending.priority is Priority.PING
+            self._enter(ModemStage.RANGING if is_ping else ModemStage.SENDING, self._sending.lasting_ms)
+            return []
+        if self.stage is ModemStage.RANGING and self._sending is not None:
+            pinged = self._sending.packet
+            if text == b"#TO":
+                return self._ended(self._drop("sound: a ping that was not answered", pinged))
+            if (found := FOUND.fullmatch(text)) is not None and int(found[1]) == pinged.agent_id:
+                return self._ended(ModemRanged(self._now_ms, pinged.agent_id, int(found[2])))
         if text == b"E" and self.stage is ModemStage.AWAITING_ACCEPTANCE:
             self._enter(ModemStage.READY)
             return [*self._retry(), *self._send_next()]
         if text == b"$W" and self.stage is ModemStage.IDENTIFYING:
             return []
         if text.startswith(b"#R") or text == b"#TO":
-            return [self._drop("sound: a range to where the modem hangs", None)]
+            return [self._drop("sound: a range that was not asked for", None)]
         return [self._drop("modem: an answer to nothing that was asked", None)]
 
     def _stage_ended(self) -> list[NanomodemAction]:
         """Acts on the end of the present stage's time."""
         if self.stage is ModemStage.SENDING and self._sending is not None:
-            sent = PacketSent(self._now_ms - _TURNAROUND_MS, self._sending.packet)
-            self._sending = None
-            self._enter(ModemStage.READY)
-            return [sent, *self._send_next()]
+            return self._ended(PacketSent(self._now_ms - _TURNAROUND_MS, self._sending.packet))
         # Without an answer, the modem may have been exchanged, or may sleep.
         return [*self._retry(), *self._identify()]
+
+    def _queue(
+        self, priority: Priority, packet: RoutedPacket, command: bytes, acceptance_bytes: int, lasting_ms: int
+    ) -> list[NanomodemAction]:
+        self._number += 1
+        self._waiting.append(
+            _Waiting(priority, self._number, self._now_ms, packet, command, acceptance_bytes, lasting_ms)
+        )
+        self._waiting.sort(key=lambda it: (it.priority, it.number))
+        is_full = len(self._waiting) > MAX_WAITING
+        dropped = (
+            [self._drop("sound: the modem's queue is full", self._waiting.pop().packet)] if is_full else []
+        )
+        return [*dropped, *self._send_next()]
 
     def _identify(self) -> list[NanomodemAction]:
         """Asks the modem for its address. `$W`, repeated, wakes a sleeping modem. An incomplete answer is dropped."""
@@ -299,9 +342,14 @@ class ModemQueue:
             return []
         self._sending = self._waiting.pop(0)
         self._sending.attempts += 1
-        payload = self._sending.payload
         self._enter(ModemStage.AWAITING_ACCEPTANCE, ANSWER_MS)
-        return [WriteLine(b"$B%02d" % len(payload) + payload)]
+        return [WriteLine(self._sending.command)]
+
+    def _ended(self, outcome: NanomodemAction) -> list[NanomodemAction]:
+        """Ends the command that the modem has, with its outcome."""
+        self._sending = None
+        self._enter(ModemStage.READY)
+        return [outcome, *self._send_next()]
 
     def _retry(self) -> list[NanomodemAction]:
         """Puts the packet being sent back to the head of its priority, or drops it after the last attempt."""

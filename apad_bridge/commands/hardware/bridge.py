@@ -60,6 +60,7 @@ def add_parser(commands: Any) -> None:
 def run(arguments: argparse.Namespace) -> int:
     from apad_bridge.scenario.firmware_config import codec_of
     from apad_bridge.scenario.loader import load
+    from apad_bridge.scenario.water.options import Water
     from firmware_model.packets.codec import load_codec
 
     run_dir: Path | None = arguments.scenario if arguments.scenario.is_dir() else None
@@ -83,7 +84,13 @@ def run(arguments: argparse.Namespace) -> int:
     from apad_bridge.supervisor.clock import StopSign
 
     stop = StopSign()
-    links = open_links(arguments.ports, scenario.apad.name, ids, has_header=nodes_codec is None)
+    links = open_links(
+        arguments.ports,
+        scenario.apad.name,
+        ids,
+        has_header=nodes_codec is None,
+        sound_speed_m_s=(scenario.water or Water()).sound.sound_speed_m_s,
+    )
     with interrupts.received_by(stop.set):
         if run_dir is not None and not enter_graph_of(run_dir, stop.wait):
             return Exit.INTERRUPTED

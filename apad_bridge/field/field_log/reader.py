@@ -38,6 +38,7 @@ from apad_bridge.field.field_log.facts import (
 from apad_bridge.records.bag import RecordedMessage, RecordedTypes, recorded_messages
 from apad_bridge.records.bag_samples import BagUnreadable
 from apad_bridge.ros_names.names import AMUSSEL, in_full, of_amussel, of_apad, ours
+from apad_bridge.supervisor.packet_relay import RANGE
 from apad_bridge.vehicle.generation_a.messages import GO_TO, PERCH, RELEASE, GoalCode
 from apad_bridge.vehicle.generation_b.messages import PrimitiveStatus
 
@@ -262,7 +263,8 @@ class FactReader:
                 yield Held(heard_s, Teller.VEHICLE, agent_id, False)
 
     def _packet(self, at_s: float, told: Any) -> Iterator[LoggedFact]:
-        yield PacketLogged(at_s, told.agent, told.medium, bytes(told.data))
+        if told.medium != RANGE:
+            yield PacketLogged(at_s, told.agent, told.medium, bytes(told.data))
 
     def _sound(self, at_s: float, told: Any) -> Iterator[LoggedFact]:
         (range_m,) = _finite(told.range)

@@ -1,8 +1,9 @@
 """Carries packets over ROS between aMussels and supervisors that live in different processes, for a `PacketRelay`.
 
 `/musselbed/heard` carries the packets that aMussels transmit, `/musselbed/said` those that a supervisor sends to them, both
-as bytes of the fleet's codec, and `/musselbed/felt` the contacts of an aPad's docks with aMussels of another process. No
-aPad of generation B publishes which aMussels it holds. Peers without packets use an aMussel's services and legacy topics.
+as bytes of the fleet's codec; and ranges to real aMussels, and pings of them. `/musselbed/felt` carries the contacts of an
+aPad's docks with aMussels of another process. No aPad of generation B publishes which aMussels it holds. Peers without
+packets use an aMussel's services and legacy topics.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from apad_bridge.ros.system.inbox import Listening
 from apad_bridge.ros.system.ros_time import stamp
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_amussel, ours
-from apad_bridge.supervisor.packet_relay import PacketOrigin, RelayedPacket
+from apad_bridge.supervisor.packet_relay import RANGE, Carriage, PacketOrigin, RelayedPacket
 from firmware_model.packets import EVERYONE, CommandPacket, Kind, StatusPacket
 from firmware_model.packets.codec import Codec
 from firmware_model.power.charge import FULL, Battery, ChargeModel, Flow, fraction
@@ -45,7 +46,7 @@ _CONTACT = "contact"
 """Stands on `felt` for the medium."""
 _QUEUE = 5000
 """Packets that a thousand aMussels send in five seconds; a reader that stalls for longer loses the oldest."""
-_MEDIA: dict[str, Medium | None] = {**{medium.value: medium for medium in Medium}, _CONTACT: None}
+_MEDIA: dict[str, Carriage] = {**{medium.value: medium for medium in Medium}, _CONTACT: None, RANGE: RANGE}
 _LARGEST = 1024
 """Bytes; no packet of Wi-Fi or sound here comes near it."""
 _CHARGING_QUEUE = 10
@@ -79,14 +80,14 @@ class PacketTopics(Listening[tuple[PacketOrigin, int, str, bytes]]):
             elif medium not in _MEDIA:
                 self._dropped["packet: no such medium"] += 1
             else:
-                if source is PacketOrigin.REMOTE_AMUSSEL:
+                if source is PacketOrigin.REMOTE_AMUSSEL and medium != RANGE:
                     self.senders.add(agent_id)
                 packets.append(RelayedPacket(source, agent_id, _MEDIA[medium], data, now_ms))
         return packets
 
     def publish(self, packet: RelayedPacket) -> None:
         """Publishes on the topic of the packet's source."""
-        medium = _CONTACT if packet.medium is None else packet.medium.value
+        medium = _CONTACT if packet.medium is None else str(packet.medium)
         message = Packet(mission_time_ms=packet.at_ms, agent=packet.agent_id, medium=medium, data=packet.data)
         message.header.stamp = stamp(packet.at_ms)
         self._publishers[packet.source].publish(message)

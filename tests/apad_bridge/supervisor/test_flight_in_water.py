@@ -15,19 +15,25 @@ from scenario_files import POOL_FILE, WHOLE_FILE
 from agents.packet_medium import Medium
 from apad_bridge.assembly import fleet_parts
 from apad_bridge.assembly.flight_config import flight_config
+from apad_bridge.events.fleet import Presence
 from apad_bridge.runs.in_memory import MemoryRecorder, fly_in_memory, open_flight
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
+from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.packet_relay import (
     FLEET_ALONE,
+    RANGE,
     PacketOrigin,
     PacketRelay,
     RelayedPacket,
     RelayOutcome,
+    whole_flight,
 )
 from apad_bridge.vehicle.link import APadSeen
+from apad_bridge.world.roster import AskedRequests, PresenceChange, Presences, Roster
+from apad_bridge.world.world import World
 from firmware_model.packets import AcousticStatus, CommandPacket, Kind
 from firmware_model.packets.codec import load_codec
 
@@ -217,6 +223,46 @@ def test_a_fleet_alone_shares_what_reached_the_aPad_and_hears_what_its_planner_s
     assert (Medium.WIFI, 7) in {(packet.medium, packet.agent_id) for packet in elsewhere.heard}
     (word,) = [packet for packet in packets(recorder) if packet["from"] == 0]
     assert word["began_ms"] == 60_000, "it waited for the end of the timeslots"
+
+
+def test_a_real_amussel_is_pinged_by_its_bridge_and_the_others_through_the_water() -> None:
+    """A ping every 5 s, of 12 in turn. The bridge measures 5, and not 3; 7 is retired."""
+    scenario, real = in_water(100, {"talk": {"ping_period_s": 5, "waits": False}}), frozenset({3, 5})
+    published: list[RelayedPacket] = []
+    arrived: list[RelayedPacket] = []
+
+    def with_real_ones(context: FlightContext) -> FlightContext:
+        changes = [PresenceChange(0, it, Presence.REAL, "/lab") for it in sorted(real)]
+        changes.append(PresenceChange(0, 7, Presence.RETIRED, "/lab"))
+        presences = Presences(scenario.fleet.ids, scenario.area.depth_m, changes)
+        world = context.world
+        roster = Roster(presences, AskedRequests(), world.fleet.coordinator, world.faults)
+        relay = PacketRelay(
+            whole_flight(lambda: presences.simulated),
+            [lambda now_ms: [arrived.pop() for _ in arrived[:]]],
+            {RelayOutcome.PUBLISH: published.append},
+        )
+        return replace(context, world=World(world.fleet, world.faults, roster=roster), relay=relay)
+
+    flight, recorder = open_flight(scenario, join=with_real_ones)
+    for now_ms in range(0, 100_000, 1000):
+        flight.tick(now_ms)
+        if published and published[-1].agent_id == 5 and not arrived:
+            arrived.append(RelayedPacket(PacketOrigin.REMOTE_AMUSSEL, 5, RANGE, b"12.3456", now_ms))
+    pings = [it for it in published if it.medium == RANGE]
+    assert {(it.agent_id, it.data) for it in pings} == {(3, b""), (5, b"")}
+    in_water_pinged = {it["address"] for it in packets(recorder) if it["from"] == 0 and it["what"] == "ping"}
+    assert in_water_pinged == set(range(1, 13)) - real
+    outcomes: dict[int, set[float | None]] = {}
+    for _, kind, data in facts_of(recorder):
+        if kind == "range":
+            outcomes.setdefault(data["id"], set()).add(data["range_m"])
+    assert outcomes[3] == outcomes[7] == {None} and outcomes[5] == {12.346}
+    places = {it.agent_id: (it.north_m, it.east_m, 3.0) for it in starts_of(scenario)}
+    for agent_id in set(range(1, 13)) - real - {7}:
+        metres = dist(places[agent_id], (*APAD_M, 0.5))
+        assert outcomes[agent_id]
+        assert all(it == pytest.approx(metres, abs=1.0) for it in outcomes[agent_id])
 
 
 def test_the_error_curve_is_the_scenario_s() -> None:

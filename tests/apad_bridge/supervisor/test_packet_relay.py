@@ -14,13 +14,15 @@ from agents.mussel.stimuli import AgentStimulus, ContactClosed, ContactOpened, D
 from agents.packet_medium import Medium
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.hold_last import HoldLast
-from apad_bridge.mission.facts import Send, SoundHeard, WifiHeard
+from apad_bridge.mission.facts import RangeHeard, Send, SoundHeard, WifiHeard
 from apad_bridge.mission.sources import Allocation
 from apad_bridge.supervisor.packet_relay import (
     FLEET_ALONE,
     FLEET_TOLD_OF_DOCKS,
     MISSION_ALONE,
+    RANGE,
     AMusselStanding,
+    Carriage,
     Division,
     PacketOrigin,
     PacketRelay,
@@ -52,7 +54,7 @@ AMUSSEL, SUPERVISOR, DOCK = PacketOrigin.LOCAL_AMUSSEL, PacketOrigin.LOCAL_SUPER
     ],
 )
 def test_each_rule_between_processes(source: PacketOrigin, expected: tuple[str, ...]) -> None:
-    for medium in [None] if source in (DOCK, PacketOrigin.REMOTE_DOCK) else list(Medium):
+    for medium in [None] if source in (DOCK, PacketOrigin.REMOTE_DOCK) else [*Medium, RANGE]:
         routed = [set(outcomes(source, it, medium)) & FOR_OTHERS for it in AMusselStanding]
         assert [",".join(it.name for it in row) for row in routed] == list(expected)
 
@@ -61,11 +63,12 @@ def test_each_rule_between_processes(source: PacketOrigin, expected: tuple[str, 
 def test_a_laboratory_is_told_what_this_process_sends_and_nothing_of_others(
     standing: AMusselStanding,
 ) -> None:
-    def told(source: PacketOrigin, medium: Medium) -> set[RelayOutcome]:
+    def told(source: PacketOrigin, medium: Carriage) -> set[RelayOutcome]:
         return set(outcomes(source, standing, medium)) - FOR_OTHERS
 
     assert told(AMUSSEL, Medium.SOUND) == {RelayOutcome.TELL_PACKET}
     assert told(AMUSSEL, Medium.WIFI) == {RelayOutcome.TELL_WIFI}
+    assert not told(SUPERVISOR, RANGE)
     assert told(SUPERVISOR, Medium.SOUND) == told(SUPERVISOR, Medium.WIFI) == {RelayOutcome.TELL_COMMAND}
     for source in set(PacketOrigin) - {AMUSSEL, SUPERVISOR}:
         assert not told(source, Medium.SOUND) and not told(source, Medium.WIFI)
@@ -97,6 +100,37 @@ def test_a_whole_flight_hears_real_amussels_and_refuses_a_second_voice_of_a_simu
         process.relay.forward(Send(Medium.SOUND, agent_id, b""), 6)
         process.relay.transmit(Medium.WIFI, agent_id, b"", 6)
     assert [(it.source, it.agent_id) for it in process.published] == [(SUPERVISOR, 3), (SUPERVISOR, EVERYONE)]
+
+
+def measured(agent_id: int, data: bytes) -> RelayedPacket:
+    return RelayedPacket(PacketOrigin.REMOTE_AMUSSEL, agent_id, RANGE, data, 5_000)
+
+
+def test_a_ping_of_a_real_amussel_gets_its_range_once_and_one_that_is_under_way_is_enough() -> None:
+    process = Process(whole_flight(lambda: frozenset({1, 2})))
+    for at_ms in (1_000, 4_000):
+        process.relay.ping(3, at_ms)
+    assert process.published == [RelayedPacket(SUPERVISOR, 3, RANGE, b"", 1_000)]
+    process.arrived = [measured(3, b"29.600"), measured(3, b"29.600"), measured(1, b"29.600")]
+    assert process.relay.advance(5_000) == [RangeHeard(5_000, 3, 29.6)]
+    assert process.relay.dropped == {
+        "range: no ping awaits it": 1,
+        "a packet of a real aMussel whose id is simulated here": 1,
+    }
+    process.relay.ping(3, 6_000)
+    assert len(process.published) == 2
+
+
+@pytest.mark.parametrize("data", [b"", b"near", b"nan", b"inf", b"-0.1", b"100000.1", b"\xff", b"1 2"])
+def test_a_range_that_is_none_is_dropped_and_the_ping_is_unanswered_after_34_s(data: bytes) -> None:
+    """30 s in the modem's queue, and the modem's 4 s."""
+    process = Process(whole_flight(frozenset))
+    process.relay.ping(3, 1_000)
+    process.arrived = [measured(3, data)]
+    assert process.relay.advance(5_000) == [] and process.relay.dropped.total() == 1
+    assert process.relay.advance(35_000) == []
+    assert process.relay.advance(36_000) == [RangeHeard(36_000, 3, None)]
+    assert process.relay.advance(99_000) == []
 
 
 def test_a_fleet_and_a_mission_alone_make_a_flight_together() -> None:

@@ -15,6 +15,7 @@ from apad_bridge.acoustics.serial.nanomodem import (
     Line,
     ModemNotice,
     ModemQueue,
+    ModemRanged,
     ModemStage,
     NanomodemAction,
     PacketDirection,
@@ -26,6 +27,7 @@ from apad_bridge.acoustics.serial.nanomodem import (
     RoutedPacket,
     WriteLine,
 )
+from firmware_model.packets import EVERYONE
 
 IDENTITY = b"#A001V21845R001.006.000B2024-02-15T00:00:00\r\n"
 
@@ -161,8 +163,95 @@ def test_packets_from_the_water_carry_their_ids_and_the_rest_is_dropped(queue: M
     assert queue.read(b"#B00909\xb1\x09\x00status\r\n", 300) == [PacketReceived(300, report(9))]
     assert queue.read(b"#U09\xb2\x07\x00rise!!\r\n", 310) == [PacketReceived(310, command(7))]
     assert reasons(queue.read(b"#B00902hi\r\n", 320)) == ["sound: without an aMussel's id"]
-    assert reasons(queue.read(b"#R007T03200\r\n", 330)) == ["sound: a range to where the modem hangs"]
+    assert reasons(queue.read(b"#R007T03200\r\n", 330)) == ["sound: a range that was not asked for"]
     assert queue.stage is ModemStage.READY
+
+
+def ping_of(agent_id: int) -> RoutedPacket:
+    return RoutedPacket(PacketDirection.TO_AMUSSEL, agent_id, b"")
+
+
+def test_a_ping_is_answered_by_the_one_that_was_pinged_and_by_nobody_else(queue: ModemQueue) -> None:
+    assert written(queue.ping(7, 100)) == b"$P007"
+    assert queue.read(b"$P007\r\n", 110) == []
+    for stranger in (b"#R008T00640\r\n", b"#R007T0064\r\n", b"#R007T006400\r\n"):
+        assert reasons(queue.read(stranger, 200)) == ["sound: a range that was not asked for"]
+    assert queue.read(b"#R007T00640\r\n", 260) == [ModemRanged(260, 7, 640)]
+    assert reasons(queue.read(b"#R007T00640\r\n", 270)) == ["sound: a range that was not asked for"]
+    assert queue.stage is ModemStage.READY
+
+
+def test_a_ping_without_an_answer_is_told_and_the_queue_goes_on(queue: ModemQueue) -> None:
+    queue.ping(7, 100)
+    queue.read(b"$P007\r\n", 110)
+    assert queue.send(command(9), Priority.COMMAND, 120) == []
+    # 105 ms of sound, and the manual's 4 s: until then the modem has its ping.
+    assert queue.advance(110 + 105 + 4000) == []
+    unanswered = queue.read(b"#TO\r\n", 4_230)
+    assert unanswered[0] == PacketDropped(4_230, "sound: a ping that was not answered", ping_of(7))
+    assert written(unanswered) == b"$B09\xb2\x09\x00rise!!"
+
+
+def test_a_modem_that_forgets_its_ping_is_asked_who_it_is_and_pings_again(queue: ModemQueue) -> None:
+    queue.ping(7, 100)
+    queue.read(b"$P007\r\n", 110)
+    assert written(queue.advance(110 + 105 + 4000 + ANSWER_MS)) == b"$W$?"
+    assert b"$P007" in written(queue.read(IDENTITY, 5_300))
+
+
+@pytest.mark.parametrize("agent_id", [EVERYONE, 256, 65_535])
+def test_an_id_that_is_no_address_gives_no_range(queue: ModemQueue, agent_id: int) -> None:
+    (dropped,) = queue.ping(agent_id, 100)
+    assert isinstance(dropped, PacketDropped) and "no modem's address" in dropped.reason
+    assert b"$P255" in written(queue.ping(255, 110))
+
+
+@given(
+    st.lists(st.sampled_from(["ping", "command", "report", "answer", "#TO", "stranger", "wait"]), max_size=40)
+)
+def test_a_modem_is_left_alone_until_its_ping_has_an_outcome_and_commands_go_before_pings(
+    acts: list[str],
+) -> None:
+    """The modem is this test's: it takes each command at once, and is silent on a ping until an act says otherwise."""
+    queue, now_ms, pinged = ready(), 100, 0
+    asked: list[int] = []
+    outcomes: list[int] = []
+    waiting = {b"\xb2": 0, b"P": 0, b"\xb1": 0}
+    answers = {"answer": b"#R%03dT00640\r\n", "#TO": b"#TO\r\n", "stranger": b"#R200T00640\r\n"}
+    # At the end each ping gets its answer, and each packet its time.
+    for number, act in enumerate([*acts, *["answer", "wait"] * (len(acts) + 1)], start=1):
+        now_ms += 10
+        actions: list[NanomodemAction] = []
+        before = pinged
+        match act:
+            case "ping":
+                waiting[b"P"] += 1
+                asked.append(number)
+                actions = queue.ping(number, now_ms)
+            case "command":
+                waiting[b"\xb2"] += 1
+                actions = queue.send(command(number), Priority.COMMAND, now_ms)
+            case "report":
+                waiting[b"\xb1"] += 1
+                actions = queue.send(report(number), Priority.REPORT, now_ms)
+            case "wait" if not pinged:
+                now_ms += 500
+                actions = queue.advance(now_ms)
+            case "answer" | "#TO" | "stranger" if pinged or act != "answer":
+                line = answers[act]
+                actions = queue.read(line % pinged if act == "answer" else line, now_ms)
+                pinged = 0 if act != "stranger" else pinged
+        outcomes += [it.agent_id for it in actions if isinstance(it, ModemRanged)]
+        outcomes += [it.packet.agent_id for it in actions if isinstance(it, PacketDropped) and it.packet]
+        if line := written(actions):
+            assert not before or not pinged, "it was given a command while it waited for an answer"
+            kind = b"P" if line.startswith(b"$P") else line[4:5]
+            waiting[kind] -= 1
+            assert not any(waiting[it] for it in list(waiting)[: list(waiting).index(kind)])
+            if kind == b"P":
+                pinged = int(line[2:])
+            assert written(queue.read(line[: 5 if kind == b"P" else 4] + b"\r\n", now_ms)) == b""
+    assert outcomes == asked and not any(waiting.values())
 
 
 def test_too_many_bytes_are_one_reason_however_many(queue: ModemQueue) -> None:

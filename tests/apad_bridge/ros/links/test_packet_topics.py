@@ -18,8 +18,10 @@ from apad_bridge.supervisor.packet_relay import (
     FLEET_ALONE,
     FLEET_TOLD_OF_DOCKS,
     MISSION_ALONE,
+    RANGE,
     PacketOrigin,
     RelayedPacket,
+    whole_flight,
 )
 from firmware_model.packets import EVERYONE, Beacon, CommandPacket, Kind, StatusPacket, decode
 from firmware_model.packets.codec import load_codec
@@ -90,6 +92,22 @@ def test_a_contact_of_a_missions_dock_reaches_a_fleet_that_no_aPad_tells(graph: 
     fleet = PacketTopics([3, 4], FLEET_TOLD_OF_DOCKS.peers)
     graph.deliver(topic, agent=message.agent, medium=message.medium, data=message.data)
     assert fleet.take(2_000) == [RelayedPacket(PacketOrigin.REMOTE_DOCK, 3, None, b"[5,1,2]", 2_000)]
+
+
+def test_a_ping_reaches_a_bridge_and_its_range_the_mission_which_goes_on_to_read_topics(graph: Graph) -> None:
+    mission = PacketTopics([3, 4], whole_flight(frozenset).peers)
+    bridge = PacketTopics([3], [PacketOrigin.REMOTE_SUPERVISOR])
+    mission.publish(RelayedPacket(PacketOrigin.LOCAL_SUPERVISOR, 3, RANGE, b"", 1_000))
+    bridge.publish(RelayedPacket(PacketOrigin.LOCAL_AMUSSEL, 3, RANGE, b"29.600", 0))
+    for topic, it in graph.published:
+        graph.deliver(topic, agent=it.agent, medium=it.medium, data=it.data)
+    assert [(topic, it.medium) for topic, it in graph.published] == [
+        ("musselbed/said", "range"),
+        ("musselbed/heard", "range"),
+    ]
+    assert bridge.take(2_000) == [RelayedPacket(PacketOrigin.REMOTE_SUPERVISOR, 3, RANGE, b"", 2_000)]
+    assert mission.take(2_000) == [RelayedPacket(PacketOrigin.REMOTE_AMUSSEL, 3, RANGE, b"29.600", 2_000)]
+    assert not mission.senders
 
 
 @pytest.mark.parametrize(
