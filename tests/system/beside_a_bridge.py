@@ -2,8 +2,8 @@
 each line of its stdin.
 
 Use: beside_a_bridge.py, on the master at ROS_MASTER_URI; a line of stdin is [aMussel, medium, bytes as hexadecimal digits].
-The medium "modem" is for what the aPad's modem hears from an unknown sender. "connected" is answered when a bridge's topic
-has reached this node.
+The medium "modem" is for what the aPad's modem hears from an unknown sender. "connected" is answered when the bridge whose
+lowest aMussel is named publishes to this node.
 """
 
 from __future__ import annotations
@@ -12,7 +12,9 @@ import json
 import sys
 import threading
 from typing import Any
+from xmlrpc.client import ServerProxy
 
+import rosgraph
 import rospy
 
 from apad_bridge.ros.types.messages import use_generated_messages
@@ -23,6 +25,13 @@ from musselbed_msgs.msg import FleetClaim, Packet  # noqa: E402
 from uuv_sensor_msgs.msg import AcousticModemPayload, AcousticModemRequest  # noqa: E402
 
 
+def publishes_to_us(agent_id: int) -> bool:
+    """True once the bridge itself has the connection: a subscriber of rospy counts one before it is made."""
+    uri = rosgraph.Master("/mission").lookupNode(f"/musselbed_bridge_{agent_id}")
+    _, _, connections = ServerProxy(uri).getBusInfo("/mission")
+    return any(it[2] == "o" and it[4] == "/musselbed/heard" for it in connections)
+
+
 def main() -> None:
     def show(kind: str, *found: Any) -> None:
         print(json.dumps([kind, *found]), flush=True)
@@ -30,7 +39,7 @@ def main() -> None:
     pause = threading.Event()
     rospy.init_node("mission", disable_signals=True)
     said = rospy.Publisher("/musselbed/said", Packet, queue_size=10)
-    heard = rospy.Subscriber(
+    rospy.Subscriber(
         "/musselbed/heard",
         Packet,
         lambda it: show(
@@ -54,12 +63,14 @@ def main() -> None:
     show("ready")
     for line in sys.stdin:
         agent_id, medium, data = json.loads(line)
-        reached = {"connected": heard, "modem": modem}.get(medium, said)
-        while not reached.get_num_connections():
-            pause.wait(0.02)
         if medium == "connected":
+            while not publishes_to_us(agent_id):
+                pause.wait(0.02)
             show("connected")
-        elif medium == "modem":
+            continue
+        while not (modem if medium == "modem" else said).get_num_connections():
+            pause.wait(0.02)
+        if medium == "modem":
             modem.publish(AcousticModemPayload(msg=bytes.fromhex(data), sender_id=-1))
         else:
             said.publish(Packet(agent=agent_id, medium=medium, data=bytes.fromhex(data)))

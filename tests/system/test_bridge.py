@@ -230,7 +230,7 @@ def test_nodes_with_bytes_of_their_own_are_heard_and_told_in_their_own_words(
     until(bridge, lambda it: "aMussel 8 is none of --ids" in it.get("dropped", ""))
     send(checked(LINE.replace(b"12.50", b"nan")))
     until(bridge, lambda it: "north_m is outside" in it.get("dropped", ""))
-    say(0, "connected", "")
+    say(7, "connected", "")
     until(mission, lambda it: it == ["connected"])
     send(checked(LINE))
     *packet, _, _ = until(mission, lambda it: it[0] == "heard")
