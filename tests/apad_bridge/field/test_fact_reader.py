@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 
-from apad_bridge.field.field_log.facts import BatteryTold
+from apad_bridge.field.field_log.facts import BatteryTold, PacketLogged
 from apad_bridge.field.field_log.reader import FactReader
 from apad_bridge.records.bag import RecordedConnection, RecordedMessage
 
@@ -16,6 +16,13 @@ NUMBER = RecordedConnection(
 )
 NAMED_OTHERWISE = RecordedConnection(
     "/apad1/battery_level", "lab_msgs/msg/Level", "float64 level\n", "0123456789abcdef0123456789abcdef"
+)
+
+PACKET = RecordedConnection(
+    "/musselbed/heard",
+    "musselbed_msgs/msg/Packet",
+    "uint16 agent\nstring medium\nuint8[] data\n",
+    "0123456789abcdef0123456789abcde0",
 )
 
 
@@ -38,3 +45,13 @@ def test_a_publisher_that_lacks_a_field_does_not_hide_another_that_has_it() -> N
     assert "lab_msgs/Level" in line and "`data`" in line
     assert len(reader.read(percent(55.0))) == 1
     assert reader.read(percent(55.0, NAMED_OTHERWISE)) == [] and len(reader.missing) == 1
+
+
+def test_a_range_to_a_real_amussel_is_no_packet_of_it() -> None:
+    def heard(medium: bytes) -> RecordedMessage:
+        size = f"<HI{len(medium)}sI4s"
+        return RecordedMessage(PACKET, 10**9, struct.pack(size, 7, len(medium), medium, 4, b"29.6"))
+
+    reader = FactReader("the log", "apad1")
+    assert reader.read(heard(b"range")) == []
+    assert reader.read(heard(b"sound")) == [PacketLogged(1.0, 7, "sound", b"29.6")]
