@@ -35,6 +35,7 @@ ON_THE_WAY_MS = 2_000
 RANGE: Final = "range"
 """Stands for the medium of a ping of a real aMussel, which has no data, and of its range, in m as text."""
 Carriage = Medium | Literal["range"] | None
+"""A relayed packet's medium, or what stands for it; None for a contact."""
 
 
 class PacketOrigin(Enum):
