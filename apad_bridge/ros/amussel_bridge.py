@@ -76,6 +76,7 @@ class AMusselBridge:
         self._claim = FleetClaim(node=rospy.get_name(), real=True, lease_s=LEASE_S, ids=sorted(ids))
         self._claim.since = genpy.Time.from_sec(time.time())
         self._claimed_ms = -round(1000 * PERIOD_S)
+        self._heard: set[int] = set()
 
     @classmethod
     def on_graph(
@@ -183,6 +184,9 @@ class AMusselBridge:
             self._drop("heard: what stands beside the packet names another aMussel than the packet")
         elif (data := packet.data if self._nodes_codec is None else self._written(read)) is not None:
             self.counts["heard from aMussels"] += 1
+            if agent_id not in self._heard:
+                self._heard.add(agent_id)
+                self._tell("heard", f"aMussel {agent_id} is heard by {link.name}")
             self._take(link, link.found(agent_id, packet.sender))
             self._publish(agent_id, link.medium, data)
 

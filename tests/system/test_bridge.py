@@ -144,16 +144,15 @@ def test_a_real_amussels_packets_reach_the_mission_and_the_missions_reach_it(
     assert counts["heard from aMussels"] == 1
 
 
-def test_a_real_node_that_sends_nothing_is_ranged_through_the_bowl(
-    modems: TableModems, tmp_path: Path, begin: Begin
-) -> None:
-    """Modem 2 is aMussel 2's. Sound takes 20 ms through the bowl, which are 29.6 m at 1480 m/s, and more than the pool."""
+def test_a_real_node_that_sends_nothing_is_ranged_by_a_strangers_modem(tmp_path: Path, begin: Begin) -> None:
+    """Modem 2 is aMussel 2's, at 60 m, which is more than the pool."""
+    modems = StrangersModems(tmp_path / "theirs", begin)
     scenario = write_scenario(
         tmp_path / "bowl.yaml",
         SOUND_FILE,
         theta=1,
         fleet={"count": 3, "start": {"charge": [0.9, 0.9]}},
-        water={"sound": {"sound_speed_m_s": 1480.0}, "talk": {"ping_period_s": 2, "waits": False}},
+        water={"sound": {"sound_speed_m_s": 1500.0}, "talk": {"ping_period_s": 2, "waits": False}},
     )
     run = tmp_path / "run"
     flight = begin(*MUSSELBED, "run", scenario, "--speed", 1, "--out", run, "--json")
@@ -163,8 +162,9 @@ def test_a_real_node_that_sends_nothing_is_ranged_through_the_bowl(
     def ranges(*ids: int) -> set[float | None]:
         return {it["range_m"] for it in lines_of(run, "range") if it["id"] in ids}
 
-    wait_until(lambda: 29.6 in ranges(2) and ranges(1, 3), flight, bridge)
-    assert all(it is None or it < 20 for it in ranges(1, 3))
+    wait_until(lambda: ranges(2) - {None} and ranges(1, 3), flight, bridge)
+    assert all(it == pytest.approx(60, abs=1) for it in ranges(2) if it is not None)
+    assert all(it is None or it < 30 for it in ranges(1, 3))
     bridge.send_signal(signal.SIGINT)
     counts = until(bridge, lambda it: "counts" in it)["counts"]
     assert counts["ranges to aMussels"] >= 1 and "heard from aMussels" not in counts

@@ -188,7 +188,7 @@ def _hangs(flight: Flight, one: str) -> dict[str, Case]:
 
 
 def _killed(flight: Flight, one: str) -> dict[str, Case]:
-    """The supervisor of one is killed: its watchdog holds it, and nobody else's mission ends."""
+    """The supervisor of one is killed: its watchdog or its successor holds it, and nobody else's mission ends."""
     begun_s = time.monotonic()
     flight.signal_bench(signal.SIGKILL, f"supervisor_process {flight.run / one}")
     flight.pause(WATCHDOG_LIMIT_S + AFTER_S)
@@ -197,7 +197,6 @@ def _killed(flight: Flight, one: str) -> dict[str, Case]:
         FENCE,
         begun_s,
         limit_s=WATCHDOG_LIMIT_S,
-        deaf=(begun_s, begun_s),
         must_be=Kind.HOLD,
     )
     return _of_all(flight, begun_s, one, case)
