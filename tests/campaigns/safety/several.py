@@ -203,7 +203,7 @@ def _killed(flight: Flight, one: str) -> dict[str, Case]:
 
 
 def _cut(flight: Flight, one: str) -> dict[str, Case]:
-    """The Wi-Fi of all is away for 25 s: each one's watchdog holds it."""
+    """The Wi-Fi of all is away for 25 s: each one's watchdog holds it, or puts it OFF where its way has just ended."""
     begun_s = time.monotonic()
     flight.link(1.0)
     flight.pause(25.0)
@@ -216,7 +216,6 @@ def _cut(flight: Flight, one: str) -> dict[str, Case]:
         begun_s,
         limit_s=WATCHDOG_LIMIT_S,
         deaf=(begun_s, healed_s),
-        must_be=Kind.HOLD,
     )
     return dict.fromkeys(flight.names, case)
 
