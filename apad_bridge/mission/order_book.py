@@ -65,6 +65,7 @@ class OrderBook:
     def forget_home(self, agent_id: int) -> None:
         """Another board has this id from now on, or none: where the next one is first heard is its home."""
         self.set(homes=tuple(it for it in self.state.homes if it[0] != agent_id))
+        self.snapshot()  # whoever resumes the run would else bring it to the home of the board before
 
     def moved(self, north_m: float, east_m: float) -> None:
         """Takes the aPad's position, and counts the way while a leg is under way."""

@@ -22,7 +22,7 @@ from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.events.event import Event
 from apad_bridge.events.fleet import Presence, PresenceChanged
-from apad_bridge.events.mission import Phase
+from apad_bridge.events.mission import MissionChanged, Phase
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.summary import uptime_figures
@@ -195,6 +195,10 @@ def test_a_real_one_is_believed_while_its_twin_goes_on_unheard_and_takes_over_wh
     bench.ticks(5)
     # Its twin reports every second, and is muted. What was believed of it lives on.
     assert beliefs.get(THE_ONE).heard_ms <= bench.flight.now_ms - 6000 and bench.home_m() is None
+    journaled = [
+        it.event.snapshot for it in bench.recorder.journal.entries if isinstance(it.event, MissionChanged)
+    ]
+    assert THE_ONE not in {agent_id for agent_id, _, _ in journaled[-1].homes}, "a resumed run would know it"
     _, twin_m = bench.truth()
     bench.real_one_says(north_m=twin_m + 4.0, primary=0.5)
     belief = beliefs.get(THE_ONE)
