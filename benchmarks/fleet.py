@@ -38,7 +38,7 @@ from rich.console import Console
 from rich.table import Table
 
 from agents.coordinator import AgentDied, Coordinator
-from agents.fleet import FleetConfig, resting_on_bottom
+from agents.fleet_config import FleetConfig, resting_on_bottom
 from agents.hosting.host import Host
 from agents.hosting.in_process import InProcessHost
 from agents.hosting.process_host import ProcessHost

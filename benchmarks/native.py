@@ -26,7 +26,7 @@ from rich.console import Console
 from rich.table import Table
 
 from agents.coordinator import Coordinator
-from agents.fleet import FirmwareConfig, resting_on_bottom
+from agents.fleet_config import FirmwareConfig, resting_on_bottom
 from agents.hosting.process_host import ProcessHost
 from agents.nursery.launch import launch_nursery, prepare
 from agents.time_scale import MissionMs, TimeScale

@@ -18,7 +18,7 @@ from typing import Any
 from distributed import LocalCluster
 from rich.console import Console
 
-from apad_bridge.assembly.energy_model import energy_model
+from apad_bridge.assembly.scenario_energy_model import energy_model
 from apad_bridge.planning import registry
 from apad_bridge.planning.candidates import Candidate, Situation
 from apad_bridge.planning.costs import CostScales

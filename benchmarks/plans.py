@@ -30,8 +30,8 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from apad_bridge.assembly.capacity import battery_worth_min, bounds_of
-from apad_bridge.assembly.energy_model import energy_model
+from apad_bridge.assembly.capacity_bounds import battery_worth_min, bounds_of
+from apad_bridge.assembly.scenario_energy_model import energy_model
 from apad_bridge.planning.registry import collection
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario

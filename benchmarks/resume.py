@@ -14,9 +14,9 @@ from rich.console import Console
 from rich.table import Table
 
 from agents.time_scale import MissionMs
-from apad_bridge.assembly import parts
+from apad_bridge.assembly import flight_parts
 from apad_bridge.assembly.flight_config import flight_config
-from apad_bridge.beliefs.fleet import FleetBeliefs
+from apad_bridge.beliefs.fleet_beliefs import FleetBeliefs
 from apad_bridge.records.checkpoint import PERIOD_MS, ROWS, Checkpoint, restore
 from apad_bridge.scenario.estimator_options import Beliefs, EstimatorKind, TwinModel
 from apad_bridge.scenario.loader import load
@@ -48,7 +48,9 @@ def measure(short: bool = False) -> dict[str, Any]:
 
 def _measured(path: Path, estimator: str, agents: int, theta: int, period_s: int) -> dict[str, Any]:
     scenario = _scenario(estimator, agents, theta)
-    plain, checkpointed = (parts.initial_learned_state(flight_config(scenario)).beliefs for _ in range(2))
+    plain, checkpointed = (
+        flight_parts.initial_learned_state(flight_config(scenario)).beliefs for _ in range(2)
+    )
     learning_s = _learn(plain, agents, theta, period_s)
     begun_s = process_time()
     checkpoint = Checkpoint(path, checkpointed, 0)
@@ -60,7 +62,7 @@ def _measured(path: Path, estimator: str, agents: int, theta: int, period_s: int
         checkpoint.flush(now_ms)
         writing_s += process_time() - before_s
     checkpointing_s = process_time() - begun_s
-    restored = parts.initial_learned_state(flight_config(scenario)).beliefs
+    restored = flight_parts.initial_learned_state(flight_config(scenario)).beliefs
     before_s = process_time()
     result = restore(path, restored)
     restore_s = process_time() - before_s

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 from firmware_model.actions import Action, Dropped
 from firmware_model.config import BoardConfig
-from firmware_model.firmware import Firmware
 from firmware_model.hardware.worst_case import WorstCaseHardware
 from firmware_model.packets.codec import Codec
 from firmware_model.port import FirmwareLike, Timer
@@ -31,6 +30,7 @@ from firmware_model.stimuli import (
     SurfaceReached,
     WifiReceived,
 )
+from firmware_model.worst_case_firmware import Firmware
 
 if TYPE_CHECKING:
     from firmware_model.hardware.whole import WholeBoardHardware

@@ -15,7 +15,7 @@ from firmware_model.actions import (
     SendLog,
 )
 from firmware_model.config import BoardConfig, FullFirmware, LastResort
-from firmware_model.firmware import Firmware
+from firmware_model.deadlines import Deadline, after_work, full_deadline, last_resort
 from firmware_model.packets import (
     Beacon,
     Command,
@@ -34,7 +34,7 @@ from firmware_model.power.charge_pin import Edge
 from firmware_model.power.rails import Rail, switched_in
 from firmware_model.settings_store import SettingsStore
 from firmware_model.states import TABLE, State, Trigger
-from firmware_model.timers import Deadline, after_work, full_deadline, last_resort
+from firmware_model.worst_case_firmware import Firmware
 
 if TYPE_CHECKING:
     from firmware_model.port import Hardware

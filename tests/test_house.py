@@ -16,7 +16,7 @@ import pytest
 
 from apad_bridge.ros.types.messages import DEFINITIONS
 from apad_bridge.vehicle.guards import gate
-from apad_bridge.vehicle.link import Cleared
+from apad_bridge.vehicle.vehicle_link import Cleared
 
 ROOT = Path(__file__).parents[1]
 ROOMS = ("firmware_model", "agents", "apad_bridge")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from agents.fleet import FleetConfig
+from agents.fleet_config import FleetConfig
 from agents.hosting.host import Death, Grant, Reply
 from agents.mussel.agent import Agent
 from agents.mussel.outputs import Output, Truth

@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from agents.hosting.agent_links import AgentLinks
-from agents.hosting.agent_process import MOST_AHEAD
+from agents.hosting.agent_loop import MOST_AHEAD
 from agents.hosting.host import Death, Grant
 from agents.hosting.link_protocol import AheadWindow, Key, RunAhead
 

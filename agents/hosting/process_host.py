@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Mapping
 from contextlib import suppress
 
-from agents.fleet import FleetConfig
+from agents.fleet_config import FleetConfig
 from agents.hosting.agent_links import AgentLinks, WindowAnswered
 from agents.hosting.descriptors import raise_descriptor_limit
 from agents.hosting.host import Death, Grant, Reply

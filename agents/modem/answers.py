@@ -7,8 +7,8 @@ import struct
 from binascii import crc32, crc_hqx
 
 from agents.modem.facts import NoiseChanged
-from agents.modem.firmware import BUILT, RELEASE, ModemFirmware, voltage_steps
 from agents.modem.frames import ModemGeneration
+from agents.modem.modem_model import BUILT, RELEASE, ModemFirmware, voltage_steps
 
 ERROR = b"E\r\n"
 TIME_OUT = b"#TO\r\n"

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from agents.modem.facts import ModemAction, ModemStateChanged, NoiseChanged
-from agents.modem.firmware import ModemConfig
 from agents.modem.frames import FrameKind, ModemFrame
+from agents.modem.modem_model import ModemConfig
 from agents.modem.serial_line import TICKS_PER_MS, SerialLine
 from agents.modem.states import RECEPTIVE, SUPPLY_UA, ModemState, ModemTrigger, next_state
 

@@ -11,8 +11,8 @@ from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 from agents.modem.facts import ModemAction, ModemStimulus
-from agents.modem.firmware import ModemConfig
 from agents.modem.modem import Modem
+from agents.modem.modem_model import ModemConfig
 from firmware_model.digest import blake2b
 
 NodeAction = tuple[int, ModemAction]

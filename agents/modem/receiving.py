@@ -13,8 +13,8 @@ from agents.modem.facts import (
     PinRose,
     QuestionAnswered,
 )
-from agents.modem.firmware import range_steps
 from agents.modem.frames import ANSWERS, FrameKind, ModemFrame
+from agents.modem.modem_model import range_steps
 from agents.modem.states import RECEPTIVE
 
 _DATA = (FrameKind.UNICAST, FrameKind.UNICAST_ACKED)

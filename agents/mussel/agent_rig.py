@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from agents.fleet import FleetConfig, resting_on_bottom
+from agents.fleet_config import FleetConfig, resting_on_bottom
 from agents.modem.frames import ModemGeneration
 from agents.mussel.agent import Agent, AgentConfig
 from agents.mussel.board_link import BENCH_TIMEOUT_S, BoardLink

@@ -14,13 +14,13 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from agents.hosting.agent_process import WindowHandler, message_buffer
+from agents.hosting.agent_loop import WindowHandler, message_buffer
 from agents.hosting.link_protocol import Key, readable
 from agents.mussel.agent import Agent
 from agents.mussel.physical import Physical
-from agents.nursery.child import FIRMWARE_FAILED, FIRMWARE_HUNG, FIRMWARE_SPUN, live
 from agents.nursery.flash_file import FLASH_NAME, FlashRegion
 from agents.nursery.fleet_file import PHYSICAL_NAME, FleetFile
+from agents.nursery.forked_agent import FIRMWARE_FAILED, FIRMWARE_HUNG, FIRMWARE_SPUN, live
 from agents.nursery.protocol import WATCHDOG_FIRED, Died
 from agents.nursery.state_file import RECORD_BYTES, RING_BYTES, RecordRing, StateRecord
 from agents.nursery.warm_up import warm_up, warm_up_port

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 
-from agents.fleet import FleetConfig
+from agents.fleet_config import FleetConfig
 from agents.link_codec import FORM_BYTES, LinkCodec
 from agents.mussel.physical import Physical
 

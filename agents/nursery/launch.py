@@ -7,7 +7,7 @@ import subprocess
 import sys
 from collections.abc import Mapping
 
-from agents.fleet import FleetConfig
+from agents.fleet_config import FleetConfig
 from agents.hosting import started
 from agents.hosting.interrupts import held_back, let_in
 from agents.hosting.link_protocol import readable

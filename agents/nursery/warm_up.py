@@ -15,8 +15,8 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from agents.fleet import AgentConfigs, resting_on_bottom
-from agents.hosting.agent_process import WindowHandler, answer_one, message_buffer
+from agents.fleet_config import AgentConfigs, resting_on_bottom
+from agents.hosting.agent_loop import WindowHandler, answer_one, message_buffer
 from agents.hosting.host import Grant
 from agents.hosting.link_protocol import NEVER, Key, Repeat, WindowGrant
 from agents.mussel.agent import Agent, AgentConfig

@@ -10,7 +10,7 @@ from bisect import bisect_right
 from dataclasses import dataclass
 from math import isfinite
 
-from agents.water.table import number_of, read_rows
+from agents.water.csv_table import number_of, read_rows
 
 COLUMNS = ("north_m", "east_m", "north_m_s", "east_m_s")
 MAX_M = 1e6

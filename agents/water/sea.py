@@ -19,8 +19,8 @@ from typing import Protocol
 
 from agents.coordinator import AgentDied
 from agents.modem.facts import FrameArrived
-from agents.modem.firmware import ModemFirmware
 from agents.modem.frames import PAYLOAD_BYTES, SHORT_MS, FrameKind, ModemFrame, ModemGeneration
+from agents.modem.modem_model import ModemFirmware
 from agents.mussel.outputs import Output, PingAnswered, SoundSent, Truth, WifiSent
 from agents.mussel.stimuli import AgentStimulus, ModemSent, PingArrived, SoundArrived
 from agents.time_scale import AgentMs, MissionMs, TimeScale

@@ -25,8 +25,8 @@ from agents.modem.facts import (
     SerialBytes,
     SerialOut,
 )
-from agents.modem.firmware import ModemConfig, ModemFirmware
 from agents.modem.frames import ModemFrame
+from agents.modem.modem_model import ModemConfig, ModemFirmware
 from agents.modem.rack import NodeAction, Rack
 from agents.water.medium import Readdressed
 

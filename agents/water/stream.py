@@ -10,8 +10,8 @@ from array import array
 from dataclasses import dataclass
 from math import pi, sin
 
+from agents.water.csv_table import number_of
 from agents.water.current import STILL_WATER, CurrentField, between
-from agents.water.table import number_of
 
 _UNIT = 1_000_000
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from agents.water.table import number_of, read_rows
+from agents.water.csv_table import number_of, read_rows
 
 COLUMNS = ("from", "to", "loss", "since_s", "until_s")
 ANY = "*"

@@ -11,7 +11,7 @@ import numpy as np
 from agents.time_scale import MissionMs
 from apad_bridge.acoustics.least_squares import Floats, NoFix, PlaceSolution, mirrored, solve
 from apad_bridge.beliefs.input_ranges import out_of_range
-from apad_bridge.events.sound import PlaceFixed
+from apad_bridge.events.sound_events import PlaceFixed
 from apad_bridge.scenario.water.options import Localisation
 
 AMBIGUOUS = 9.0

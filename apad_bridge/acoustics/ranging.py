@@ -13,11 +13,11 @@ from apad_bridge.acoustics.locator import Locator, RangeTaken
 from apad_bridge.acoustics.schedule import AcousticScheduler
 from apad_bridge.beliefs import modes
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.beliefs.fleet import FleetBeliefs
+from apad_bridge.beliefs.fleet_beliefs import FleetBeliefs
 from apad_bridge.beliefs.measurement import Fixed, Ranged
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.beliefs.pings import PingPolicy, ids_to_ping
-from apad_bridge.events.sound import PlaceFixed, RangeMeasured
+from apad_bridge.events.sound_events import PlaceFixed, RangeMeasured
 from apad_bridge.mission.facts import Ping, RangeHeard, Send, SupervisorAction
 from apad_bridge.vehicle.commands import PoseReported
 from firmware_model.state_groups import DOCKED, UP_AND_UNDOCKED

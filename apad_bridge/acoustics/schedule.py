@@ -22,7 +22,7 @@ from agents.modem.frames import SHORT_MS, duration_ms
 from agents.packet_medium import Medium
 from agents.time_scale import AgentMs, MissionMs, TimeScale
 from agents.water.apad_modem import ANSWER_TIMEOUT_MS
-from apad_bridge.events.sound import Asked, NoAnswer
+from apad_bridge.events.sound_events import Asked, NoAnswer
 from apad_bridge.mission.facts import Ping, Send, SupervisorAction
 from apad_bridge.scenario.water.options import Water
 from firmware_model.config import Timeslots, timeslots_of

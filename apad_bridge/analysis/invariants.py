@@ -18,10 +18,10 @@ from agents.mussel.physical import Physical
 from agents.mussel.stimuli import ChargeLost, ContactClosed, ContactOpened, Placed, from_json
 from agents.time_scale import TICK_MS
 from apad_bridge.events.event import Event
-from apad_bridge.events.fleet import BeliefChanged, FaultBegan, FaultEnded, Stimulated, TruthChanged
-from apad_bridge.events.mission import DockSwitched, LegBegan
-from apad_bridge.events.run import RunBegan, RunResumed
-from apad_bridge.events.vehicle import APadMoved
+from apad_bridge.events.fleet_events import BeliefChanged, FaultBegan, FaultEnded, Stimulated, TruthChanged
+from apad_bridge.events.mission_events import DockSwitched, LegBegan
+from apad_bridge.events.run_events import RunBegan, RunResumed
+from apad_bridge.events.vehicle_events import APadMoved
 from apad_bridge.records.journal import Entry, read_journal
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.records.sample_file import read_samples

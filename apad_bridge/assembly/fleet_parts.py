@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from agents.coordinator import Coordinator
-from agents.fleet import FirmwareConfig, FleetConfig, resting_on_bottom
+from agents.fleet_config import FirmwareConfig, FleetConfig, resting_on_bottom
 from agents.hosting.faulty_host import FaultyHost
 from agents.hosting.host import Host
 from agents.mussel.body import gps_fix_um
@@ -22,7 +22,7 @@ from apad_bridge.scenario.firmware_config import clock_drift_ppb, spread_of
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts_table import Start
 from apad_bridge.scenario.surface import current_config
-from apad_bridge.world.fleet import FlightFleet, LinksFile, WithoutWater
+from apad_bridge.world.simulated_fleet import FlightFleet, LinksFile, WithoutWater
 
 _START_MS = MissionMs(0)
 

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from apad_bridge.assembly.stacks import adrift_ms, stacks
-from apad_bridge.events.guards import Reaction
+from apad_bridge.events.guard_events import Reaction
 from apad_bridge.scenario.area.fence import fence_of
 from apad_bridge.scenario.guard_options import GuardOptions, WhenOutside, WhenUnwatched
 from apad_bridge.scenario.schema import APad, DockingProfile, Scenario
@@ -23,6 +23,7 @@ from apad_bridge.scenario.surface import (
     surface_of,
 )
 from apad_bridge.vehicle.guards.gate import Gate, Safety, plain_safety
+from apad_bridge.vehicle.guards.guarded_orders import Point
 from apad_bridge.vehicle.guards.guards import (
     BatteryForHome,
     ClearOfBodies,
@@ -46,7 +47,6 @@ from apad_bridge.vehicle.guards.monitor import (
     SpeedIsAllowed,
     Stopping,
 )
-from apad_bridge.vehicle.guards.orders import Point
 from apad_bridge.vehicle.guards.position_watch import NEVER_MS, SETTLED_MS, PositionLimits, PositionWatch
 from apad_bridge.vehicle.guards.watchdog_watch import WatchdogWatch
 from apad_bridge.vehicle.guards.waters import OpenWaters, Waters

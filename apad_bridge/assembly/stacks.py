@@ -17,7 +17,7 @@ from typing import Any, cast
 from apad_bridge.planning.registry import A_USERS_ERROR
 from apad_bridge.scenario.choices import OWN_GENERATIONS, STACKS_GROUP, Generation
 from apad_bridge.scenario.errors import UserError
-from apad_bridge.vehicle.errors import VehicleNotReady
+from apad_bridge.vehicle.link_errors import VehicleNotReady
 from apad_bridge.vehicle.stack import Stack
 from firmware_model.entry_points import entry_points, in_one_line
 

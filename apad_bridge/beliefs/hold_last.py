@@ -8,7 +8,7 @@ from typing import Any
 
 from agents.time_scale import MissionMs, TimeScale
 from apad_bridge.beliefs.belief import Belief, Source
-from apad_bridge.beliefs.fleet import FleetBeliefs
+from apad_bridge.beliefs.fleet_beliefs import FleetBeliefs
 from apad_bridge.beliefs.measurement import HandedOver, Measurement
 from firmware_model.packets import NOTHING_REPORTED, Reported, ShortStatus, StatusPacket
 from firmware_model.states import State

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from agents.time_scale import MissionMs
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.beliefs.fleet import Estimator
+from apad_bridge.beliefs.fleet_beliefs import Estimator
 from apad_bridge.beliefs.modes import DOCKED, Mode
 
 Question = Callable[[Belief], float]

@@ -16,7 +16,7 @@ import numpy as np
 
 from agents.time_scale import MissionMs
 from apad_bridge.beliefs import charge_state as charge
-from apad_bridge.beliefs import clock as clocks
+from apad_bridge.beliefs import clock_filter as clocks
 from apad_bridge.beliefs.belief import Belief, ClockBelief, Source, Suspicion
 from apad_bridge.beliefs.charge_checker import ChargeChecker, Stated, extended
 from apad_bridge.beliefs.charge_state import Anchor
@@ -34,7 +34,7 @@ from apad_bridge.beliefs.measurement import (
 )
 from apad_bridge.beliefs.modes import DOCKED, LIKELY, SUBMERGED, Mode
 from apad_bridge.beliefs.packet_weighing import HypothesisWeigher, Reading, anchored, bounded
-from apad_bridge.beliefs.place import Place
+from apad_bridge.beliefs.place_filter import Place
 from apad_bridge.beliefs.spent_charge import Load
 from apad_bridge.beliefs.twin_belief import belief_from_state
 from apad_bridge.beliefs.twin_parameters import UNKNOWN, Schedule, TwinParameters

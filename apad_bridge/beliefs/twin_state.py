@@ -18,7 +18,7 @@ from apad_bridge.beliefs.charge_checker import ReadingTrack, StandingReading
 from apad_bridge.beliefs.charge_state import DRAIN, PRIMARY, RATE, SECONDARY, Anchor, Array
 from apad_bridge.beliefs.mixture import Gaussian, below
 from apad_bridge.beliefs.modes import SUBMERGED, Mode
-from apad_bridge.beliefs.place import Place
+from apad_bridge.beliefs.place_filter import Place
 from apad_bridge.beliefs.spent_charge import Load, Spent, merged
 from apad_bridge.beliefs.twin_parameters import Habits, Schedule, TwinParameters
 from firmware_model.packets import Reported

@@ -15,7 +15,7 @@ from apad_bridge.beliefs.belief import ClockBelief, Suspicion
 from apad_bridge.beliefs.charge_checker import ReadingTrack, StandingReading, Stated
 from apad_bridge.beliefs.charge_state import SIZES, Anchor, Array
 from apad_bridge.beliefs.modes import Mode
-from apad_bridge.beliefs.place import Place
+from apad_bridge.beliefs.place_filter import Place
 from apad_bridge.beliefs.spent_charge import Load, Spent
 from apad_bridge.beliefs.twin_state import Pending, TwinState
 from firmware_model.packets import Reported

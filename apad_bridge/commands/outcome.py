@@ -10,10 +10,10 @@ from shlex import quote
 from typing import Any, assert_never
 
 from agents.time_scale import MissionMs
-from apad_bridge.assembly.capacity import bounds_of
-from apad_bridge.commands.table import print_table
-from apad_bridge.events.mission import PlanMade
-from apad_bridge.events.run import EndReason
+from apad_bridge.assembly.capacity_bounds import bounds_of
+from apad_bridge.commands.table_two_row import print_table
+from apad_bridge.events.mission_events import PlanMade
+from apad_bridge.events.run_events import EndReason
 from apad_bridge.records.journal import Entry
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.exits import Exit

@@ -20,8 +20,8 @@ from apad_bridge.analysis.replay.series import (
     RunView,
     sample_times,
 )
-from apad_bridge.events.persons import SpeedChanged
-from apad_bridge.events.run import RunResumed
+from apad_bridge.events.person_events import SpeedChanged
+from apad_bridge.events.run_events import RunResumed
 from apad_bridge.records.journal import JournalContents, JournalTail
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.records.sample_file import SampleTail

@@ -4,7 +4,7 @@ Every request needs the console's token. It is no cookie, which a browser would 
 keeps it for its own origin and sends it with each request. An order needs it in a header, which no page of another origin
 can add. A request names the console by an address or by a name of this machine, because a stranger's name service can
 lead a page of his to any address.
-Orders go to the supervisor as those of the commands do (`supervisor/control.py`), so the same rules refuse them.
+Orders go to the supervisor as those of the commands do (`supervisor/control_server.py`), so the same rules refuse them.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from apad_bridge.analysis.replay.series import Counts
 from apad_bridge.console.feed import Feed
 from apad_bridge.records.journal import await_beginning
 from apad_bridge.records.run_directory import RunDirectory
-from apad_bridge.supervisor import control
+from apad_bridge.supervisor import control_server
 from apad_bridge.supervisor.control_client import LONGEST_LINE, answer_of
 
 _POLL_S = 0.25
@@ -51,7 +51,7 @@ _WAITING = 40
 """A page that leaves so many messages unread is left; its browser connects again."""
 _BEGUN_S = 10.0
 """A page waits so long for the flight to begin and its journal to be read, and then says so."""
-_ORDER = TypeAdapter[control.AnyRequest](control.AnyRequest)
+_ORDER = TypeAdapter[control_server.AnyRequest](control_server.AnyRequest)
 _NEEDS_TOKEN = "This console needs its token: open the address that `musselbed console` printed."
 _REFUSED = PlainTextResponse(f"{_NEEDS_TOKEN}\n", status_code=403)
 _ANOTHER_HOST = PlainTextResponse(

@@ -12,7 +12,7 @@ import time
 from pathlib import Path
 
 from agents.modem.answers import FOUND
-from agents.modem.firmware import metres_of
+from agents.modem.modem_model import metres_of
 from agents.serial_port import BytesRead, SerialPort
 from apad_bridge.doctor.finding import Finding, fail, ok
 

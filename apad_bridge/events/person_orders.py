@@ -1,6 +1,7 @@
 """A person's orders to one aPad, each declared once: its command, its ROS service and its buttons follow from here.
 
-`supervisor/control.py` carries them out. The command that stops an aPad loads this module, which therefore imports little.
+`supervisor/control_server.py` carries them out. The command that stops an aPad loads this module, which therefore
+imports little.
 """
 
 from __future__ import annotations

@@ -12,13 +12,13 @@ from dataclasses import dataclass, replace
 from math import dist, fsum, sqrt
 
 from agents.time_scale import MissionMs
-from apad_bridge.assembly.energy_model import energy_model
 from apad_bridge.assembly.flight_config import flight_config
-from apad_bridge.assembly.parts import fleet_beliefs
+from apad_bridge.assembly.flight_parts import fleet_beliefs
+from apad_bridge.assembly.scenario_energy_model import energy_model
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.measurement import Docked, Released
-from apad_bridge.events.mission import MissionState
-from apad_bridge.field.field_log.facts import (
+from apad_bridge.events.mission_events import MissionState
+from apad_bridge.field.field_log.log_facts import (
     AmusselCharged,
     AmusselPlaced,
     BeliefsTold,

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from apad_bridge.analysis.replay.history import History, ToldEvent
-from apad_bridge.events.mission import Phase, PrimitiveChanged, PrimitivePhase
-from apad_bridge.events.persons import Overridden, PersonOrdered
-from apad_bridge.events.vehicle import APadMoved
+from apad_bridge.events.mission_events import Phase, PrimitiveChanged, PrimitivePhase
+from apad_bridge.events.person_events import Overridden, PersonOrdered
+from apad_bridge.events.vehicle_events import APadMoved
 from apad_bridge.records.journal import Entry, JournalTail
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.sample_file import KeptSample, SampleTail

@@ -16,7 +16,7 @@ from apad_bridge.mission.charging_watch import (
     makes_room,
     room_above,
 )
-from apad_bridge.planning.dispatch import DispatchRule
+from apad_bridge.planning.dispatch_rule import DispatchRule
 from apad_bridge.planning.exchange import is_worth_it
 from apad_bridge.scenario.schema import Dispatch, Mission, Places
 

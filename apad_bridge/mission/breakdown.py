@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from apad_bridge.events.mission import PRE_EMPTED
-from apad_bridge.events.run import EndReason
+from apad_bridge.events.mission_events import PRE_EMPTED
+from apad_bridge.events.run_events import EndReason
 from apad_bridge.vehicle.outcomes import Outcome, PrimitiveFailed
 
 

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 from apad_bridge.mission.flight_mission import FlightMission
 from apad_bridge.mission.manual import ManualMission
-from apad_bridge.mission.values import Refused, Status
+from apad_bridge.mission.script_values import Refused, Status
 
 ANSWER_S = 10.0
 """A tick comes once a mission second; after so many wall seconds without one the caller withdraws the call."""

@@ -19,8 +19,8 @@ from enum import Enum, auto
 
 from agents.time_scale import MissionMs
 from apad_bridge.beliefs.belief import Belief, Source
-from apad_bridge.events.mission import AMusselReleased
-from apad_bridge.events.vehicle import DocksDisagree
+from apad_bridge.events.mission_events import AMusselReleased
+from apad_bridge.events.vehicle_events import DocksDisagree
 from apad_bridge.mission.charging_watch import is_charged
 from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.orders import PermitSurfacing, SendCommand

@@ -12,9 +12,9 @@ from functools import partial
 from math import inf
 
 from agents.time_scale import MissionMs
-from apad_bridge.events.mission import MissionEnd, MissionState, Phase, StandsDown, StepGivenUp, Stuck
-from apad_bridge.events.persons import Steering
-from apad_bridge.events.run import EndReason
+from apad_bridge.events.mission_events import MissionEnd, MissionState, Phase, StandsDown, StepGivenUp, Stuck
+from apad_bridge.events.person_events import Steering
+from apad_bridge.events.run_events import EndReason
 from apad_bridge.mission.believed_dispatch import Docked, Due
 from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.mission.docking_routine import NOT_FOUND, DockingRoutine, Progress

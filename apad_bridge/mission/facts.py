@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from agents.packet_medium import Medium
 from agents.time_scale import AgentMs, MissionMs
 from apad_bridge.events.event import Event
-from apad_bridge.events.mission import MissionEnd
+from apad_bridge.events.mission_events import MissionEnd
 from apad_bridge.mission.orders import VehicleOrder
 from apad_bridge.vehicle.commands import VehicleCommand, VehicleFact
 from firmware_model.packets.sample_record import SampleRecord

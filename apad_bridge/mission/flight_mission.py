@@ -14,12 +14,12 @@ from typing import Protocol
 
 from agents.time_scale import MissionMs
 from apad_bridge.events.event import Event
-from apad_bridge.events.mission import MissionEnd, MissionState, Phase
-from apad_bridge.events.persons import Overridden, Steering
+from apad_bridge.events.mission_events import MissionEnd, MissionState, Phase
+from apad_bridge.events.person_events import Overridden, Steering
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.orders import AllowMotion, MissionAction, Order
-from apad_bridge.mission.values import Refused, Status
+from apad_bridge.mission.script_values import Refused, Status
 from apad_bridge.vehicle.commands import GoTo
 from apad_bridge.vehicle.guards.stops import StopsEnded
 from apad_bridge.vehicle.outcomes import Outcome

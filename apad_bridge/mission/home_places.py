@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Sequence
 
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.events.mission import ExchangeChanged, ExchangePhase
+from apad_bridge.events.mission_events import ExchangeChanged, ExchangePhase
 from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.planning.exchange import nearest_places
 from apad_bridge.planning.solution import StepKind

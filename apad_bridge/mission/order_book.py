@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from agents.time_scale import MissionMs
 from apad_bridge.events.event import Event
-from apad_bridge.events.mission import (
+from apad_bridge.events.mission_events import (
     DockSwitched,
     Leg,
     LegBegan,

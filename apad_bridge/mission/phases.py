@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from agents.time_scale import MissionMs
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.events.mission import MissionEnd, Phase, StepGivenUp
-from apad_bridge.events.run import EndReason
+from apad_bridge.events.mission_events import MissionEnd, Phase, StepGivenUp
+from apad_bridge.events.run_events import EndReason
 from apad_bridge.mission.docking_routine import DockingRoutine, DockingStep, GivenUp, OutOfReach
 from apad_bridge.mission.end_by import EndBy
 from apad_bridge.mission.home_stays import HomeStays

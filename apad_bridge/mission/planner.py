@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from agents.time_scale import MissionMs
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.events.mission import LeftAlone, MissionState
+from apad_bridge.events.mission_events import LeftAlone, MissionState
 from apad_bridge.mission.believed_dispatch import NOTHING_DUE, BelievedDispatch, Docked, Due, fullest_first
 from apad_bridge.mission.charging_watch import ChargingWatch
 from apad_bridge.mission.end_by import KnownEnd

@@ -7,8 +7,8 @@ from contextlib import AbstractContextManager, nullcontext
 from math import isfinite
 from typing import Any
 
-from apad_bridge.events.mission import PlanMade
-from apad_bridge.events.run import EndReason
+from apad_bridge.events.mission_events import PlanMade
+from apad_bridge.events.run_events import EndReason
 from apad_bridge.planning.candidates import Situation
 from apad_bridge.planning.costs import Scales, cost_of
 from apad_bridge.planning.registry import A_USERS_ERROR, label, words_of_package

@@ -10,7 +10,7 @@ from collections.abc import Container, Iterable, Sequence
 from agents.time_scale import MissionMs
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.modes import DOCKED, LIKELY, Mode
-from apad_bridge.events.mission import MissionState
+from apad_bridge.events.mission_events import MissionState
 from apad_bridge.mission.sources import BeliefSource
 from apad_bridge.planning.candidates import Candidate, Sea, Situation
 from apad_bridge.planning.energy_model import EnergyModel

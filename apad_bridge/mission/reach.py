@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from agents.time_scale import MissionMs
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.events.mission import BeyondReach, InReach
+from apad_bridge.events.mission_events import BeyondReach, InReach
 from apad_bridge.mission.home_places import HomePlaces
 from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.sources import BeliefSource

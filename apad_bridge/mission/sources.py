@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import Protocol
 
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.beliefs.fleet import Estimator
+from apad_bridge.beliefs.fleet_beliefs import Estimator
 
 
 class BeliefSource(Protocol):

@@ -1,6 +1,6 @@
 """The mission, carried forward from beliefs: how active the fleet is when a plan is flown, and how far the aPad drives.
 
-The projection follows the mission's rule (`planning/dispatch.py`) and the energy model, leg by leg. It begins
+The projection follows the mission's rule (`planning/dispatch_rule.py`) and the energy model, leg by leg. It begins
 with the plan that is judged and goes on with a base policy: the next aMussel costs the way to it, less
 `gain_m_per_charge` times the charge that it lacks, and the least cost is next. Where places are exchanged
 (`planning/exchange.py`), one way serves the collected and the released one. Nothing is random and no docking misses. The
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from math import dist, inf
 
 from apad_bridge.planning.candidates import Situation
-from apad_bridge.planning.dispatch import DispatchRule
+from apad_bridge.planning.dispatch_rule import DispatchRule
 from apad_bridge.planning.energy_model import EnergyModel
 from apad_bridge.planning.exchange import is_worth_it
 

@@ -27,7 +27,7 @@ from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
 from agents.time_scale import MissionMs, TimeScale
-from apad_bridge.events.run import RepairedBag
+from apad_bridge.events.run_events import RepairedBag
 from apad_bridge.records.bag_messages import APAD, BELIEFS, EVENT, SOUND, TRUTH, Messages, definition
 from apad_bridge.records.bag_samples import add_definition, refused
 from apad_bridge.records.packet_lines import SoundRow

@@ -9,8 +9,8 @@ from math import cos, hypot, isnan, radians
 from agents.mussel.outputs import Truth
 from apad_bridge.beliefs.belief import Belief, CapacityLeft
 from apad_bridge.events.event import Event
-from apad_bridge.events.fleet import BeliefChanged, CapacityLearned
-from apad_bridge.events.vehicle import APadMoved
+from apad_bridge.events.fleet_events import BeliefChanged, CapacityLearned
+from apad_bridge.events.vehicle_events import APadMoved
 from apad_bridge.records.samples import APadSample
 
 MUSSEL_MOVED_UM = 250_000

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-from apad_bridge.beliefs.fleet import FleetBeliefs
+from apad_bridge.beliefs.fleet_beliefs import FleetBeliefs
 from apad_bridge.beliefs.measurement import Measurement, measurement_of, measurement_row
 from apad_bridge.records.line_file import LineFile, read_lines
 

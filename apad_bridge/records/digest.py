@@ -14,11 +14,11 @@ from collections.abc import Callable, Iterable, Mapping
 from hashlib import blake2b
 from typing import Any, NamedTuple
 
+from apad_bridge.events.all_events import EVENTS
 from apad_bridge.events.event import Event, Uncounted
-from apad_bridge.events.fleet import TruthChanged
-from apad_bridge.events.mission import LegBegan, MissionChanged, PlanMade
-from apad_bridge.events.sound import PacketPassed, RangeMeasured
-from apad_bridge.events.union import EVENTS
+from apad_bridge.events.fleet_events import TruthChanged
+from apad_bridge.events.mission_events import LegBegan, MissionChanged, PlanMade
+from apad_bridge.events.sound_events import PacketPassed, RangeMeasured
 from firmware_model.power.charge import fraction
 
 Facts = Mapping[str, Any]

@@ -15,11 +15,11 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 from agents.time_scale import MissionMs
+from apad_bridge.events.all_events import event_of
 from apad_bridge.events.event import Event
-from apad_bridge.events.run import RunBegan
-from apad_bridge.events.union import event_of
+from apad_bridge.events.run_events import RunBegan
+from apad_bridge.records.field_types import fault_of
 from apad_bridge.records.line_file import Line, LineFile, LineTail, numbered_lines, read_lines
-from apad_bridge.records.line_types import fault_of
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 
 OfKind = TypeVar("OfKind", bound=Event)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from agents.modem.frames import TO_ALL
 from agents.water.medium import PacketOutcome
-from apad_bridge.events.sound import PacketPassed
+from apad_bridge.events.sound_events import PacketPassed
 
 _TO_ALL = frozenset(kind.name.lower() for kind in TO_ALL)
 

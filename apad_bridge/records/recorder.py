@@ -13,8 +13,8 @@ from agents.mussel.outputs import Truth
 from agents.time_scale import AgentMs, MissionMs
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.events.event import Event
-from apad_bridge.events.run import EndReason, RunResumed, TickPassed
-from apad_bridge.events.sound import PacketPassed
+from apad_bridge.events.run_events import EndReason, RunResumed, TickPassed
+from apad_bridge.events.sound_events import PacketPassed
 from apad_bridge.mission.facts import PlacedSample
 from apad_bridge.records.bag import BagWriter, repair_bag
 from apad_bridge.records.changes import (
@@ -42,9 +42,9 @@ from apad_bridge.scenario.firmware_config import takes_samples
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import save_starts
 from apad_bridge.scenario.starts_table import Start
-from apad_bridge.supervisor.core import LearnedState
+from apad_bridge.supervisor.supervisor import LearnedState
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
-from apad_bridge.vehicle.errors import PeerFailed
+from apad_bridge.vehicle.link_errors import PeerFailed
 
 DAY_MS = 86_400_000
 

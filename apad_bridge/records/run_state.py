@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from agents.mussel.outputs import Truth
 from agents.time_scale import MissionMs
 from apad_bridge.events.event import Event
-from apad_bridge.events.fleet import (
+from apad_bridge.events.fleet_events import (
     BeliefChanged,
     CapacityLearned,
     FaultBegan,
@@ -19,8 +19,8 @@ from apad_bridge.events.fleet import (
     TookOn,
     TruthChanged,
 )
-from apad_bridge.events.guards import Drifting, StopChanged, StopEnded, StopKind, StopState
-from apad_bridge.events.mission import (
+from apad_bridge.events.guard_events import Drifting, StopChanged, StopEnded, StopKind, StopState
+from apad_bridge.events.mission_events import (
     PRE_EMPTED,
     AMusselReleased,
     DockSwitched,
@@ -30,9 +30,9 @@ from apad_bridge.events.mission import (
     PrimitiveChanged,
     PrimitivePhase,
 )
-from apad_bridge.events.persons import Overridden, Steering
-from apad_bridge.events.run import RunEnded
-from apad_bridge.events.vehicle import APadMoved
+from apad_bridge.events.person_events import Overridden, Steering
+from apad_bridge.events.run_events import RunEnded
+from apad_bridge.events.vehicle_events import APadMoved
 from apad_bridge.records.journal import Entry, JournalContents
 from apad_bridge.records.summary import FailureCounts, Interruptions
 from apad_bridge.records.truth_lines import truth_of

@@ -12,9 +12,9 @@ from typing import Any
 
 from agents.time_scale import TimeScale
 from apad_bridge.events.event import Event
-from apad_bridge.events.fleet import Presence
-from apad_bridge.events.guards import DangerOver, GuardReacted, OrderRefused
-from apad_bridge.events.mission import (
+from apad_bridge.events.fleet_events import Presence
+from apad_bridge.events.guard_events import DangerOver, GuardReacted, OrderRefused
+from apad_bridge.events.mission_events import (
     PRE_EMPTED,
     BeyondReach,
     DockSwitched,
@@ -25,10 +25,10 @@ from apad_bridge.events.mission import (
     PrimitivePhase,
     StepGivenUp,
 )
-from apad_bridge.events.persons import Overridden, PersonOrdered
-from apad_bridge.events.run import EndReason
-from apad_bridge.events.vehicle import DocksDisagree
-from apad_bridge.records.line_types import BOOLEAN, INTEGER, NUMBER, TEXT, LineField, Type
+from apad_bridge.events.person_events import Overridden, PersonOrdered
+from apad_bridge.events.run_events import EndReason
+from apad_bridge.events.vehicle_events import DocksDisagree
+from apad_bridge.records.field_types import BOOLEAN, INTEGER, NUMBER, TEXT, LineField, Type
 from apad_bridge.records.uptime import AgentUptime, UptimeMeter
 from firmware_model.power.charge import fraction
 

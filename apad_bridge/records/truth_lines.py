@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from agents.mussel.outputs import Truth
 from agents.mussel.physical import Physical
-from apad_bridge.events.fleet import BatteryAnchor, TruthChanged
+from apad_bridge.events.fleet_events import BatteryAnchor, TruthChanged
 from firmware_model.actions import Buoyancy
 from firmware_model.power.charge import Battery, Flow
 

@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 
 from agents.mussel.outputs import Truth
 from agents.time_scale import MissionMs, TimeScale
-from apad_bridge.events.fleet import Presence
+from apad_bridge.events.fleet_events import Presence
 from apad_bridge.scenario.firmware_config import charge_models, works_on_secondary
 from apad_bridge.scenario.schema import Scenario
 from firmware_model.power.charge import Battery, ChargeModel

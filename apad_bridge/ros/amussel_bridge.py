@@ -34,7 +34,7 @@ from apad_bridge.ros.system.node import start_node
 from apad_bridge.ros.system.ros_time import follow_master
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.supervisor.packet_relay import RANGE, Carriage, PacketOrigin, RelayedPacket
-from apad_bridge.vehicle.errors import PeerFailed
+from apad_bridge.vehicle.link_errors import PeerFailed
 from firmware_model.packets import EVERYONE, CommandPacket, LogRecords, Packet, ShortStatus, StatusPacket
 from firmware_model.packets.codec import Codec
 

@@ -1,4 +1,4 @@
-"""Opens the door to live aPads for the checks (`doctor/door.py`), without a node of ours on the graph."""
+"""Opens the door to live aPads for the checks (`doctor/live_apad.py`), without a node of ours on the graph."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import Any
 from genpy import DeserializationError
 
 from apad_bridge.doctor.definitions import Md5s, python_md5s
-from apad_bridge.doctor.door import Door, NotAnnounced
-from apad_bridge.doctor.graph import Graph
+from apad_bridge.doctor.graph_checks import Graph
+from apad_bridge.doctor.live_apad import Door, NotAnnounced
 from apad_bridge.doctor.positions import PositionSample
 from apad_bridge.ros.types.any_message import AnyMessages
 from apad_bridge.ros.types.messages import generated_folder, use_generated_messages

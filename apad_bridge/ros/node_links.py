@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from agents.modem.firmware import metres_of
+from agents.modem.modem_model import metres_of
 from agents.packet_medium import Medium
 from agents.serial_port import SerialPort
 from apad_bridge.acoustics.serial.attached import AttachedModem, NanomodemResult
@@ -31,8 +31,8 @@ from apad_bridge.doctor.finding import CheckStatus
 from apad_bridge.doctor.modem import check_modem
 from apad_bridge.ros.links.laboratory_topics import LaboratoryPublishers, LaboratorySubscribers
 from apad_bridge.scenario.errors import UserError
-from apad_bridge.scenario.lab_interface.messages import LaboratoryPacket, MessageKind
-from apad_bridge.scenario.lab_interface.names import Names, Publication, Subscription, load_names
+from apad_bridge.scenario.lab_interface.lab_messages import LaboratoryPacket, MessageKind
+from apad_bridge.scenario.lab_interface.lab_names import Names, Publication, Subscription, load_names
 from firmware_model.packets import EVERYONE
 
 _WIFI = "udp:"

@@ -10,7 +10,7 @@ from apad_bridge.ros.system.lost_links import bound_calls
 from apad_bridge.ros.system.route import somebodys_master
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import ours_of_apad, plain
-from apad_bridge.vehicle.errors import PeerFailed
+from apad_bridge.vehicle.link_errors import PeerFailed
 
 use_generated_messages()
 

@@ -7,8 +7,8 @@ import time
 from dataclasses import dataclass
 
 from agents.time_scale import MissionMs
-from apad_bridge.events.fleet import BeliefChanged
-from apad_bridge.events.vehicle import APadMoved
+from apad_bridge.events.fleet_events import BeliefChanged
+from apad_bridge.events.vehicle_events import APadMoved
 from apad_bridge.records.journal import Entry, JournalTail
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.run_state import RunState

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from apad_bridge.ros_names.table import (
+from apad_bridge.ros_names.names_table import (
     BATTERY_ALERT,
     CLOCK,
     CLOCK_REACHED,

@@ -24,7 +24,7 @@ from agents.hosting import started
 from agents.hosting.interrupts import received_by
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.parent_protocol import ParentMessage, Said, from_line
-from apad_bridge.vehicle.errors import PeerFailed
+from apad_bridge.vehicle.link_errors import PeerFailed
 
 _PID_FILE = "supervisor.pid"
 _LOOK_S = 0.2

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 from agents.time_scale import MissionMs
-from apad_bridge.events.mission import PlanMade
+from apad_bridge.events.mission_events import PlanMade
 from apad_bridge.planning.registry import Trust
 from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.vehicle.commands import VehicleCommand
-from apad_bridge.vehicle.link import Cleared, VehicleLink
+from apad_bridge.vehicle.vehicle_link import Cleared, VehicleLink
 
 
 class _UncommandedVehicle:

@@ -11,7 +11,7 @@ from enum import IntEnum
 from pathlib import Path
 
 from apad_bridge.scenario.errors import UserError
-from apad_bridge.vehicle.errors import PeerFailed
+from apad_bridge.vehicle.link_errors import PeerFailed
 
 _SAYS_NO_MEMORY = ("failed to map segment", "annot allocate memory")
 _ONE_REQUEST, _ONE_LIBRARY = 2 << 20, 64 << 20

@@ -22,14 +22,14 @@ from agents.hosting.process_host import ProcessHost
 from agents.nursery.launch import NurseryFailed, StartedNursery
 from agents.time_scale import MissionMs
 from agents.water.sea import Sea
-from apad_bridge.assembly import fleet_parts, parts
-from apad_bridge.assembly.capacity import battery_worth_min
-from apad_bridge.assembly.energy_model import energy_model
+from apad_bridge.assembly import fleet_parts, flight_parts
+from apad_bridge.assembly.capacity_bounds import battery_worth_min
 from apad_bridge.assembly.flight_config import FlightConfig
 from apad_bridge.assembly.safety import safety_of
+from apad_bridge.assembly.scenario_energy_model import energy_model
 from apad_bridge.events.event import Event
-from apad_bridge.events.mission import MissionEnd
-from apad_bridge.events.run import EndReason, RunBegan, RunEnded
+from apad_bridge.events.mission_events import MissionEnd
+from apad_bridge.events.run_events import EndReason, RunBegan, RunEnded
 from apad_bridge.planning.registry import label
 from apad_bridge.records.journal import FORMAT_VERSION
 from apad_bridge.records.recorder import Recorder, RecordsFailed
@@ -44,14 +44,14 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts_table import Start
 from apad_bridge.supervisor.clock import AsFastAsPossible, ClockLost
 from apad_bridge.supervisor.context import Announce, FlightContext
-from apad_bridge.supervisor.core import Supervisor
 from apad_bridge.supervisor.forecast import Forecast, Forecaster
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.supervisor.run_spec import FROM_START, ResumePoint, RunSpec
 from apad_bridge.supervisor.sample_collection import NoSampleCollection, SampleCollection
-from apad_bridge.vehicle.errors import PeerFailed
+from apad_bridge.supervisor.supervisor import Supervisor
+from apad_bridge.vehicle.link_errors import PeerFailed
 from apad_bridge.world.apad.in_process import InProcessVehicle
-from apad_bridge.world.fleet import FlightFleet
+from apad_bridge.world.simulated_fleet import FlightFleet
 from apad_bridge.world.world import World
 
 _EPOCH = 1
@@ -141,9 +141,9 @@ def open_fleet(
 def in_process_context(config: FlightConfig, fleet: FlightFleet) -> FlightContext:
     """Virtual time with the simulated aPad in this process."""
     return FlightContext(
-        vehicle=InProcessVehicle(parts.simulated_apad(config.scenario)),
+        vehicle=InProcessVehicle(flight_parts.simulated_apad(config.scenario)),
         pace=AsFastAsPossible(),
-        world=World(fleet, parts.fault_injection(config, fleet)),
+        world=World(fleet, flight_parts.fault_injection(config, fleet)),
         safety=safety_of(config.scenario),
     )
 
@@ -237,7 +237,7 @@ def prepare(
     if spec.resume_point is not None:
         context.safety.gate.stops.restore(spec.resume_point.stops)
     samples = _collection(config, context, recorder)
-    flight = parts.flight(config, context, flight_recorder, spec, samples, (show_tick,))
+    flight = flight_parts.flight(config, context, flight_recorder, spec, samples, (show_tick,))
     context.ended_by_graph(flight.stop)
 
     def finish() -> dict[str, Any]:

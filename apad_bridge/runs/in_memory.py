@@ -12,14 +12,14 @@ from agents.mussel.outputs import Truth
 from agents.time_scale import MissionMs
 from agents.water.sea import Sea
 from agents.water.sea_client import RemoteSea
-from apad_bridge.assembly import fleet_parts, parts
-from apad_bridge.assembly.capacity import battery_worth_min
+from apad_bridge.assembly import fleet_parts, flight_parts
+from apad_bridge.assembly.capacity_bounds import battery_worth_min
 from apad_bridge.assembly.division import Member
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.events.event import Event
-from apad_bridge.events.fleet import PresenceChanged
-from apad_bridge.events.mission import MissionState
+from apad_bridge.events.fleet_events import PresenceChanged
+from apad_bridge.events.mission_events import MissionState
 from apad_bridge.mission.facts import PlacedSample
 from apad_bridge.planning.registry import Trust
 from apad_bridge.records.journal import Entry, JournalContents
@@ -99,7 +99,7 @@ def open_flight(
     fleet = fleet_parts.fleet_of(config, host, dict.fromkeys(initial_states, 0), sea=sea)
     context = join(in_process_context(config, fleet))
     recorder = recorder_of(scenario)
-    return parts.flight(config, context, recorder, spec, SampleCollection(config.ids)), recorder
+    return flight_parts.flight(config, context, recorder, spec, SampleCollection(config.ids)), recorder
 
 
 def fly_in_memory(scenario: Scenario) -> tuple[dict[str, Any], MemoryRecorder]:

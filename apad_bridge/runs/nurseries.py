@@ -23,8 +23,8 @@ from apad_bridge.records.run_directory import PRIVATE, RunDirectory
 from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts_table import Start
-from apad_bridge.vehicle.errors import PeerFailed
-from apad_bridge.world.fleet import FlightFleet
+from apad_bridge.vehicle.link_errors import PeerFailed
+from apad_bridge.world.simulated_fleet import FlightFleet
 
 FOLDER = "fleet"
 _LAST_EPOCH = 2**31

@@ -42,11 +42,11 @@ from apad_bridge.runs.display import JointDisplay, ProgressDisplay
 from apad_bridge.runs.exits import Exit
 from apad_bridge.runs.nurseries import end_fleet, start_nursery
 from apad_bridge.runs.parent_protocol import APadView, Failed, Gave, Kept, ParentMessage, Said, Summary
-from apad_bridge.runs.several.summary import Flown
+from apad_bridge.runs.several.joint_summary import Flown
 from apad_bridge.runs.status import RunStatus
 from apad_bridge.scenario.another_apad import Sharing
 from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource
-from apad_bridge.vehicle.errors import PeerFailed
+from apad_bridge.vehicle.link_errors import PeerFailed
 
 if TYPE_CHECKING:
     from apad_bridge.runs.several.reassignment import Reassigner

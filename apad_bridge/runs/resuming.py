@@ -17,9 +17,9 @@ from apad_bridge.runs.children import not_suspended, supervisor_of
 from apad_bridge.runs.display import ProgressDisplay
 from apad_bridge.runs.nurseries import end_fleet, fleet_lives
 from apad_bridge.runs.parent import MASTER_S, Run, SupervisorWatch
-from apad_bridge.runs.several.summary import Flown
+from apad_bridge.runs.several.joint_summary import Flown
 from apad_bridge.scenario.run_options import RunOptions
-from apad_bridge.vehicle.errors import PeerFailed
+from apad_bridge.vehicle.link_errors import PeerFailed
 
 
 def resume(

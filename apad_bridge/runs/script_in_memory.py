@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from apad_bridge.events.mission import MissionState
-from apad_bridge.events.run import EndReason
+from apad_bridge.events.mission_events import MissionState
+from apad_bridge.events.run_events import EndReason
 from apad_bridge.planning.registry import Trust
 from apad_bridge.records.journal import Entry
 from apad_bridge.runs.in_memory import open_flight

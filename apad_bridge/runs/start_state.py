@@ -11,17 +11,17 @@ from pathlib import Path
 from agents.coordinator import Coordinator
 from agents.mussel.stimuli import AgentStimulus, ContactClosed, ContactOpened, Placed, from_json
 from agents.time_scale import TICK_MS, AgentMs, MissionMs
-from apad_bridge.assembly import parts
-from apad_bridge.assembly.capacity import battery_worth_min
+from apad_bridge.assembly import flight_parts
+from apad_bridge.assembly.capacity_bounds import battery_worth_min
 from apad_bridge.assembly.flight_config import FlightConfig
-from apad_bridge.events.fleet import (
+from apad_bridge.events.fleet_events import (
     HandedOn,
     Presence,
     Stimulated,
     TookOn,
 )
-from apad_bridge.events.run import KnowledgeRestored
-from apad_bridge.events.vehicle import APadMoved
+from apad_bridge.events.run_events import KnowledgeRestored
+from apad_bridge.events.vehicle_events import APadMoved
 from apad_bridge.records.checkpoint import NoCheckpoint, restore
 from apad_bridge.records.journal import JournalContents, read_journal
 from apad_bridge.records.recorder import Recorder, Resumed
@@ -33,9 +33,9 @@ from apad_bridge.scenario.run_options import BenchPart, RunOptions
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.scenario.timed_faults import injection
-from apad_bridge.supervisor.core import LearnedState
 from apad_bridge.supervisor.run_spec import ResumePoint
-from apad_bridge.vehicle.errors import PeerFailed
+from apad_bridge.supervisor.supervisor import LearnedState
+from apad_bridge.vehicle.link_errors import PeerFailed
 from apad_bridge.world.fault_injection import Ongoing
 from apad_bridge.world.roster import Presences
 
@@ -74,7 +74,7 @@ def with_apad_as_seen(scenario: Scenario, seen: APadMoved | None) -> Scenario | 
         return None
     start = scenario.apad.battery.start_fraction
     values = {
-        "area.home_m": parts.home_stays(scenario).place_m,
+        "area.home_m": flight_parts.home_stays(scenario).place_m,
         "apad.start_m": (seen.north_m, seen.east_m),
         "apad.battery.start_fraction": start if seen.battery is None else seen.battery,
     }
@@ -233,7 +233,7 @@ def presence_lines(presences: Presences) -> list[str]:
 
 def _nothing_learned(config: FlightConfig, options: RunOptions) -> LearnedState:
     # The aPad's modem is simulated with the water, and so with the fleet. A mission alone has none.
-    return parts.initial_learned_state(config, has_modem=options.part is not BenchPart.MISSION)
+    return flight_parts.initial_learned_state(config, has_modem=options.part is not BenchPart.MISSION)
 
 
 def restore_learned(

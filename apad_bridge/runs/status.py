@@ -11,7 +11,7 @@ from apad_bridge.supervisor.forecast import Forecast
 from firmware_model.state_groups import DOCKED
 
 if TYPE_CHECKING:
-    from apad_bridge.supervisor.core import Supervisor
+    from apad_bridge.supervisor.supervisor import Supervisor
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,16 +21,16 @@ from agents.hosting.interrupts import held_back, let_in
 from agents.time_scale import TICK_MS, MissionMs
 from agents.water.sea_client import RemoteSea, SeaRefused
 from apad_bridge.acoustics.serial.lines import open_serial_lines
-from apad_bridge.assembly import parts
+from apad_bridge.assembly import flight_parts
 from apad_bridge.assembly.flight_config import FlightConfig, flight_config
 from apad_bridge.events.event import Event
-from apad_bridge.events.guards import StopChanged, StopKind, StopState
-from apad_bridge.events.mission import StandsDown
+from apad_bridge.events.guard_events import StopChanged, StopKind, StopState
+from apad_bridge.events.mission_events import StandsDown
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.manual import CommandSource
 from apad_bridge.planning.registry import Trust
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
-from apad_bridge.ros.context import open_flight_context
+from apad_bridge.ros.flight_opening import open_flight_context
 from apad_bridge.ros.gateway.primitive_services import primitives_offered
 from apad_bridge.ros.gateway.run_services import RunServices
 from apad_bridge.ros.system.master_watch import forget_silent_master
@@ -51,11 +51,11 @@ from apad_bridge.scenario.run_options import BenchPart, RunOptions
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.amussel_orders import AMusselOrders
 from apad_bridge.supervisor.context import FlightContext
-from apad_bridge.supervisor.control import control_offered
+from apad_bridge.supervisor.control_server import control_offered
 from apad_bridge.supervisor.run_spec import ResumePoint, RunSpec
-from apad_bridge.vehicle.errors import PeerFailed
+from apad_bridge.vehicle.link_errors import PeerFailed
 from apad_bridge.world.contacts import Contacts
-from apad_bridge.world.fleet import FlightFleet, NoFleet
+from apad_bridge.world.simulated_fleet import FlightFleet, NoFleet
 from apad_bridge.world.world import World
 from firmware_model.entry_points import in_one_line, package_to_blame
 
@@ -209,7 +209,7 @@ def _adopt_fleet(run: _Run) -> tuple[_Run, FlightFleet | NoFleet]:
 def _flight_context(run: _Run, fleet: FlightFleet | NoFleet) -> Iterator[FlightContext]:
     """Opens the parts of the flight: those on the graph, the serial lines, and the link to other aPads' runs."""
     scenario, options, start_state = run.config.scenario, run.options, run.start_state
-    faults = parts.fault_injection(
+    faults = flight_parts.fault_injection(
         run.config,
         fleet,
         start_state.journal.last_ms if options.is_resumed else -1,

@@ -23,7 +23,7 @@ from apad_bridge.scenario.faults import Fault
 from apad_bridge.scenario.firmware_config import can_fill, codec_of, grains_of_milliwatts
 from apad_bridge.scenario.full_firmware_options import FullFirmwareOptions, SleepCycle
 from apad_bridge.scenario.guard_options import GuardOptions
-from apad_bridge.scenario.lab_interface.names import load_names
+from apad_bridge.scenario.lab_interface.lab_names import load_names
 from apad_bridge.scenario.schema import (
     LIMITS,
     DockedAtHome,

@@ -8,7 +8,7 @@ from decimal import ROUND_HALF_EVEN, Decimal
 from functools import cache
 from typing import Any
 
-from agents.fleet import Spread
+from agents.fleet_config import Spread
 from agents.modem.frames import ModemGeneration, duration_ms
 from apad_bridge.scenario.board import Board
 from apad_bridge.scenario.errors import ScenarioError

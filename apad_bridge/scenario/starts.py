@@ -14,7 +14,7 @@ from hashlib import blake2b
 from pathlib import Path
 from struct import Struct
 
-from agents.fleet import deviations_of
+from agents.fleet_config import deviations_of
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.area.polygon import Point, bounding_box, contains
 from apad_bridge.scenario.errors import ScenarioError, in_ranges

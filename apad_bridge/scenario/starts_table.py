@@ -15,7 +15,7 @@ from difflib import get_close_matches
 from math import hypot, isfinite
 from pathlib import Path
 
-from agents.water.table import number_of
+from agents.water.csv_table import number_of
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.text_file import text_of

@@ -16,11 +16,18 @@ from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any
 
 from apad_bridge.beliefs.input_ranges import FARTHEST_M
-from apad_bridge.events.mission import MissionEnd
-from apad_bridge.events.persons import ScriptTold
-from apad_bridge.events.run import EndReason
+from apad_bridge.events.mission_events import MissionEnd
+from apad_bridge.events.person_events import ScriptTold
+from apad_bridge.events.run_events import EndReason
 from apad_bridge.mission.manual import ManualMission
-from apad_bridge.mission.values import Refused, ScriptEvent, Status, dock_index_of, dock_of, manoeuvre_of
+from apad_bridge.mission.script_values import (
+    Refused,
+    ScriptEvent,
+    Status,
+    dock_index_of,
+    dock_of,
+    manoeuvre_of,
+)
 from apad_bridge.planning.costs import CostBreakdown
 from apad_bridge.scripting import planned
 from apad_bridge.scripting.planned import Plan

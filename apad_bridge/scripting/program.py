@@ -18,8 +18,8 @@ from pathlib import Path
 from types import CodeType
 from typing import Any
 
-from apad_bridge.events.mission import MissionEnd
-from apad_bridge.events.run import EndReason
+from apad_bridge.events.mission_events import MissionEnd
+from apad_bridge.events.run_events import EndReason
 from apad_bridge.mission.manual import ManualMission
 from apad_bridge.planning.registry import Trust
 from apad_bridge.scenario.area.local_frame import LocalFrame

@@ -26,7 +26,7 @@ from pydantic_core import ErrorDetails, PydanticCustomError
 
 from agents.time_scale import MissionMs
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.beliefs.fleet import Estimator
+from apad_bridge.beliefs.fleet_beliefs import Estimator
 from apad_bridge.beliefs.questions import (
     Question,
     candidate_below,
@@ -37,7 +37,7 @@ from apad_bridge.beliefs.questions import (
 )
 from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.pool import ChargingPool
-from apad_bridge.mission.values import Agent, Location, Refused, dock_of
+from apad_bridge.mission.script_values import Agent, Location, Refused, dock_of
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.errors import in_ranges
 from apad_bridge.scenario.schema import Mission

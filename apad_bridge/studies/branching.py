@@ -21,13 +21,13 @@ from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import SoundSent, Truth, WifiSent
 from agents.mussel.stimuli import AgentStimulus, WasReset, from_json
 from agents.time_scale import TICK_MS, AgentMs, MissionMs
-from apad_bridge.assembly import fleet_parts, parts
-from apad_bridge.assembly.capacity import battery_worth_min
+from apad_bridge.assembly import fleet_parts, flight_parts
+from apad_bridge.assembly.capacity_bounds import battery_worth_min
 from apad_bridge.assembly.division import members
 from apad_bridge.assembly.flight_config import FlightConfig, flight_config
 from apad_bridge.assembly.safety import safety_of
-from apad_bridge.events.fleet import ProcessDied, Stimulated
-from apad_bridge.events.mission import Phase
+from apad_bridge.events.fleet_events import ProcessDied, Stimulated
+from apad_bridge.events.mission_events import Phase
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.facts import SoundHeard, StandDownRequested, WifiHeard
 from apad_bridge.planning import registry
@@ -50,13 +50,13 @@ from apad_bridge.scenario.starts import starts_of
 from apad_bridge.scenario.surface import surface_of
 from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
-from apad_bridge.supervisor.core import LearnedState
 from apad_bridge.supervisor.run_spec import RunSpec
 from apad_bridge.supervisor.sample_collection import SampleCollection
-from apad_bridge.world.apad.apad import SimulatedAPad
+from apad_bridge.supervisor.supervisor import LearnedState
 from apad_bridge.world.apad.in_process import InProcessVehicle
+from apad_bridge.world.apad.simulated_apad import SimulatedAPad
 from apad_bridge.world.contacts import Contacts
-from apad_bridge.world.fleet import FlightFleet
+from apad_bridge.world.simulated_fleet import FlightFleet
 from apad_bridge.world.world import World
 from firmware_model.stimuli import ResetCause
 
@@ -201,7 +201,7 @@ def _turn(opened: _Opened, changed: Scenario, turn: Turn, trust: registry.Trust 
     for name, it in opened.runner.flights.items():
         supervisor = it.flight.supervisor
         assert isinstance(supervisor.mission, EnergyExchange)
-        supervisor.mission.change_planning(parts.plan_rules(changed, trust))
+        supervisor.mission.change_planning(flight_parts.plan_rules(changed, trust))
         if name == turn.lost_apad:
             supervisor.receive(StandDownRequested(it.flight.now_ms, LOST_APAD))
 
@@ -264,7 +264,7 @@ def _from_records(
         world=World(relived.fleet, contacts=Contacts(relived.docked)),
         safety=safety_of(scenario),
     )
-    flight = parts.flight(
+    flight = flight_parts.flight(
         config,
         context,
         recorder,
@@ -290,9 +290,9 @@ def _relive(
         InProcessHost(fleet_parts.fleet_config(config), initial_states),
         dict.fromkeys(initial_states, 0),
     )
-    learned = parts.initial_learned_state(config)
+    learned = flight_parts.initial_learned_state(config)
     # It is told no position, so its mission orders nothing.
-    listener = parts.supervisor(config, RunSpec(learned=learned))
+    listener = flight_parts.supervisor(config, RunSpec(learned=learned))
     felt: dict[int, list[Stimulated | ProcessDied]] = defaultdict(list)
     for t, event in journal.events(*_FELT):
         felt[-(-t // TICK_MS) * TICK_MS].append(event)
@@ -326,7 +326,7 @@ def _apad_at(scenario: Scenario, state: RunState, at_ms: MissionMs) -> Simulated
     if (seen := with_apad_as_seen(scenario, state.apad)) is None:
         raise UserError(f"the aPad was not seen before {at_ms / 1000:g} s")
     config, home_m, sea = seen.apad, seen.area.home_m, surface_of(scenario)
-    apad = SimulatedAPad(config, parts.misses(scenario), home_m, dict(state.mission.docked), sea)
+    apad = SimulatedAPad(config, flight_parts.misses(scenario), home_m, dict(state.mission.docked), sea)
     for now_ms in [*range(0, at_ms, _BATTERY_HELD_MS), at_ms]:
         # It waits there from time 0 on, and what it draws meanwhile is given back.
         apad.advance(now_ms)

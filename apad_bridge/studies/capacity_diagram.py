@@ -16,8 +16,8 @@ from typing import Any
 
 from rich.table import Table
 
-from apad_bridge.analysis.report.figures import as_file
-from apad_bridge.assembly.capacity import Bounds
+from apad_bridge.analysis.report.report_figures import as_file
+from apad_bridge.assembly.capacity_bounds import Bounds
 from apad_bridge.planning.registry import Trust
 from apad_bridge.scenario.loader import SHIPPED, with_values
 from apad_bridge.scenario.schema import Scenario

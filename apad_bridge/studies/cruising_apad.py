@@ -29,12 +29,12 @@ from apad_bridge.vehicle.commands import (
     Stop,
     VehicleCommand,
 )
-from apad_bridge.vehicle.link import Carried, Cleared, LetGo, LinkFact
-from apad_bridge.world.apad.apad import BATTERY_EMPTY, ArrivalWatch
-from apad_bridge.world.apad.docks import Docks, Misses
+from apad_bridge.vehicle.vehicle_link import Carried, Cleared, LetGo, LinkFact
+from apad_bridge.world.apad.dock_mechanisms import Docks, Misses
 from apad_bridge.world.apad.kinematics import STEP_MS, STEP_S, Pose
 from apad_bridge.world.apad.motion import Motion
 from apad_bridge.world.apad.power import Charger, HullBattery
+from apad_bridge.world.apad.simulated_apad import BATTERY_EMPTY, ArrivalWatch
 from firmware_model.power.charge import MS_PER_HOUR
 
 _SECOND_MS = 1000

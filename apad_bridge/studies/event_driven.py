@@ -27,7 +27,7 @@ from agents.hosting.in_process import InProcessHost
 from agents.mussel.body import drift_words
 from agents.mussel.outputs import Truth
 from agents.time_scale import TICK_MS, MissionMs
-from apad_bridge.assembly import fleet_parts, parts
+from apad_bridge.assembly import fleet_parts, flight_parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.hold_last import HoldLast
@@ -46,12 +46,12 @@ from apad_bridge.scenario.schema import (
 )
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.studies.cruising_apad import CruisingAPad
-from apad_bridge.studies.figures import FigureMeter, Figures
+from apad_bridge.studies.mission_figures import FigureMeter, Figures
 from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
-from apad_bridge.supervisor.core import LearnedState
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.supervisor.run_spec import RunSpec
+from apad_bridge.supervisor.supervisor import LearnedState
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
 from apad_bridge.world.world import World
 from firmware_model.packets.wire import CHARGE_STEPS
@@ -106,14 +106,14 @@ def fly_event_driven(scenario: Scenario, trust: registry.Trust | None = None) ->
     initial_states = fleet_parts.initial_states(scenario, starts_of(scenario))
     host = InProcessHost(fleet_parts.fleet_config(config), initial_states)
     fleet = fleet_parts.fleet_of(config, host, dict.fromkeys(initial_states, 0))
-    vehicle = CruisingAPad(scenario.apad, parts.misses(scenario), scenario.area.home_m)
+    vehicle = CruisingAPad(scenario.apad, flight_parts.misses(scenario), scenario.area.home_m)
     beliefs = TruthfulReports(scenario)
     learned = LearnedState(
-        beliefs, parts.initial_learned_state(config).ranging, Allocation(beliefs, config.ids)
+        beliefs, flight_parts.initial_learned_state(config).ranging, Allocation(beliefs, config.ids)
     )
     recorder = EventRecorder(beliefs, FigureMeter(scenario))
     context = FlightContext(vehicle=vehicle, pace=AsFastAsPossible(), world=World(fleet))
-    flight = parts.flight(config, context, recorder, RunSpec(learned=learned))
+    flight = flight_parts.flight(config, context, recorder, RunSpec(learned=learned))
     supervisor = flight.supervisor
     mission = supervisor.mission
     assert isinstance(mission, EnergyExchange), "no script flies a study"
@@ -292,7 +292,7 @@ class Ticks:
         self._mission = mission
         self._beliefs = beliefs
         self._vehicle = vehicle
-        self._home = parts.home_stays(scenario)
+        self._home = flight_parts.home_stays(scenario)
         home = scenario.apad.home
         self._ends_at = scenario.mission.end_at_apad_fraction
         self._least_battery = self._ends_at if home is None else max(self._ends_at, home.go_at)

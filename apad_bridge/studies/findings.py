@@ -13,8 +13,10 @@ from typing import Any
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from apad_bridge.studies.figures import COLUMNS
-from apad_bridge.studies.report import (
+from apad_bridge.studies.mission_figures import COLUMNS
+from apad_bridge.studies.runner import Row
+from apad_bridge.studies.specification import StudyPlan
+from apad_bridge.studies.study_report import (
     HEADINGS,
     NO_ENERGY,
     REPORT,
@@ -27,8 +29,6 @@ from apad_bridge.studies.report import (
     verdict,
     write_report,
 )
-from apad_bridge.studies.runner import Row
-from apad_bridge.studies.specification import StudyPlan
 from apad_bridge.studies.sweep_figure import draw, sweep_of
 
 _PAGE_MM = 160.0

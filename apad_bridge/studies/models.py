@@ -5,13 +5,13 @@ from __future__ import annotations
 from enum import StrEnum
 
 from agents.mussel.outputs import Truth
-from apad_bridge.events.run import EndReason
+from apad_bridge.events.run_events import EndReason
 from apad_bridge.mission.plans import StrategyFailed
 from apad_bridge.planning.registry import Trust
 from apad_bridge.runs.in_memory import MemoryRecorder, open_flight
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.studies.event_driven import fly_event_driven
-from apad_bridge.studies.figures import FigureMeter, Figures
+from apad_bridge.studies.mission_figures import FigureMeter, Figures
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.world.apad.in_process import InProcessVehicle
 

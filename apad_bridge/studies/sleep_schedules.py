@@ -13,7 +13,7 @@ from typing import Any
 
 from rich.table import Table
 
-from apad_bridge.assembly.capacity import bounds_of
+from apad_bridge.assembly.capacity_bounds import bounds_of
 from apad_bridge.scenario.loader import SHIPPED
 from apad_bridge.studies.capacity_diagram import UNLIMITED_WH
 from apad_bridge.studies.findings import Findings, table_of

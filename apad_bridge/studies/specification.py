@@ -30,7 +30,7 @@ from apad_bridge.scenario.schema import RandomStart, Scenario
 from apad_bridge.scenario.text_file import write_atomically
 from apad_bridge.scenario.yaml_text import yaml_of
 from apad_bridge.studies.event_driven import model_gap
-from apad_bridge.studies.figures import COLUMNS
+from apad_bridge.studies.mission_figures import COLUMNS
 from apad_bridge.studies.models import Model
 
 PAPER_START = TypeAdapter(RandomStart).validate_python({"charge": (0.6, 1.0)})

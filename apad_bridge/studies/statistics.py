@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from apad_bridge.studies.figures import COLUMNS
+from apad_bridge.studies.mission_figures import COLUMNS
 from apad_bridge.studies.runner import Row
 
 

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from apad_bridge.studies.report import HEADINGS, difference_text, estimate_text
 from apad_bridge.studies.runner import Row
 from apad_bridge.studies.specification import StudyPlan
 from apad_bridge.studies.statistics import Difference, Estimate, difference_of, estimate_of, holm_adjusted
+from apad_bridge.studies.study_report import HEADINGS, difference_text, estimate_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -12,11 +12,11 @@ from typing import Annotated
 
 from pydantic import Field, FiniteFloat
 
-from apad_bridge.events.persons import PersonOrdered
+from apad_bridge.events.person_events import PersonOrdered
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.flight_mission import FlightMission
 from apad_bridge.mission.orders import Order, PermitSurfacing, PingAgent
-from apad_bridge.mission.values import Refused
+from apad_bridge.mission.script_values import Refused
 from apad_bridge.scenario.timed_faults import TABLE, TimedFault
 from apad_bridge.world.roster import (
     FaultRequest,

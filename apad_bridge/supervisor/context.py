@@ -9,16 +9,16 @@ from dataclasses import dataclass, field
 from agents.time_scale import MissionMs
 from apad_bridge.acoustics.serial.lines import SerialLines
 from apad_bridge.events.event import Event
-from apad_bridge.events.mission import MissionEnd
+from apad_bridge.events.mission_events import MissionEnd
 from apad_bridge.mission.breakdown import NeverStandsDown, StandDownRule
 from apad_bridge.mission.plans import Planning, untold
 from apad_bridge.supervisor.clock import Pace
-from apad_bridge.supervisor.core import Supervisor
 from apad_bridge.supervisor.forecast import Forecast
 from apad_bridge.supervisor.packet_relay import PacketRelay, no_relay
+from apad_bridge.supervisor.supervisor import Supervisor
 from apad_bridge.vehicle.capabilities import Capabilities
 from apad_bridge.vehicle.guards.gate import Safety, plain_safety
-from apad_bridge.vehicle.link import VehicleLink
+from apad_bridge.vehicle.vehicle_link import VehicleLink
 from apad_bridge.world.world import World
 
 Watcher = Callable[[MissionMs], None]

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from apad_bridge.events.person_orders import LONGEST_NAME, LONGEST_REMARK, Act
-from apad_bridge.vehicle.errors import PeerFailed
+from apad_bridge.vehicle.link_errors import PeerFailed
 
 if TYPE_CHECKING:
     from apad_bridge.supervisor.amussel_orders import AMusselRequest

@@ -26,10 +26,16 @@ from agents.water.sea_events import (
     StimulusDelivered,
 )
 from apad_bridge.events.event import Event
-from apad_bridge.events.fleet import APadLeftWater, PresenceChanged, ProcessDied, StateDisbelieved, Stimulated
-from apad_bridge.events.mission import MissionEnd
-from apad_bridge.events.run import EndReason
-from apad_bridge.events.sound import LinksRead, ModemTold, RangeMeasured
+from apad_bridge.events.fleet_events import (
+    APadLeftWater,
+    PresenceChanged,
+    ProcessDied,
+    StateDisbelieved,
+    Stimulated,
+)
+from apad_bridge.events.mission_events import MissionEnd
+from apad_bridge.events.run_events import EndReason
+from apad_bridge.events.sound_events import LinksRead, ModemTold, RangeMeasured
 from apad_bridge.mission.facts import (
     EndRequested,
     KeepSamples,
@@ -42,12 +48,12 @@ from apad_bridge.mission.facts import (
 from apad_bridge.mission.orders import StopVehicle, VehicleOrder
 from apad_bridge.supervisor.clock import StopSign
 from apad_bridge.supervisor.context import FlightContext, Watcher
-from apad_bridge.supervisor.core import Supervisor
 from apad_bridge.supervisor.packet_relay import RemoteContact
 from apad_bridge.supervisor.recorder_interface import FlightRecorder
+from apad_bridge.supervisor.supervisor import Supervisor
 from apad_bridge.vehicle.commands import CloseDock, OpenDock, PoseReported
 from apad_bridge.vehicle.guards.guarded_vehicle import GuardedVehicle
-from apad_bridge.vehicle.link import APadSeen, Carried, LetGo
+from apad_bridge.vehicle.vehicle_link import APadSeen, Carried, LetGo
 from firmware_model.packets.wire import EVERYONE
 
 _ROUNDS = 8

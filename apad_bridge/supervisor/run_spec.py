@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from agents.time_scale import TICK_MS, MissionMs
-from apad_bridge.events.mission import MissionState
-from apad_bridge.events.persons import Steering
+from apad_bridge.events.mission_events import MissionState
+from apad_bridge.events.person_events import Steering
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.manual import CommandSource
-from apad_bridge.supervisor.core import LearnedState
+from apad_bridge.supervisor.supervisor import LearnedState
 from apad_bridge.vehicle.guards.stops import NO_STOPS, StopsState
 from apad_bridge.vehicle.outcomes import PrimitiveFailed
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from enum import Enum, IntEnum, auto
 from typing import Any
 
-from apad_bridge.vehicle.link import Cleared
+from apad_bridge.vehicle.vehicle_link import Cleared
 
 PATIENCE_MS = 5_000
 STOP_PATIENCE_MS = 3_000

@@ -10,8 +10,8 @@ from typing import Generic, Protocol, TypeVar
 from apad_bridge.beliefs.input_ranges import out_of_range
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
 from apad_bridge.vehicle.guards.gate import Gate
-from apad_bridge.vehicle.link import LinkFact
 from apad_bridge.vehicle.stack_messages import BatteryReceived, StateRefReceived
+from apad_bridge.vehicle.vehicle_link import LinkFact
 
 SILENT_MS = 5_000
 """Positions come at 10 Hz: fifty of them missing are no jitter."""

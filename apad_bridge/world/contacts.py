@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterable, Mapping
 from agents.mussel.outputs import Truth
 from agents.mussel.stimuli import AgentStimulus, ContactClosed, ContactOpened, DockMoved
 from apad_bridge.vehicle.commands import PoseReported
-from apad_bridge.vehicle.link import Carried, LetGo
 from apad_bridge.vehicle.telemetry import FAR_M
+from apad_bridge.vehicle.vehicle_link import Carried, LetGo
 from firmware_model.actions import Buoyancy
 
 FloatingPlaces = Callable[[int], Mapping[int, tuple[float, float]]]

@@ -27,16 +27,16 @@ from agents.mussel.stimuli import (
 )
 from agents.time_scale import TimeScale
 from apad_bridge.events.event import Event
-from apad_bridge.events.fleet import FaultBegan, FaultEnded
+from apad_bridge.events.fleet_events import FaultBegan, FaultEnded
 from apad_bridge.scenario.timed_faults import Injection, TimedFault
-from apad_bridge.vehicle.link import VehicleLink
+from apad_bridge.vehicle.vehicle_link import VehicleLink
 from apad_bridge.world.faulty_link import FaultyLink
 from firmware_model.power.charge import grains
 from firmware_model.state_groups import DOCKED
 from firmware_model.stimuli import ResetCause
 
 if TYPE_CHECKING:
-    from apad_bridge.beliefs.fleet import FleetBeliefs
+    from apad_bridge.beliefs.fleet_beliefs import FleetBeliefs
 
 
 REAL_HULL = "a real aPad flies: faults are for runs with the simulated one"

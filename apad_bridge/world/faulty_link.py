@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from apad_bridge.scenario.timed_faults import Injection, TimedFault
 from apad_bridge.vehicle.commands import CloseDock, CommandFailed, OpenDock, PoseReported, VehicleCommand
-from apad_bridge.vehicle.link import APadSeen, Carried, Cleared, LetGo, LinkFact, VehicleLink
+from apad_bridge.vehicle.vehicle_link import APadSeen, Carried, Cleared, LetGo, LinkFact, VehicleLink
 
 
 class FaultyLink:

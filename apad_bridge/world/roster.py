@@ -21,13 +21,13 @@ from agents.mussel.stimuli import Placed
 from agents.time_scale import MissionMs
 from apad_bridge.beliefs.input_ranges import FARTHEST_M
 from apad_bridge.beliefs.measurement import HandedOver
-from apad_bridge.events.fleet import Presence, PresenceChanged
+from apad_bridge.events.fleet_events import Presence, PresenceChanged
 from apad_bridge.scenario.timed_faults import TimedFault, injection
 from apad_bridge.world.fault_injection import Action, FaultInjection, NoFaults, is_docked
 from firmware_model.power.charge import grains
 
 if TYPE_CHECKING:
-    from apad_bridge.beliefs.fleet import FleetBeliefs
+    from apad_bridge.beliefs.fleet_beliefs import FleetBeliefs
 
 ANSWER_S = 10.0
 """A tick comes once a mission second. After so long without one, a request is answered without it."""

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 from apad_bridge.scenario.faults import Fault
-from apad_bridge.world.apad.apad import SimulatedAPad
 from apad_bridge.world.apad.kinematics import Pose
+from apad_bridge.world.apad.simulated_apad import SimulatedAPad
 
 
 @dataclass(frozen=True, slots=True)

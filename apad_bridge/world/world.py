@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 
 from apad_bridge.world.contacts import Contacts
 from apad_bridge.world.fault_injection import FaultInjection, NoFaults
-from apad_bridge.world.fleet import FlightFleet, NoFleet
 from apad_bridge.world.roster import NoRoster, Roster
+from apad_bridge.world.simulated_fleet import FlightFleet, NoFleet
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from agents.coordinator import AgentDied, Coordinator
-from agents.fleet import resting_on_bottom
+from agents.fleet_config import resting_on_bottom
 from agents.hosting.host import Death, Grant, Reply
 from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Output, Truth, WifiSent

@@ -17,7 +17,7 @@ from safety.person import says_done
 from safety.track import is_inside
 
 from apad_bridge.events.person_orders import Act
-from apad_bridge.imc.orders import ConsoleOrder, ConsoleOrders
+from apad_bridge.imc.console_orders import ConsoleOrder, ConsoleOrders
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.loader import load
 from apad_bridge.world.apad.motion import Motion

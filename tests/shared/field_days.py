@@ -21,8 +21,8 @@ from apad_bridge.vehicle.commands import GoTo, Hold
 from apad_bridge.vehicle.generation_a.messages import GO_TO, PERCH, RELEASE, GoalOrder
 from apad_bridge.vehicle.generation_b.messages import DockingOrder, PrimitiveStatus
 from apad_bridge.vehicle.stack_messages import BatteryReceived
-from apad_bridge.world.apad.apad import SimulatedAPad
-from apad_bridge.world.apad.docks import Misses
+from apad_bridge.world.apad.dock_mechanisms import Misses
+from apad_bridge.world.apad.simulated_apad import SimulatedAPad
 from apad_bridge.world.generation_a import messages as of_a
 from apad_bridge.world.generation_a.vehicle import GenerationAVehicle
 from apad_bridge.world.generation_b import messages as of_b

@@ -8,7 +8,7 @@ from dataclasses import replace
 from killing import kill_9
 
 from agents.coordinator import AgentDied, Coordinator
-from agents.fleet import FleetConfig
+from agents.fleet_config import FleetConfig
 from agents.hosting.in_process import InProcessHost
 from agents.hosting.process_host import ProcessHost
 from agents.mussel.body import BodyConfig

@@ -8,8 +8,8 @@ from typing import Any
 from journals import facts_of
 
 from agents.time_scale import MissionMs
-from apad_bridge.events.guards import StopState
-from apad_bridge.events.mission import MissionChanged, MissionState, Phase
+from apad_bridge.events.guard_events import StopState
+from apad_bridge.events.mission_events import MissionChanged, MissionState, Phase
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.flight_mission import FlightMission
 from apad_bridge.mission.manual import ManualMission

@@ -10,7 +10,7 @@ from typing import Any
 from scenario_files import POOL_FILE
 
 from agents.time_scale import MissionMs
-from apad_bridge.events.union import event_of
+from apad_bridge.events.all_events import event_of
 from apad_bridge.records.journal import Entry, JournalContents
 from apad_bridge.records.run_state import RunState
 from apad_bridge.runs.in_memory import MemoryRecorder

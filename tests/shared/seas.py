@@ -7,7 +7,7 @@ from dataclasses import replace
 from fleets import STILL, reporting_every, with_whole_boards
 
 from agents.coordinator import Coordinator
-from agents.fleet import FleetConfig, resting_on_bottom
+from agents.fleet_config import FleetConfig, resting_on_bottom
 from agents.hosting.in_process import InProcessHost
 from agents.time_scale import MissionMs
 from agents.water.sea import Sea, SeaConfig

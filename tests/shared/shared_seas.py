@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from seas import FLEET, SEA
 
 from agents.coordinator import Coordinator
-from agents.fleet import FleetConfig, resting_on_bottom
+from agents.fleet_config import FleetConfig, resting_on_bottom
 from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Truth
 from agents.mussel.stimuli import ContactClosed

@@ -58,13 +58,13 @@ from apad_bridge.vehicle.generation_b.messages import (
 )
 from apad_bridge.vehicle.guards.gate import Gate, Safety
 from apad_bridge.vehicle.guards.guarded_vehicle import GuardedVehicle
-from apad_bridge.vehicle.link import Cleared, LinkFact
 from apad_bridge.vehicle.outcomes import Outcome, PrimitiveFailed
 from apad_bridge.vehicle.stack_messages import BatteryReceived
-from apad_bridge.world.apad.apad import SimulatedAPad
-from apad_bridge.world.apad.docks import Misses
+from apad_bridge.vehicle.vehicle_link import Cleared, LinkFact
+from apad_bridge.world.apad.dock_mechanisms import Misses
 from apad_bridge.world.apad.kinematics import Pose
 from apad_bridge.world.apad.motion import Coast, Steer
+from apad_bridge.world.apad.simulated_apad import SimulatedAPad
 from apad_bridge.world.generation_a import messages as shown_a
 from apad_bridge.world.generation_a.vehicle import GenerationAVehicle
 from apad_bridge.world.generation_b import messages as shown_b

@@ -16,12 +16,12 @@ from typing import Any
 from agents.coordinator import Coordinator
 from agents.hosting.faulty_host import FaultyHost
 from agents.hosting.in_process import InProcessHost
-from apad_bridge.assembly import fleet_parts, parts
+from apad_bridge.assembly import fleet_parts, flight_parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.events.event import Event
-from apad_bridge.events.fleet import Presence
-from apad_bridge.events.mission import MissionEnd
-from apad_bridge.events.run import EndReason
+from apad_bridge.events.fleet_events import Presence
+from apad_bridge.events.mission_events import MissionEnd
+from apad_bridge.events.run_events import EndReason
 from apad_bridge.ros.gateway.battery_alerts import BatteryAlerts
 from apad_bridge.ros.gateway.claims import ClaimBoard
 from apad_bridge.ros.gateway.fleet_guard import SecondFleet
@@ -36,8 +36,8 @@ from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.packet_relay import PacketRelay, RelayOutcome, whole_flight
 from apad_bridge.world.apad.in_process import InProcessVehicle
 from apad_bridge.world.fault_injection import FaultInjection
-from apad_bridge.world.fleet import FlightFleet, WithoutWater
 from apad_bridge.world.roster import PresenceChange, Presences, Roster
+from apad_bridge.world.simulated_fleet import FlightFleet, WithoutWater
 from apad_bridge.world.world import World
 
 SPEED = 20.0
@@ -95,10 +95,10 @@ def main() -> None:
     host = InProcessHost(fleet_parts.fleet_config(flight_config(flown)), initial_states)
     coordinator = Coordinator(host, dict.fromkeys(initial_states, 0), flown.time_scale)
     faults = FaultInjection(FaultyHost(host, flown.seed), flown.time_scale)
-    flight = parts.flight(
+    flight = flight_parts.flight(
         flight_config(flown),
         FlightContext(
-            vehicle=InProcessVehicle(parts.simulated_apad(flown)),
+            vehicle=InProcessVehicle(flight_parts.simulated_apad(flown)),
             pace=WallClock(SPEED),
             world=World(
                 FlightFleet(coordinator, host, WithoutWater(coordinator, host)),

@@ -14,8 +14,8 @@ from pathlib import Path
 import rospy
 
 from apad_bridge.ros.links.laboratory import Laboratory
-from apad_bridge.scenario.lab_interface.messages import MessageKind
-from apad_bridge.scenario.lab_interface.names import load_names
+from apad_bridge.scenario.lab_interface.lab_messages import MessageKind
+from apad_bridge.scenario.lab_interface.lab_names import load_names
 from firmware_model.packets.codec import load_codec
 
 

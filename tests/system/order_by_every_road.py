@@ -35,8 +35,8 @@ from apad_bridge.vehicle.commands import (
     HoldWanted,
 )
 from apad_bridge.vehicle.guards.gate import Gate, plain_safety
-from apad_bridge.vehicle.link import Cleared
-from apad_bridge.world.apad.docks import Misses
+from apad_bridge.vehicle.vehicle_link import Cleared
+from apad_bridge.world.apad.dock_mechanisms import Misses
 from apad_bridge.world.generation_b.docks import BenchDocks
 
 use_generated_messages()

@@ -17,7 +17,7 @@ from agents.time_scale import TimeScale
 from apad_bridge.beliefs.belief import Belief, ClockBelief, Source
 from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.beliefs.modes import Mode
-from apad_bridge.events.mission import MissionState
+from apad_bridge.events.mission_events import MissionState
 from apad_bridge.mission.sources import Allocation
 from apad_bridge.planning.solution import Step, StepKind
 from apad_bridge.ros.gateway.gateway import open_gateway

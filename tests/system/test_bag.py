@@ -17,7 +17,7 @@ from agents.mussel.outputs import Truth
 from agents.mussel.physical import Physical
 from agents.time_scale import MissionMs, TimeScale
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.events.mission import DockSwitched
+from apad_bridge.events.mission_events import DockSwitched
 from apad_bridge.records.bag import BagWriter
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory

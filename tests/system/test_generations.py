@@ -18,7 +18,7 @@ from patient import PATIENCE_S
 from programs import MUSSELBED, ROOT, Begin, done, line_of, lines_of, musselbed, wait_until
 from scenario_files import silent_in_its_dock, write_scenario
 
-from apad_bridge.doctor.graph import Graph
+from apad_bridge.doctor.graph_checks import Graph
 from apad_bridge.doctor.network import Unreachable
 from apad_bridge.ros.simulated_node.apad_process import APadNodeFailed, start_apad_node
 from apad_bridge.ros.system.master import Master, loopback_environment
@@ -121,7 +121,7 @@ from apad_bridge.assembly.safety import safety_of
 from apad_bridge.assembly.stacks import part_of, stack_of
 from apad_bridge.ros.gateway.gateway import open_gateway
 from apad_bridge.scenario.loader import load
-from apad_bridge.vehicle.errors import VehicleNotReady
+from apad_bridge.vehicle.link_errors import VehicleNotReady
 scenario = load(Path(sys.argv[1]))
 gateway = open_gateway([7], TimeScale(1), node_name="bench")
 open_link = part_of(stack_of(scenario.apad.generation).generation, "ros.link", "open_link")

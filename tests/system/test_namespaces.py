@@ -18,16 +18,16 @@ from programs import ROOT, begun, done, lines_of, wait_until
 from rosbags.rosbag1 import Reader
 from scenario_files import write_scenario
 
-from apad_bridge.doctor.graph import Graph
+from apad_bridge.doctor.graph_checks import Graph
 from apad_bridge.doctor.network import Unreachable
 from apad_bridge.ros.system.master import loopback_environment
 from apad_bridge.ros.system.route import free_port
 from apad_bridge.ros.types.messages import generated_folder
-from apad_bridge.ros_names.table import SECTIONS, NameKind
+from apad_bridge.ros_names.names_table import SECTIONS, NameKind
 from apad_bridge.scenario.loader import load, with_overrides
 from apad_bridge.scenario.starts import starts_of
-from apad_bridge.viewers.layouts.fleet import layout_fleet
 from apad_bridge.viewers.layouts.kinds import KINDS
+from apad_bridge.viewers.layouts.layout_content import layout_fleet
 
 pytestmark = pytest.mark.system
 LAUNCH = ROOT / "launch_scripts"

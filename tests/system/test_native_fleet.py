@@ -26,7 +26,7 @@ from programs import MUSSELBED, Begin, children, ended_well, lines_of, musselbed
 from scenario_files import write_scenario
 
 from agents.coordinator import Coordinator
-from agents.fleet import FirmwareConfig, resting_on_bottom
+from agents.fleet_config import FirmwareConfig, resting_on_bottom
 from agents.hosting.in_process import InProcessHost
 from agents.hosting.process_host import ProcessHost
 from agents.mussel.defects import BoardPart

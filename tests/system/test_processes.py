@@ -21,7 +21,7 @@ from patient import PATIENCE_S
 from programs import processes_of
 
 from agents.coordinator import Coordinator
-from agents.fleet import resting_on_bottom
+from agents.fleet_config import resting_on_bottom
 from agents.hosting.host import Grant, Host, Reply
 from agents.hosting.in_process import InProcessHost
 from agents.hosting.link_protocol import LIMIT_BYTES, WindowGrant, readable

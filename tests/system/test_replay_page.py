@@ -19,7 +19,7 @@ from agents.mussel.physical import Physical
 from apad_bridge.analysis.replay.build import build_replay
 from apad_bridge.beliefs.belief import Belief, CapacityLeft
 from apad_bridge.beliefs.modes import Mode
-from apad_bridge.events.mission import (
+from apad_bridge.events.mission_events import (
     MissionChanged,
     MissionState,
     Phase,
@@ -27,8 +27,8 @@ from apad_bridge.events.mission import (
     PrimitiveChanged,
     PrimitivePhase,
 )
-from apad_bridge.events.run import RunEnded
-from apad_bridge.events.sound import PacketPassed
+from apad_bridge.events.run_events import RunEnded
+from apad_bridge.events.sound_events import PacketPassed
 from apad_bridge.planning.solution import Step, StepKind
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory

@@ -13,7 +13,7 @@ from scenario_files import write_scenario
 from apad_bridge.ros.system.master import Master, loopback_environment
 from apad_bridge.ros.types.generate import generate
 from apad_bridge.ros.types.messages import generated_folder
-from apad_bridge.ros_names import table
+from apad_bridge.ros_names import names_table
 
 pytestmark = pytest.mark.system
 
@@ -52,8 +52,8 @@ def in_a_shell(root: Path, script: str, environment: dict[str, str]) -> str:
 
 def test_every_type_that_we_publish_can_be_shown(installed: Path, tmp_path: Path) -> None:
     """Those of all topics and services in the table of names."""
-    sections = [it for it in vars(table).values() if isinstance(it, table.Section)]
-    tools = {table.NameKind.TOPIC: "rosmsg", table.NameKind.SERVICE: "rossrv"}
+    sections = [it for it in vars(names_table).values() if isinstance(it, names_table.Section)]
+    tools = {names_table.NameKind.TOPIC: "rosmsg", names_table.NameKind.SERVICE: "rossrv"}
     rows = (row for it in sections for row in it.rows if row.kind in tools)
     types = sorted({f"{tools[row.kind]} {row.type}" for row in rows})
     assert "rosmsg sensor_msgs/NavSatFix" in types

@@ -15,7 +15,7 @@ from programs import code_here, musselbed
 from serial_rigs import SerialRig, compiled_for_serial
 
 from agents.coordinator import Coordinator
-from agents.fleet import FirmwareConfig, resting_on_bottom
+from agents.fleet_config import FirmwareConfig, resting_on_bottom
 from agents.hosting.in_process import InProcessHost
 from agents.hosting.process_host import ProcessHost
 from agents.mussel.stimuli import ContactClosed, ContactOpened, SoundArrived

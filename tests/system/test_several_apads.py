@@ -24,8 +24,8 @@ from apad_bridge.runs.children import supervisor_of
 from apad_bridge.runs.in_memory import open_lockstep
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.starts import starts_of
-from apad_bridge.viewers.layouts.fleet import layout_fleet
 from apad_bridge.viewers.layouts.kinds import KINDS
+from apad_bridge.viewers.layouts.layout_content import layout_fleet
 
 pytestmark = pytest.mark.system
 

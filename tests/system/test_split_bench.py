@@ -15,7 +15,7 @@ from programs import MUSSELBED, done, left_full, lines_of
 from rosbags.rosbag1 import Reader
 from two_machines import Link, Machine, Programs, interrupt, master_uri, two_machines, why_no_two_machines
 
-from apad_bridge.commands.prepare.preflight_checks import recording_commands
+from apad_bridge.commands.prepare.run_preflight import recording_commands
 from apad_bridge.scenario.loader import load
 
 pytestmark = [

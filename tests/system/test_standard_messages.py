@@ -24,8 +24,8 @@ from apad_bridge.ros.system.master import loopback_environment, start_master
 from apad_bridge.ros.types.messages import generated_folder
 from apad_bridge.scenario.loader import load, with_overrides
 from apad_bridge.scenario.starts import starts_of
-from apad_bridge.viewers.layouts.fleet import layout_fleet
 from apad_bridge.viewers.layouts.kinds import KINDS
+from apad_bridge.viewers.layouts.layout_content import layout_fleet
 
 pytestmark = pytest.mark.system
 HERE = Path(__file__).parent

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from fleets import KILL, STILL, Story, fly, with_whole_boards
 
-from agents.fleet import resting_on_bottom
+from agents.fleet_config import resting_on_bottom
 from agents.hosting.in_process import InProcessHost
 from agents.hosting.process_host import ProcessHost
 from agents.mussel.stimuli import AgentStimulus, CoilSlipped, ContactClosed, ContactOpened, SoundArrived

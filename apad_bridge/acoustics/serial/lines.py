@@ -26,7 +26,7 @@ from apad_bridge.acoustics.serial.nanomodem import (
     PacketSent,
 )
 from apad_bridge.acoustics.serial.pty import FOLDER, Burst, OpenedModems
-from apad_bridge.events.sound import ModemTold
+from apad_bridge.events.sound_events import ModemTold
 from apad_bridge.mission.facts import Send, SoundHeard
 
 

@@ -7,9 +7,9 @@ import time
 from pathlib import Path
 
 from agents.modem.facts import EmitFrame, FrameArrived, ModemAction, SerialBytes, SerialOut
-from agents.modem.firmware import ModemConfig
 from agents.modem.frames import ModemFrame
 from agents.modem.modem import Modem
+from agents.modem.modem_model import ModemConfig
 from apad_bridge.acoustics.serial.pty import OpenedModems
 
 PROPAGATION_US = 20_000

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from agents.fleet import FleetConfig
+from agents.fleet_config import FleetConfig
 from agents.mussel.agent import Agent, AgentConfig
 from agents.mussel.outputs import Output, Truth
 from agents.mussel.physical import Physical
@@ -19,7 +19,7 @@ from agents.mussel.stimuli import WasReset, from_json
 from agents.time_scale import TimeScale
 from apad_bridge.assembly.fleet_parts import fleet_config, initial_states
 from apad_bridge.assembly.flight_config import flight_config
-from apad_bridge.events.fleet import ProcessDied, Stimulated, TruthChanged
+from apad_bridge.events.fleet_events import ProcessDied, Stimulated, TruthChanged
 from apad_bridge.records.journal import JournalContents, read_journal
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.records.truth_lines import truth_of

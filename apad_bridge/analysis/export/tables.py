@@ -15,10 +15,10 @@ from typing import Any, NamedTuple
 
 from rosbags.typesys.store import Typestore
 
-from apad_bridge.events.fleet import BeliefChanged, TruthChanged
-from apad_bridge.events.run import TickPassed
-from apad_bridge.events.sound import PacketPassed
-from apad_bridge.events.vehicle import APadMoved
+from apad_bridge.events.fleet_events import BeliefChanged, TruthChanged
+from apad_bridge.events.run_events import TickPassed
+from apad_bridge.events.sound_events import PacketPassed
+from apad_bridge.events.vehicle_events import APadMoved
 from apad_bridge.records.bag import is_closed, repair_bag
 from apad_bridge.records.bag_messages import APAD, BELIEFS, TRUTH
 from apad_bridge.records.bag_samples import definitions_in, messages_in, open_bag, refused

@@ -7,11 +7,11 @@ from typing import NamedTuple
 from agents.time_scale import TimeScale
 from agents.water.medium import PacketOutcome
 from apad_bridge.events.event import Category
-from apad_bridge.events.fleet import AMusselSuspected, SuspicionOver
-from apad_bridge.events.mission import PlanMade
-from apad_bridge.events.persons import PersonOrdered
-from apad_bridge.events.sound import PacketPassed, RangeMeasured
-from apad_bridge.events.vehicle import APadMoved
+from apad_bridge.events.fleet_events import AMusselSuspected, SuspicionOver
+from apad_bridge.events.mission_events import PlanMade
+from apad_bridge.events.person_events import PersonOrdered
+from apad_bridge.events.sound_events import PacketPassed, RangeMeasured
+from apad_bridge.events.vehicle_events import APadMoved
 from apad_bridge.records.journal import Entry, JournalContents
 from apad_bridge.records.run_state import RunState
 from apad_bridge.scenario.schema import Scenario

@@ -16,7 +16,7 @@ from apad_bridge.analysis.replay.history import History
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.assembly.stacks import stack_of
 from apad_bridge.assembly.water import true_water
-from apad_bridge.events.run import RunBegan
+from apad_bridge.events.run_events import RunBegan
 from apad_bridge.planning.registry import label
 from apad_bridge.records.journal import Entry, JournalContents
 from apad_bridge.records.run_state import PlanView, RunState

@@ -14,7 +14,7 @@ from apad_bridge.analysis.energy.energy import AgentEnergy, energy_of
 from apad_bridge.analysis.replay.build import read_run
 from apad_bridge.analysis.replay.history import ToldEvent, told_event
 from apad_bridge.events.event import Event
-from apad_bridge.events.mission import PRE_EMPTED, PrimitiveChanged, StepGivenUp
+from apad_bridge.events.mission_events import PRE_EMPTED, PrimitiveChanged, StepGivenUp
 from apad_bridge.records.journal import Entry
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.scenario.firmware_config import charge_models

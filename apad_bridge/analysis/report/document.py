@@ -12,10 +12,10 @@ from math import fsum
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from apad_bridge.analysis.belief_scores import figure as belief_figure
+from apad_bridge.analysis.belief_scores import score_figure as belief_figure
 from apad_bridge.analysis.belief_scores.scores import Score
 from apad_bridge.analysis.energy.energy import AgentEnergy, summed
-from apad_bridge.analysis.report import figures
+from apad_bridge.analysis.report import report_figures
 from apad_bridge.analysis.report.contents import RunReport
 from apad_bridge.scenario.text_file import write_atomically
 
@@ -100,20 +100,22 @@ def _compared(reports: Sequence[RunReport]) -> Iterator[Part]:
             "of no whole flight; its stops are shaded.",
         )
     if any(report.data["has_truth"] for report in reports):
-        yield Picture(figures.activity(reports), "Number of active aMussels, as the paper's Fig. 9.")
+        yield Picture(report_figures.activity(reports), "Number of active aMussels, as the paper's Fig. 9.")
 
 
 def _parts(report: RunReport) -> Iterator[Part]:
     yield Picture(
-        figures.places(report), "Where the aMussels began, as the paper's Fig. 6, and the way flown."
+        report_figures.places(report), "Where the aMussels began, as the paper's Fig. 6, and the way flown."
     )
-    if (batteries := figures.batteries(report)) is not None:
+    if (batteries := report_figures.batteries(report)) is not None:
         yield Picture(
             batteries,
             "Primary batteries, as the paper's Fig. 5. Line, where there is one: the model; points: the run, agent time.",
         )
     if any(fsum(it.by_module.values()) > 0 for it in report.energy):
-        yield Picture(figures.energy(report), "Energy that each aMussel drew, in percent of a battery.")
+        yield Picture(
+            report_figures.energy(report), "Energy that each aMussel drew, in percent of a battery."
+        )
         yield _energy_table(report, "module", lambda it: it.by_module)
         yield _energy_table(report, "state", lambda it: it.by_state)
     if report.why_no_energy is not None:
@@ -122,7 +124,7 @@ def _parts(report: RunReport) -> Iterator[Part]:
         yield _belief_table(report)
         if report.scores.overall.rmse > _DRAWN:  # perfect knowledge has nothing to draw
             yield Picture(
-                belief_figure.figure_of(report.scores, "", figures.BELIEFS_INCHES),
+                belief_figure.figure_of(report.scores, "", report_figures.BELIEFS_INCHES),
                 "Beliefs: the error of the charge, and the share of true charges in the interval of 95 %; dashed: 0.95.",
             )
     yield _trouble_table(report)

@@ -22,7 +22,7 @@ from apad_bridge.supervisor.control_client import (
     Request,
     ask,
 )
-from apad_bridge.vehicle.errors import PeerFailed
+from apad_bridge.vehicle.link_errors import PeerFailed
 
 
 def add_parser(commands: Any) -> None:

@@ -16,13 +16,13 @@ from agents.hosting.interrupts import held_back
 from apad_bridge.assembly.division import Member, members
 from apad_bridge.commands.fly.run_checks import check_run
 from apad_bridge.commands.outcome import plan_line, print_plan, report
-from apad_bridge.events.mission import PlanMade
+from apad_bridge.events.mission_events import PlanMade
 from apad_bridge.planning.registry import Trust, label
 from apad_bridge.records.journal import read_journal
 from apad_bridge.records.run_directory import PRIVATE, RunDirectory
 from apad_bridge.runs.exits import Exit, peers_may_fail
 from apad_bridge.runs.progress import FlightProgress
-from apad_bridge.runs.several.summary import Flown, combined_summary
+from apad_bridge.runs.several.joint_summary import Flown, combined_summary
 from apad_bridge.scenario.cross_checks import check_code
 from apad_bridge.scenario.errors import ScenarioError, UserError
 from apad_bridge.scenario.loader import load, with_overrides, with_values
@@ -30,7 +30,7 @@ from apad_bridge.scenario.run_options import APadKind, BenchPart, RunOptions, Ti
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import read_starts, save_starts, starts_of
 from apad_bridge.scenario.starts_table import Start
-from apad_bridge.vehicle.errors import PeerFailed
+from apad_bridge.vehicle.link_errors import PeerFailed
 
 if TYPE_CHECKING:
     from apad_bridge.runs.beside import Service
@@ -110,7 +110,7 @@ def fly(
         if only_bags:
             print("at the end its bag alone stays; --out DIR keeps all of it", flush=True)
         if options.apad is APadKind.ROS and options.part is not BenchPart.FLEET:
-            from apad_bridge.commands.prepare.preflight_checks import recording_commands
+            from apad_bridge.commands.prepare.run_preflight import recording_commands
 
             for command in recording_commands(scenario, options.namespace):
                 print(f"on the vehicle's computer: {command}", flush=True)

@@ -11,7 +11,7 @@ from apad_bridge.commands.trust import add_trust_argument, trust_of_run
 from apad_bridge.runs.exits import peers_may_fail, require_yes
 from apad_bridge.scenario.errors import UserError
 from apad_bridge.scenario.run_options import APadKind, RunOptions, TimeSource
-from apad_bridge.vehicle.errors import PeerFailed
+from apad_bridge.vehicle.link_errors import PeerFailed
 
 
 def add_parser(commands: Any) -> None:

@@ -20,10 +20,10 @@ from apad_bridge.scenario.errors import UserError, in_ranges
 from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts_table import Start
-from apad_bridge.vehicle.errors import PeerFailed
+from apad_bridge.vehicle.link_errors import PeerFailed
 
 if TYPE_CHECKING:
-    from apad_bridge.commands.prepare.preflight_checks import Report
+    from apad_bridge.commands.prepare.run_preflight import Report
 
 
 def check_run(options: RunOptions, scenario: Scenario, starts: Sequence[Start]) -> Report | None:
@@ -64,7 +64,7 @@ def check_run(options: RunOptions, scenario: Scenario, starts: Sequence[Start]) 
 
 def _preflight(options: RunOptions, scenario: Scenario, starts: Sequence[Start]) -> Report:
     """Looks at everything that needs no order, and refuses to start on red."""
-    from apad_bridge.commands.prepare.preflight_checks import (
+    from apad_bridge.commands.prepare.run_preflight import (
         Report,
         accepted_by,
         findings_of,
@@ -107,10 +107,10 @@ def tell_docks_in_use(options: RunOptions, scenario: Scenario) -> None:
     """Warns of docks of somebody's aPad that hold something already, which a new run takes for empty or for its own."""
     if options.apad is not APadKind.ROS:
         return
-    from apad_bridge.doctor.apad import check_docks
-    from apad_bridge.doctor.door import LiveAPad
+    from apad_bridge.doctor.apad_checks import check_docks
     from apad_bridge.doctor.finding import run_check
-    from apad_bridge.doctor.graph import Graph
+    from apad_bridge.doctor.graph_checks import Graph
+    from apad_bridge.doctor.live_apad import LiveAPad
     from apad_bridge.doctor.network import Unreachable
     from apad_bridge.ros.door import DOOR
 

@@ -17,7 +17,7 @@ from agents.hosting.started import PYTHON
 from apad_bridge.commands.fly import run as run_command
 from apad_bridge.commands.fly.flight import read_scenario
 from apad_bridge.commands.help_text import ending
-from apad_bridge.commands.prepare.preflight_checks import (
+from apad_bridge.commands.prepare.run_preflight import (
     PROOFS,
     Report,
     accepted_by,
@@ -33,8 +33,8 @@ from apad_bridge.commands.prepare.preflight_checks import (
 )
 from apad_bridge.commands.trust import add_trust_argument, trust_of_looked_at
 from apad_bridge.doctor.finding import CheckStatus, Finding, fail, key_among, ok, red_keys, run_check
-from apad_bridge.doctor.preflight import check_lookout, check_stop
-from apad_bridge.events.persons import ScriptTold
+from apad_bridge.doctor.preflight_checks import check_lookout, check_stop
+from apad_bridge.events.person_events import ScriptTold
 from apad_bridge.records.journal import read_journal
 from apad_bridge.records.run_directory import PRIVATE, RunDirectory
 from apad_bridge.ros.system.route import somebodys_master

@@ -71,7 +71,7 @@ def run(arguments: argparse.Namespace) -> int:
             f"{arguments.directory}: nothing to compare: in its {record}, no aMussel has both a belief and a truth"
         )
     if figure is not None:
-        from apad_bridge.analysis.belief_scores.figure import draw
+        from apad_bridge.analysis.belief_scores.score_figure import draw
 
         draw(scores, figure, f"beliefs in {arguments.directory.name}")
     print_result(

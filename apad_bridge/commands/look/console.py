@@ -15,7 +15,7 @@ from urllib.parse import urlsplit
 from apad_bridge.commands.help_text import ending
 from apad_bridge.runs.exits import Exit
 from apad_bridge.scenario.errors import UserError
-from apad_bridge.vehicle.errors import PeerFailed
+from apad_bridge.vehicle.link_errors import PeerFailed
 
 if TYPE_CHECKING:
     from apad_bridge.runs.beside import Service

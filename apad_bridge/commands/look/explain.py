@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from apad_bridge.commands.help_text import MISSION_TIME, ending, mission_seconds
-from apad_bridge.events.mission import PlanMade
+from apad_bridge.events.mission_events import PlanMade
 from apad_bridge.planning.registry import rule_of
 from apad_bridge.records.journal import Entry, read_journal
 from apad_bridge.records.run_directory import RunDirectory

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from apad_bridge.commands.help_text import ending
 from apad_bridge.commands.trust import add_trust_argument, trust_of_looked_at
-from apad_bridge.doctor import graph, interpreter, machine, network, scenario_check
+from apad_bridge.doctor import graph_checks, interpreter, machine, network, scenario_check
 from apad_bridge.doctor.finding import CheckStatus, Finding, fail, ok, run_check, run_checks, warn
 from apad_bridge.ros_names.names import in_full
 from apad_bridge.runs.exits import Exit
@@ -95,8 +95,8 @@ def check_ros(
     checks before one follow.
     """
     try:
-        from apad_bridge.doctor.apad import check_apads, check_place
-        from apad_bridge.doctor.door import LiveAPad
+        from apad_bridge.doctor.apad_checks import check_apads, check_place
+        from apad_bridge.doctor.live_apad import LiveAPad
         from apad_bridge.ros import doctor_checks
         from apad_bridge.ros.door import DOOR
     except ImportError as error:
@@ -111,7 +111,7 @@ def check_ros(
         )
         return
     try:
-        found = graph.Graph.read(master_uri).remapped(mapping or {})
+        found = graph_checks.Graph.read(master_uri).remapped(mapping or {})
     except network.Unreachable as error:
         yield _unreachable_master(master_uri, error)
         return
@@ -119,7 +119,7 @@ def check_ros(
     host, bind = doctor_checks.announced_host(), doctor_checks.bind_address()
     namespace = os.environ.get("ROS_NAMESPACE", "").strip("/")
     ids = None if scenario is None else scenario.fleet.ids
-    yield from run_checks(graph.CHECKS, graph.MasterSeen(found, host, bind, ids, namespace))
+    yield from run_checks(graph_checks.CHECKS, graph_checks.MasterSeen(found, host, bind, ids, namespace))
     names = {in_full(namespace, it.scenario.apad.name): it for it in flown}
     yield from run_check("aPad", lambda: check_apads(DOOR, found, scenario, names))
     if scenario is not None:
@@ -131,15 +131,15 @@ def check_ros(
 
 
 def _check_before_mission(
-    found: graph.Graph, flown: Mapping[str, Member], namespace: str
+    found: graph_checks.Graph, flown: Mapping[str, Member], namespace: str
 ) -> Iterator[Finding]:
-    from apad_bridge.doctor import preflight
+    from apad_bridge.doctor import preflight_checks
     from apad_bridge.ros.door import DOOR
 
-    yield from run_checks(preflight.CHECKS_OF_WAY, found)
+    yield from run_checks(preflight_checks.CHECKS_OF_WAY, found)
     for name, member in flown.items():
-        apad = preflight.WatchedAPad(DOOR, found, name, member.scenario, member.starts, namespace)
-        yield from run_checks(preflight.CHECKS, apad, name)
+        apad = preflight_checks.WatchedAPad(DOOR, found, name, member.scenario, member.starts, namespace)
+        yield from run_checks(preflight_checks.CHECKS, apad, name)
 
 
 def _unreachable_master(uri: str, error: network.Unreachable) -> Finding:

@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from apad_bridge.field.bag_merge.figures import RunFigures, figures_of
+from apad_bridge.field.bag_merge.bag_figures import RunFigures, figures_of
 from apad_bridge.field.bag_merge.matching import Matching, match, read_recording
 from apad_bridge.records.bag import RecordedConnection, new_bag, recorded_messages
 

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from agents.water.table import number_of
+from agents.water.csv_table import number_of
 from apad_bridge.scenario.errors import UserError
 from apad_bridge.scenario.text_file import text_of
 

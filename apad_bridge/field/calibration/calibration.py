@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from apad_bridge.field.calibration.energy import EnergyFigures, energy_of
+from apad_bridge.field.calibration.apad_energy import EnergyFigures, energy_of
 from apad_bridge.field.calibration.intervals import Figure, mean, share
 from apad_bridge.field.calibration.losses import Loss, by_range, of_sound, of_wifi
-from apad_bridge.field.calibration.motion import LEAST_LEG_M, FlownLeg, drifts_m_s, legs_of
 from apad_bridge.field.calibration.reflight import Reflown, refly
+from apad_bridge.field.calibration.speed_and_drift import LEAST_LEG_M, FlownLeg, drifts_m_s, legs_of
 from apad_bridge.field.calibration.stopping import LEAST_STOPS, stopping_distance
-from apad_bridge.field.field_log.facts import LoggedFact, Work
+from apad_bridge.field.field_log.log_facts import LoggedFact, Work
 from apad_bridge.field.field_log.reader import facts_of
 from apad_bridge.field.field_log.vehicle_log import VehicleLog, vehicle_log
 from apad_bridge.scenario.firmware_config import codec_of

@@ -10,7 +10,7 @@ from math import dist
 import numpy as np
 
 from apad_bridge.field.calibration.intervals import Figure, share
-from apad_bridge.field.field_log.facts import LoggedFact, PacketLogged, SoundEnded
+from apad_bridge.field.field_log.log_facts import LoggedFact, PacketLogged, SoundEnded
 from apad_bridge.field.field_log.vehicle_log import Track
 from firmware_model.packets import StatusPacket
 from firmware_model.packets.codec import Codec

@@ -8,13 +8,13 @@ from math import fsum, hypot
 import numpy as np
 
 from apad_bridge.field.calibration.intervals import Floats
-from apad_bridge.field.field_log.facts import Work
+from apad_bridge.field.field_log.log_facts import Work
 from apad_bridge.field.field_log.vehicle_log import Done, VehicleLog
 from apad_bridge.scenario.schema import APad
 from apad_bridge.vehicle.commands import GoTo
-from apad_bridge.world.apad.apad import ArrivalWatch
 from apad_bridge.world.apad.kinematics import STEP_MS, STEP_S, Pose
 from apad_bridge.world.apad.motion import Motion
+from apad_bridge.world.apad.simulated_apad import ArrivalWatch
 
 _LONGEST_S = 3600.0
 _START_STEPS = 10

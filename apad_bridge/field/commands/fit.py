@@ -24,7 +24,7 @@ from apad_bridge.field.battery_fit.battery_log import (
     LogFormat,
     read_log,
 )
-from apad_bridge.field.battery_fit.figure import draw
+from apad_bridge.field.battery_fit.fit_figure import draw
 from apad_bridge.runs.rich_console import Console, print_result
 from apad_bridge.scenario.errors import UserError
 

@@ -9,7 +9,7 @@ from typing import Any
 from rich.table import Table
 
 from apad_bridge.commands.help_text import ending
-from apad_bridge.field.bag_merge.figures import RunFigures
+from apad_bridge.field.bag_merge.bag_figures import RunFigures
 from apad_bridge.field.bag_merge.merge import Merge, merge
 from apad_bridge.runs.progress import WorkProgress
 from apad_bridge.runs.rich_console import Console, print_result

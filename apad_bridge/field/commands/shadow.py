@@ -14,14 +14,14 @@ from typing import TYPE_CHECKING, Any
 from apad_bridge.commands.fly.run import namespace_of_shell
 from apad_bridge.commands.help_text import STRATEGY, ending
 from apad_bridge.commands.trust import add_trust_argument, trust_of_looked_at
-from apad_bridge.events.mission import MissionChanged, Phase
+from apad_bridge.events.mission_events import MissionChanged, Phase
 from apad_bridge.runs.exits import Exit, peers_may_fail
 from apad_bridge.runs.progress import WorkProgress
 from apad_bridge.runs.rich_console import Console, print_result, table_of
 from apad_bridge.scenario.errors import UserError
 
 if TYPE_CHECKING:
-    from apad_bridge.field.field_log.facts import EventTold, LoggedFact
+    from apad_bridge.field.field_log.log_facts import EventTold, LoggedFact
     from apad_bridge.field.field_log.reader import FactReader
     from apad_bridge.field.shadow import ComparedDecision, Shadow, TheirMove
     from apad_bridge.scenario.schema import Scenario
@@ -128,7 +128,7 @@ def _listen(scenario: Scenario, shadow: Shadow, arguments: argparse.Namespace) -
 
 def _heard(reader: FactReader, scenario: Scenario, for_s: float | None) -> Iterator[LoggedFact]:
     """The facts of the graph until the time is over, or a supervisor's mission ends."""
-    from apad_bridge.field.field_log.facts import EventTold
+    from apad_bridge.field.field_log.log_facts import EventTold
     from apad_bridge.ros.graph_listener import GraphListener
 
     until_s = None if for_s is None else time.monotonic() + for_s

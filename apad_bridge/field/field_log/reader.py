@@ -17,8 +17,8 @@ from typing import Any
 
 from agents.water.medium import PacketOutcome
 from apad_bridge.assembly.stacks import adrift_ms
-from apad_bridge.events.mission import PrimitiveChanged
-from apad_bridge.field.field_log.facts import (
+from apad_bridge.events.mission_events import PrimitiveChanged
+from apad_bridge.field.field_log.log_facts import (
     AmusselCharged,
     AmusselPlaced,
     BatteryTold,

@@ -12,7 +12,7 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from apad_bridge.field.field_log.facts import (
+from apad_bridge.field.field_log.log_facts import (
     BatteryTold,
     Held,
     LoggedFact,

@@ -110,7 +110,7 @@ def _add_gateway_arguments(parser: Any, prefix: str) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     _require_imcpy()
-    from apad_bridge.imc.gateway import GatewaySettings, ImcGateway, serve
+    from apad_bridge.imc.imc_gateway import GatewaySettings, ImcGateway, serve
     from apad_bridge.imc.wire import ImcConsole
 
     try:

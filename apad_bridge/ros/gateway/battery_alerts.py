@@ -18,7 +18,7 @@ from apad_bridge.ros_names.names import BATTERY_ALERT, amussel_in_full
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.context import Watcher
-from apad_bridge.supervisor.core import Supervisor
+from apad_bridge.supervisor.supervisor import Supervisor
 
 use_generated_messages()
 

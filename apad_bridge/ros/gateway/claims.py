@@ -17,7 +17,7 @@ import genpy
 import rosgraph
 import rospy
 
-from apad_bridge.events.fleet import Presence
+from apad_bridge.events.fleet_events import Presence
 from apad_bridge.ros.gateway.fleet_guard import SecondFleet
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import ours

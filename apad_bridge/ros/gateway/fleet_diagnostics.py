@@ -12,7 +12,7 @@ from apad_bridge.ros.gateway.standard_messages import shown
 from apad_bridge.ros.system.ros_time import stamp
 from apad_bridge.ros_names.shown import condition_of
 from apad_bridge.scenario.schema import Mission
-from apad_bridge.supervisor.core import Supervisor
+from apad_bridge.supervisor.supervisor import Supervisor
 
 
 def diagnose(

@@ -29,7 +29,7 @@ from agents.hosting.descriptors import raise_descriptor_limit
 from agents.time_scale import MissionMs, TimeScale
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.events.event import Event
-from apad_bridge.events.sound import PacketPassed
+from apad_bridge.events.sound_events import PacketPassed
 from apad_bridge.records.packet_lines import SoundRow, sound_rows
 from apad_bridge.records.samples import belief_sample
 from apad_bridge.ros.gateway.agent_topics import AgentReport, AgentTopics
@@ -41,8 +41,8 @@ from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_amussel, ours
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.supervisor.context import Watcher
-from apad_bridge.supervisor.core import Supervisor
 from apad_bridge.supervisor.forecast import Forecast
+from apad_bridge.supervisor.supervisor import Supervisor
 from firmware_model.packets import QUANTITIES
 
 use_generated_messages()

@@ -11,16 +11,16 @@ import rosgraph
 import rospy
 from std_msgs.msg import Float32, String
 
-from apad_bridge.doctor.graph import Graph
+from apad_bridge.doctor.graph_checks import Graph
 from apad_bridge.doctor.network import Unreachable
-from apad_bridge.doctor.preflight import second_bench
-from apad_bridge.events.guards import StopKind
+from apad_bridge.doctor.preflight_checks import second_bench
+from apad_bridge.events.guard_events import StopKind
 from apad_bridge.ros.gateway.fleet_guard import SecondFleet
 from apad_bridge.ros.system.inbox import Listening
 from apad_bridge.ros.types.any_listener import AnyListener
 from apad_bridge.ros_names.names import of_apad, ours
 from apad_bridge.supervisor.context import Watcher
-from apad_bridge.supervisor.core import Supervisor
+from apad_bridge.supervisor.supervisor import Supervisor
 from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.guards.stops import Stops
 

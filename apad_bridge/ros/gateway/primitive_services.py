@@ -19,7 +19,7 @@ import rospy
 from apad_bridge.mission.call_queue import CallQueue, Snapshot
 from apad_bridge.mission.flight_mission import FlightMission
 from apad_bridge.mission.manual import ManualMission
-from apad_bridge.mission.values import Refused, Status, dock_index_of, manoeuvre_of
+from apad_bridge.mission.script_values import Refused, Status, dock_index_of, manoeuvre_of
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import ours_of_apad
 from apad_bridge.scenario.area.local_frame import LocalFrame

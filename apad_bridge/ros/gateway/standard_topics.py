@@ -35,7 +35,7 @@ from apad_bridge.ros_names.shown import APadTrack, apad_shape, ball_size_m
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.context import Watcher
-from apad_bridge.supervisor.core import Supervisor
+from apad_bridge.supervisor.supervisor import Supervisor
 
 _QUEUE = 10
 _NOTHING_KNOWN = (0.0, 0.0, 0.0)

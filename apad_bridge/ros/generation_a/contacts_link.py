@@ -21,9 +21,9 @@ from apad_bridge.vehicle.generation_a.docks import ReportedDocks
 from apad_bridge.vehicle.generation_a.messages import DocksReceived, GoalStatusReceived, HeldPositionReceived
 from apad_bridge.vehicle.generation_a.server_watch import ServerWatch
 from apad_bridge.vehicle.guards.gate import Gate
-from apad_bridge.vehicle.link import APadSeen, Carried, Cleared, LetGo, LinkFact
 from apad_bridge.vehicle.stack_messages import UNSTAMPED
 from apad_bridge.vehicle.telemetry import Readings
+from apad_bridge.vehicle.vehicle_link import APadSeen, Carried, Cleared, LetGo, LinkFact
 
 use_generated_messages()
 

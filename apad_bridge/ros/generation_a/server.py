@@ -10,7 +10,7 @@ from actionlib.action_server import ActionServer
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger, TriggerResponse
 
-from apad_bridge.assembly import parts
+from apad_bridge.assembly import flight_parts
 from apad_bridge.ros.simulated_node.legacy_server import QUEUE, LegacyServer
 from apad_bridge.ros.system.node import ned_frame
 from apad_bridge.ros.system.ros_time import to_ros
@@ -83,12 +83,12 @@ class Server(LegacyServer[GenerationAVehicle]):
         return cls(
             apad.name,
             lambda start_ms: GenerationAVehicle(
-                parts.simulated_hull(scenario, held),
+                flight_parts.simulated_hull(scenario, held),
                 mission.speed_m_s,
                 mission.victory_radius_m,
                 start_ms,
                 apad.fault,
-                parts.misses(scenario),
+                flight_parts.misses(scenario),
             ),
             LocalFrame.about(scenario.area.origin),
         )

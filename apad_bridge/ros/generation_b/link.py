@@ -21,8 +21,8 @@ import rospy
 from std_msgs.msg import Bool, Float32MultiArray, Int32
 from std_srvs.srv import Trigger
 
-from apad_bridge.assembly import parts
-from apad_bridge.doctor.graph import Graph
+from apad_bridge.assembly import flight_parts
+from apad_bridge.doctor.graph_checks import Graph
 from apad_bridge.doctor.network import Unreachable
 from apad_bridge.ros.generation_b.virtual_camera import DETECTION_TOPICS, VirtualCamera
 from apad_bridge.ros.links.legacy_link import LegacyLink, OpenedAPad
@@ -33,7 +33,7 @@ from apad_bridge.ros.types.live_types import live_services, unreadable_topics
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_apad
 from apad_bridge.scenario.lab_interface.fields import has, write
-from apad_bridge.scenario.lab_interface.messages import DockReport
+from apad_bridge.scenario.lab_interface.lab_messages import DockReport
 from apad_bridge.scenario.schema import DockingProfile, Scenario
 from apad_bridge.vehicle.commands import (
     GoalOfOthers,
@@ -44,7 +44,6 @@ from apad_bridge.vehicle.commands import (
     Stop,
     VehicleCommand,
 )
-from apad_bridge.vehicle.errors import VehicleNotReady
 from apad_bridge.vehicle.generation_b.core import GenerationBCore
 from apad_bridge.vehicle.generation_b.docks import KeptDocks
 from apad_bridge.vehicle.generation_b.messages import (
@@ -61,9 +60,10 @@ from apad_bridge.vehicle.generation_b.messages import (
 )
 from apad_bridge.vehicle.generation_b.stack import STACK
 from apad_bridge.vehicle.guards.gate import Gate
-from apad_bridge.vehicle.link import Cleared, LinkFact
+from apad_bridge.vehicle.link_errors import VehicleNotReady
 from apad_bridge.vehicle.sending_road import Rank
 from apad_bridge.vehicle.stack_messages import UNSTAMPED
+from apad_bridge.vehicle.vehicle_link import Cleared, LinkFact
 from apad_bridge.world.contacts import FloatingPlaces
 from apad_bridge.world.generation_b.docks import BenchDocks
 
@@ -357,7 +357,7 @@ def open_link(
     if seen_ids:
         _refuse_second_camera(apad.name)
     camera = VirtualCamera(apad.name) if seen_ids else None
-    docks = BenchDocks(simulated_ids, parts.misses(scenario), sight, docked, apad.docks)
+    docks = BenchDocks(simulated_ids, flight_parts.misses(scenario), sight, docked, apad.docks)
     link = GenerationBLink(scenario, docks, gate, now_ms, our_clock=our_clock, camera=camera)
     if camera is None:
         return OpenedAPad(link)

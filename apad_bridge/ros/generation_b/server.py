@@ -13,7 +13,7 @@ import rospy
 from std_msgs.msg import Bool, Float32, Float32MultiArray, Float64, Int32, String
 from std_srvs.srv import Trigger, TriggerResponse
 
-from apad_bridge.assembly import parts
+from apad_bridge.assembly import flight_parts
 from apad_bridge.ros.generation_b.go2point import Go2Point
 from apad_bridge.ros.simulated_node.legacy_server import QUEUE, LegacyServer
 from apad_bridge.ros.types.messages import use_generated_messages
@@ -137,7 +137,9 @@ class Server(LegacyServer[GenerationBVehicle]):
         apad = scenario.apad
         return cls(
             apad.name,
-            lambda start_ms: GenerationBVehicle(parts.simulated_hull(scenario, held), start_ms, apad.fault),
+            lambda start_ms: GenerationBVehicle(
+                flight_parts.simulated_hull(scenario, held), start_ms, apad.fault
+            ),
             LocalFrame.about(scenario.area.origin),
         )
 

@@ -13,16 +13,16 @@ from collections.abc import Callable, Iterable
 from agents.packet_medium import medium_of
 from agents.time_scale import MissionMs
 from apad_bridge.ros.links.laboratory_topics import LaboratoryPublishers, LaboratorySubscribers
-from apad_bridge.scenario.lab_interface.messages import (
+from apad_bridge.scenario.lab_interface.lab_messages import (
     DockReport,
     LaboratoryMessage,
     LaboratoryPacket,
     MessageKind,
 )
-from apad_bridge.scenario.lab_interface.names import Names
+from apad_bridge.scenario.lab_interface.lab_names import Names
 from apad_bridge.supervisor.packet_relay import Outlet, PacketOrigin, RelayedPacket, RelayOutcome
 from apad_bridge.vehicle.commands import DockClosed, DockOpened, VehicleCommand
-from apad_bridge.vehicle.link import Cleared, LinkFact, VehicleLink
+from apad_bridge.vehicle.vehicle_link import Cleared, LinkFact, VehicleLink
 from firmware_model.packets import CommandPacket, Kind
 from firmware_model.packets.codec import Codec
 

@@ -12,15 +12,15 @@ from apad_bridge.ros.system.ros_time import stamp
 from apad_bridge.ros.types.any_message import AnyMessages, UnknownType, class_of
 from apad_bridge.ros.types.workspace_services import text_folders
 from apad_bridge.scenario.lab_interface.fields import read, write
-from apad_bridge.scenario.lab_interface.messages import (
+from apad_bridge.scenario.lab_interface.lab_messages import (
     ClearanceMessage,
     DockReport,
     LaboratoryMessage,
     LaboratoryPacket,
     MessageKind,
 )
-from apad_bridge.scenario.lab_interface.names import Names, Publication, Subscription
-from apad_bridge.vehicle.errors import VehicleNotReady
+from apad_bridge.scenario.lab_interface.lab_names import Names, Publication, Subscription
+from apad_bridge.vehicle.link_errors import VehicleNotReady
 
 _QUEUE = 100
 _LARGEST = 1024

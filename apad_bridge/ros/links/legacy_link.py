@@ -19,15 +19,15 @@ from apad_bridge.events.event import Event
 from apad_bridge.ros.links.order_sender import OrderSender
 from apad_bridge.ros.links.service_calls import CallFailed
 from apad_bridge.ros.system.inbox import Inbox
-from apad_bridge.scenario.lab_interface.messages import DockReport
+from apad_bridge.scenario.lab_interface.lab_messages import DockReport
 from apad_bridge.scenario.schema import APad, Scenario
 from apad_bridge.vehicle.commands import VehicleCommand
-from apad_bridge.vehicle.errors import VehicleNotReady
 from apad_bridge.vehicle.guards.gate import Gate
-from apad_bridge.vehicle.link import Cleared, LinkFact
+from apad_bridge.vehicle.link_errors import VehicleNotReady
 from apad_bridge.vehicle.stack import Stack
 from apad_bridge.vehicle.stack_messages import UNSTAMPED
 from apad_bridge.vehicle.telemetry import Readings
+from apad_bridge.vehicle.vehicle_link import Cleared, LinkFact
 from apad_bridge.world.contacts import FloatingPlaces
 
 

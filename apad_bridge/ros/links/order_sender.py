@@ -32,7 +32,6 @@ from apad_bridge.ros.links.service_calls import (
 )
 from apad_bridge.ros.system.lost_links import outlive_gaps
 from apad_bridge.ros.system.master_watch import name_again
-from apad_bridge.vehicle.link import Cleared
 from apad_bridge.vehicle.sending_road import (
     CUT,
     STOP_PATIENCE_MS,
@@ -46,6 +45,7 @@ from apad_bridge.vehicle.sending_road import (
     SendingRoad,
     Write,
 )
+from apad_bridge.vehicle.vehicle_link import Cleared
 
 Answered = Callable[[Any, str | None, bool], None]
 """Takes the response, the reason if there is none, and whether a stop ended the order on its way."""

@@ -11,7 +11,7 @@ from apad_bridge.ros.system.inbox import Listening
 from apad_bridge.ros.types.any_listener import AnyListener
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_apad
-from apad_bridge.vehicle.guards.orders import BodyInWater, Point
+from apad_bridge.vehicle.guards.guarded_orders import BodyInWater, Point
 
 use_generated_messages()
 

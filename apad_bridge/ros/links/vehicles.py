@@ -10,7 +10,7 @@ import rospy
 
 from agents.time_scale import MissionMs
 from apad_bridge.assembly.stacks import part_of, stack_of, stacks, unloadable
-from apad_bridge.doctor.graph import Graph
+from apad_bridge.doctor.graph_checks import Graph
 from apad_bridge.doctor.network import Unreachable
 from apad_bridge.records.samples import TruthSample
 from apad_bridge.ros.links.legacy_link import OpenedAPad, OpenLink
@@ -18,8 +18,8 @@ from apad_bridge.scenario.choices import Generation
 from apad_bridge.scenario.run_options import APadKind, RunOptions
 from apad_bridge.scenario.schema import LIMITS, Scenario
 from apad_bridge.vehicle.capabilities import Capabilities
-from apad_bridge.vehicle.errors import VehicleNotReady
 from apad_bridge.vehicle.guards.gate import Gate
+from apad_bridge.vehicle.link_errors import VehicleNotReady
 from apad_bridge.vehicle.stack import Stack
 
 

@@ -31,7 +31,7 @@ from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load, with_overrides
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.clock import StopSign
-from apad_bridge.vehicle.errors import VehicleNotReady
+from apad_bridge.vehicle.link_errors import VehicleNotReady
 
 if TYPE_CHECKING:
     from apad_bridge.ros.simulated_node.legacy_server import LegacyServer

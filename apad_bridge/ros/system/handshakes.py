@@ -28,7 +28,7 @@ from rospy.impl import tcpros_base
 from rospy.impl.tcpros_base import init_tcpros_server
 
 from agents.hosting.descriptors import SHORT_OF_FILES
-from apad_bridge.events.graph import GraphDeaf, GraphHears
+from apad_bridge.events.graph_events import GraphDeaf, GraphHears
 from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.ros.system.lost_links import end_when_unacknowledged
 

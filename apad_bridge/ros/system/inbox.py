@@ -7,7 +7,7 @@ from collections import Counter
 from typing import Any, Generic, TypeVar
 
 from apad_bridge.events.event import Event
-from apad_bridge.events.graph import MessagesDropped
+from apad_bridge.events.graph_events import MessagesDropped
 
 Item = TypeVar("Item")
 

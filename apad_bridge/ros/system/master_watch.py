@@ -29,7 +29,7 @@ from rospy.impl.registration import (
 )
 
 from apad_bridge.doctor.network import Timed, Unreachable, call_for_reply
-from apad_bridge.events.graph import MasterBack, MasterGone
+from apad_bridge.events.graph_events import MasterBack, MasterGone
 from apad_bridge.ros.system.inbox import Inbox
 
 PERIOD_S = 1.0

@@ -13,7 +13,7 @@ from apad_bridge.doctor.network import Unreachable, address_towards, connect
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.ros.system.master import loopback_environment
 from apad_bridge.scenario.run_options import OPTIONS_NAME, RunOptions, TimeSource
-from apad_bridge.vehicle.errors import PeerFailed
+from apad_bridge.vehicle.link_errors import PeerFailed
 
 _DEFAULT_URI = "http://localhost:11311"
 _WAIT_S = 0.1

@@ -7,8 +7,8 @@ from typing import Any
 
 import rosgraph
 
-from apad_bridge.doctor.door import NotAnnounced
-from apad_bridge.doctor.graph import Graph
+from apad_bridge.doctor.graph_checks import Graph
+from apad_bridge.doctor.live_apad import NotAnnounced
 from apad_bridge.doctor.network import Unreachable
 from apad_bridge.ros.types.any_message import AnyMessages, why_unfit
 from apad_bridge.ros.types.wire_probe import service_md5, topic_definition

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 from rosgraph.network import ROSHandshakeException, encode_ros_handshake_header, read_ros_handshake_header
 
-from apad_bridge.doctor.door import NotAnnounced
-from apad_bridge.doctor.graph import Graph
+from apad_bridge.doctor.graph_checks import Graph
+from apad_bridge.doctor.live_apad import NotAnnounced
 from apad_bridge.doctor.network import CALLER, TIMEOUT_S, Unreachable, call, connect
 
 _LENGTH = struct.Struct("<I")

@@ -16,12 +16,12 @@ from dataclasses import dataclass
 from agents.time_scale import MissionMs
 from apad_bridge.assembly.division import Member
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.events.fleet import HandedOn, TookOn
+from apad_bridge.events.fleet_events import HandedOn, TookOn
 from apad_bridge.planning.jurisdiction import Jurisdiction, OwnSight, PeerState, Terms, Vote
 from apad_bridge.runs.several.assignment import busy_with, view_of
 from apad_bridge.scenario.another_apad import ASSIGNMENT_PERIOD_S, Consensus
-from apad_bridge.supervisor.core import Supervisor
 from apad_bridge.supervisor.loop import Flight
+from apad_bridge.supervisor.supervisor import Supervisor
 
 
 @dataclass(frozen=True, slots=True)

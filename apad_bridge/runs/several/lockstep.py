@@ -23,7 +23,7 @@ from agents.water.sea import Sea
 from apad_bridge.assembly.division import Member
 from apad_bridge.assembly.fleet_parts import shared_sea
 from apad_bridge.assembly.flight_config import flight_config
-from apad_bridge.events.fleet import HandedOn, TookOn
+from apad_bridge.events.fleet_events import HandedOn, TookOn
 from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.mission.manual import CommandSource
 from apad_bridge.planning.registry import Trust
@@ -32,11 +32,10 @@ from apad_bridge.runs import flying
 from apad_bridge.runs.display import JointDisplay, ProgressDisplay
 from apad_bridge.runs.several.assignment import Assignment, Move, view_of
 from apad_bridge.runs.several.consensus import ByConsensus
-from apad_bridge.runs.several.summary import Flown
+from apad_bridge.runs.several.joint_summary import Flown
 from apad_bridge.scenario.another_apad import ASSIGNMENT_PERIOD_S, Sharing
 from apad_bridge.supervisor import recorder_interface
 from apad_bridge.supervisor.context import FlightContext, Watcher
-from apad_bridge.supervisor.core import Supervisor
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.supervisor.packet_relay import (
     AMusselStanding,
@@ -47,8 +46,9 @@ from apad_bridge.supervisor.packet_relay import (
     RelayOutcome,
 )
 from apad_bridge.supervisor.run_spec import RunSpec
+from apad_bridge.supervisor.supervisor import Supervisor
 from apad_bridge.vehicle.guards.gate import Gate
-from apad_bridge.vehicle.guards.orders import BodyInWater, Point
+from apad_bridge.vehicle.guards.guarded_orders import BodyInWater, Point
 
 ASSIGNMENT_PERIOD_MS = round(1000 * ASSIGNMENT_PERIOD_S)
 

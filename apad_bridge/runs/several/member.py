@@ -11,7 +11,7 @@ from pathlib import Path
 
 from agents.time_scale import MissionMs
 from apad_bridge.events.event import Event
-from apad_bridge.events.fleet import HandedOn, TookOn
+from apad_bridge.events.fleet_events import HandedOn, TookOn
 from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.mission.facts import StandDownRequested
 from apad_bridge.runs.parent_protocol import (
@@ -28,7 +28,7 @@ from apad_bridge.runs.several.lockstep import ASSIGNMENT_PERIOD_MS
 from apad_bridge.scenario.run_options import RunOptions
 from apad_bridge.scenario.schema import DockingProfile, Scenario
 from apad_bridge.supervisor.context import FlightContext, Watcher
-from apad_bridge.supervisor.core import Supervisor
+from apad_bridge.supervisor.supervisor import Supervisor
 
 
 class MemberLink:

@@ -57,7 +57,7 @@ def add_parser(commands: Any) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    from apad_bridge.assembly.capacity import bounds_of
+    from apad_bridge.assembly.capacity_bounds import bounds_of
     from apad_bridge.scenario.loader import load, with_overrides
 
     scenario = with_overrides(

@@ -102,8 +102,8 @@ def add_parser(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     # Imported here: a study's parts are many, and the other commands start without them.
-    from apad_bridge.studies.report import RESULTS, write_parquet
     from apad_bridge.studies.runner import StudyFailed, fly_study
+    from apad_bridge.studies.study_report import RESULTS, write_parquet
     from apad_bridge.studies.sweep_figure import as_table, write_figure
 
     if find_spec("pyarrow") is None:

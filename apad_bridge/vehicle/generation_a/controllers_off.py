@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from apad_bridge.vehicle.commands import CommandAccepted, CommandFailed, VehicleCommand
 from apad_bridge.vehicle.generation_a.messages import OffAnswered, OffOrder
-from apad_bridge.vehicle.link import Cleared
+from apad_bridge.vehicle.vehicle_link import Cleared
 
 
 class ControllersOff:

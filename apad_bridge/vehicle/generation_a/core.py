@@ -16,7 +16,7 @@ from collections import Counter
 from dataclasses import dataclass
 
 from apad_bridge.beliefs.input_ranges import out_of_range
-from apad_bridge.events.vehicle import DocksDisagree
+from apad_bridge.events.vehicle_events import DocksDisagree
 from apad_bridge.vehicle.commands import (
     Arrived,
     CloseDock,
@@ -62,7 +62,6 @@ from apad_bridge.vehicle.generation_a.messages import (
 from apad_bridge.vehicle.generation_a.server_watch import SERVER_SILENT_MS, ServerWatch
 from apad_bridge.vehicle.go_to_progress import GoToProgress
 from apad_bridge.vehicle.guards.gate import Gate
-from apad_bridge.vehicle.link import Cleared, LinkFact
 from apad_bridge.vehicle.stack_messages import BatteryReceived, StateRefReceived
 from apad_bridge.vehicle.telemetry import (
     FAR_M,
@@ -71,6 +70,7 @@ from apad_bridge.vehicle.telemetry import (
     Readings,
     SilenceWatch,
 )
+from apad_bridge.vehicle.vehicle_link import Cleared, LinkFact
 
 TAKEN_MS = 5_000
 """A goal without the action server's acknowledgement for so long has failed: nobody serves it. While the

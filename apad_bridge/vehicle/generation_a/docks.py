@@ -21,8 +21,8 @@ from apad_bridge.scenario.choices import PAPER_DOCKS
 from apad_bridge.vehicle.capabilities import DockPlaces, published_docks
 from apad_bridge.vehicle.commands import DockClosed, DockOpened, DocksNamed
 from apad_bridge.vehicle.generation_a.messages import OBJECT_PREFIX, DocksReceived, HeldPositionReceived
-from apad_bridge.vehicle.link import Carried, LetGo, LinkFact
 from apad_bridge.vehicle.telemetry import Readings
+from apad_bridge.vehicle.vehicle_link import Carried, LetGo, LinkFact
 
 RELEASE_SILENCE_MS = 2_000
 """From the acceptance of a release, so long a silence of `position_static` counts as the release, because the published

@@ -10,7 +10,7 @@ from apad_bridge.vehicle.generation_b.messages import (
     ServiceAnswered,
     ServiceOrder,
 )
-from apad_bridge.vehicle.link import Cleared
+from apad_bridge.vehicle.vehicle_link import Cleared
 
 ANSWER_MS = 5_000
 """A service without an answer for so long has failed: its node is gone, or its callback hangs."""

@@ -10,7 +10,7 @@ import math
 from collections import Counter, deque
 
 from apad_bridge.beliefs.input_ranges import out_of_range
-from apad_bridge.scenario.lab_interface.messages import DockReport
+from apad_bridge.scenario.lab_interface.lab_messages import DockReport
 from apad_bridge.scenario.schema import Docking
 from apad_bridge.vehicle.commands import (
     CloseDock,
@@ -34,9 +34,9 @@ from apad_bridge.vehicle.generation_b.messages import (
 )
 from apad_bridge.vehicle.generation_b.tasks import Tasks
 from apad_bridge.vehicle.guards.gate import Gate
-from apad_bridge.vehicle.link import Cleared, LinkFact
 from apad_bridge.vehicle.stack_messages import BatteryReceived, StateRefReceived
 from apad_bridge.vehicle.telemetry import DeferredMessages, Readings, SilenceWatch
+from apad_bridge.vehicle.vehicle_link import Cleared, LinkFact
 
 OWN_GOALS = 16
 """So many of our newest go-tos are known again when the vehicle's own server is shown them."""

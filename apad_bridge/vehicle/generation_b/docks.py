@@ -6,9 +6,9 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from typing import Protocol
 
-from apad_bridge.scenario.lab_interface.messages import DockReport
+from apad_bridge.scenario.lab_interface.lab_messages import DockReport
 from apad_bridge.vehicle.commands import CloseDock, OpenDock, PoseReported
-from apad_bridge.vehicle.link import LinkFact
+from apad_bridge.vehicle.vehicle_link import LinkFact
 
 
 class KeptDocks(Protocol):

@@ -19,8 +19,8 @@ from apad_bridge.vehicle.commands import (
     Stop,
     VehicleCommand,
 )
-from apad_bridge.vehicle.link import Cleared
 from apad_bridge.vehicle.stack_messages import BatteryReceived, StateRefReceived
+from apad_bridge.vehicle.vehicle_link import Cleared
 
 PRIMITIVE_FINISHED = "/PRIMITIVE_FINISHED"
 CAMERA_SERVO = (0.1, 0.46, 0.75, 1.0)

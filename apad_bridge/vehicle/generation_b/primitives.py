@@ -17,7 +17,7 @@ from apad_bridge.vehicle.generation_b.messages import (
     ServiceOrder,
     dock_direction_rad,
 )
-from apad_bridge.vehicle.link import Cleared
+from apad_bridge.vehicle.vehicle_link import Cleared
 
 GRACE_MS = 3_000
 """A vehicle that took an order and does not run it for so long has dropped it."""

@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
 
-from apad_bridge.scenario.lab_interface.messages import DockReport
+from apad_bridge.scenario.lab_interface.lab_messages import DockReport
 from apad_bridge.scenario.schema import Docking, DockingProfile
 from apad_bridge.vehicle.commands import (
     Arrived,
@@ -40,8 +40,8 @@ from apad_bridge.vehicle.generation_b.messages import (
     ServiceOrder,
 )
 from apad_bridge.vehicle.generation_b.primitives import GoToTask, HoldTask, ServoTask
-from apad_bridge.vehicle.link import Cleared, LinkFact
 from apad_bridge.vehicle.telemetry import Readings
+from apad_bridge.vehicle.vehicle_link import Cleared, LinkFact
 
 REPLACED = "another client's goal replaced it"
 """The reason of a go-to of ours that another client has ended."""

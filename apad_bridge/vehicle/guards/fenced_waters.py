@@ -14,7 +14,7 @@ from shapely.geometry import LineString, Polygon
 from shapely.geometry import Point as PlanePoint
 
 from apad_bridge.scenario.area.fence import Fence
-from apad_bridge.vehicle.guards.orders import Point
+from apad_bridge.vehicle.guards.guarded_orders import Point
 
 _EPSILON_M = 1e-6
 _FAR_M = 1000.0

@@ -12,7 +12,13 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 from apad_bridge.events.event import Event
-from apad_bridge.events.guards import SURFACING, OrderRefused, PilotTold, PositionErrorTold, WatchdogTold
+from apad_bridge.events.guard_events import (
+    SURFACING,
+    OrderRefused,
+    PilotTold,
+    PositionErrorTold,
+    WatchdogTold,
+)
 from apad_bridge.vehicle.commands import (
     PRIMITIVE_NAMES,
     BatteryReported,
@@ -28,9 +34,7 @@ from apad_bridge.vehicle.commands import (
     VehicleCommand,
 )
 from apad_bridge.vehicle.guards.battery_watch import BatteryWatch
-from apad_bridge.vehicle.guards.guards import Guard, unlimited_guards
-from apad_bridge.vehicle.guards.monitor import DEFAULT_STOPPING, Monitor, Stopping
-from apad_bridge.vehicle.guards.orders import (
+from apad_bridge.vehicle.guards.guarded_orders import (
     BodyInWater,
     GuardedOrder,
     Point,
@@ -38,11 +42,13 @@ from apad_bridge.vehicle.guards.orders import (
     VehicleSituation,
     is_stop,
 )
+from apad_bridge.vehicle.guards.guards import Guard, unlimited_guards
+from apad_bridge.vehicle.guards.monitor import DEFAULT_STOPPING, Monitor, Stopping
 from apad_bridge.vehicle.guards.position_watch import NEVER_MS, PositionLimits, PositionWatch
 from apad_bridge.vehicle.guards.stops import Latch, Stops
 from apad_bridge.vehicle.guards.watchdog_watch import WatchdogWatch
 from apad_bridge.vehicle.guards.waters import OpenWaters, Waters
-from apad_bridge.vehicle.link import Cleared, LinkFact, Sendable
+from apad_bridge.vehicle.vehicle_link import Cleared, LinkFact, Sendable
 
 NAMES: dict[type, str] = {
     **PRIMITIVE_NAMES,

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from apad_bridge.events.guards import (
+from apad_bridge.events.guard_events import (
     Cause,
     DangerOver,
     GuardReacted,
@@ -42,11 +42,11 @@ from apad_bridge.vehicle.commands import (
     VehicleCommand,
 )
 from apad_bridge.vehicle.guards.gate import PILOT_STEERS, Refusal, Safety
+from apad_bridge.vehicle.guards.guarded_orders import Point, goal_of, is_meant_as_stop, may_hold
 from apad_bridge.vehicle.guards.monitor import MonitorFinding, UnderWay
-from apad_bridge.vehicle.guards.orders import Point, goal_of, is_meant_as_stop, may_hold
 from apad_bridge.vehicle.guards.stop_keeper import StopKeeper
 from apad_bridge.vehicle.guards.stops import StopsEnded
-from apad_bridge.vehicle.link import Cleared, LinkFact, VehicleLink
+from apad_bridge.vehicle.vehicle_link import Cleared, LinkFact, VehicleLink
 
 _Answer = CommandAccepted | Arrived | CommandFailed
 _Wish = HoldWanted | ReleaseWanted | OrderCut

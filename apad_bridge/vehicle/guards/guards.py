@@ -12,7 +12,7 @@ from typing import Protocol
 
 from apad_bridge.beliefs.input_ranges import out_of_range
 from apad_bridge.vehicle.commands import CloseDock, GoTo, Hold, MoveArm, OpenDock
-from apad_bridge.vehicle.guards.orders import (
+from apad_bridge.vehicle.guards.guarded_orders import (
     BodyInWater,
     GuardedOrder,
     Point,

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
-from apad_bridge.events.guards import Cause, Reaction
+from apad_bridge.events.guard_events import Cause, Reaction
 from apad_bridge.vehicle.commands import GoTo
-from apad_bridge.vehicle.guards.orders import Point, VehicleSituation
+from apad_bridge.vehicle.guards.guarded_orders import Point, VehicleSituation
 from apad_bridge.vehicle.guards.waters import Waters
 
 PROGRESS_M = 0.5

@@ -20,9 +20,9 @@ from collections import deque
 from dataclasses import dataclass
 from enum import Enum, auto
 
-from apad_bridge.events.guards import StopKind
+from apad_bridge.events.guard_events import StopKind
+from apad_bridge.vehicle.guards.guarded_orders import Point
 from apad_bridge.vehicle.guards.monitor import Stopping
-from apad_bridge.vehicle.guards.orders import Point
 
 SLOW_M_S = 0.3
 """A hull that is no faster than this over the water's own flow has nothing to lose."""

@@ -20,7 +20,7 @@ from itertools import pairwise
 
 from apad_bridge.beliefs.input_ranges import out_of_range
 from apad_bridge.vehicle.commands import PoseReported
-from apad_bridge.vehicle.guards.orders import Point
+from apad_bridge.vehicle.guards.guarded_orders import Point
 from apad_bridge.vehicle.guards.two_places import TwoPlaces
 
 SAMPLE_MS = 800

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 
 from apad_bridge.events.event import Event
-from apad_bridge.events.guards import StopChanged, StopEnded, StopKind, StopState
-from apad_bridge.vehicle.guards.orders import Point
+from apad_bridge.events.guard_events import StopChanged, StopEnded, StopKind, StopState
+from apad_bridge.vehicle.guards.guarded_orders import Point
 
 TAKEN_MS = 3_000
 """A stop that a real vehicle has not taken so long after its sending is reported, and a HOLD becomes OFF."""

@@ -11,7 +11,7 @@ from collections import deque
 from itertools import pairwise
 from statistics import fmean, linear_regression, pstdev
 
-from apad_bridge.vehicle.guards.orders import Point
+from apad_bridge.vehicle.guards.guarded_orders import Point
 
 SPAN_MS = 20_000
 MOST = 60

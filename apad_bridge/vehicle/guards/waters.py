@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from apad_bridge.vehicle.guards.orders import Point
+from apad_bridge.vehicle.guards.guarded_orders import Point
 
 
 class Waters(Protocol):

@@ -14,8 +14,8 @@ from apad_bridge.scenario.errors import UserError
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.scenario.text_file import write_atomically
-from apad_bridge.viewers.layouts.fleet import layout_fleet
 from apad_bridge.viewers.layouts.kinds import KINDS
+from apad_bridge.viewers.layouts.layout_content import layout_fleet
 
 _NAMESPACE = re.compile(r"/?[A-Za-z]\w*(/[A-Za-z]\w*)*/?")
 

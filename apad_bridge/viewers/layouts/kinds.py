@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from apad_bridge.viewers.layouts import foxglove, rqt, rviz
-from apad_bridge.viewers.layouts.fleet import LayoutFleet
+from apad_bridge.viewers.layouts import foxglove_layout, rqt_layout, rviz_layout
+from apad_bridge.viewers.layouts.layout_content import LayoutFleet
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,7 +19,9 @@ class LayoutKind:
 
 
 KINDS = {
-    "rviz": LayoutKind(".rviz", "rviz -d FILE", rviz.layout),
-    "rqt": LayoutKind(".perspective", "rqt --perspective-file FILE", rqt.layout),
-    "foxglove": LayoutKind(".foxglove.json", "import FILE from Foxglove's menu of layouts", foxglove.layout),
+    "rviz": LayoutKind(".rviz", "rviz -d FILE", rviz_layout.layout),
+    "rqt": LayoutKind(".perspective", "rqt --perspective-file FILE", rqt_layout.layout),
+    "foxglove": LayoutKind(
+        ".foxglove.json", "import FILE from Foxglove's menu of layouts", foxglove_layout.layout
+    ),
 }

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from apad_bridge.vehicle.commands import DockClosed, DockOpened, DocksNamed, VehicleCommand, VehicleFact
-from apad_bridge.vehicle.link import Carried, Cleared, LetGo, LinkFact
-from apad_bridge.world.apad.apad import SimulatedAPad
+from apad_bridge.vehicle.vehicle_link import Carried, Cleared, LetGo, LinkFact
+from apad_bridge.world.apad.simulated_apad import SimulatedAPad
 
 
 class InProcessVehicle:

@@ -30,9 +30,9 @@ from apad_bridge.vehicle.commands import (
     VehicleFact,
 )
 from apad_bridge.vehicle.generation_a.messages import GO_TO, OBJECT_PREFIX, PERCH, RELEASE, GoalOrder
-from apad_bridge.world.apad.apad import SimulatedAPad
-from apad_bridge.world.apad.docks import MISSED, Misses
+from apad_bridge.world.apad.dock_mechanisms import MISSED, Misses
 from apad_bridge.world.apad.motion import Coast
+from apad_bridge.world.apad.simulated_apad import SimulatedAPad
 from apad_bridge.world.generation_a.messages import (
     BatteryAndProgressPublished,
     GoalEnded,

@@ -12,11 +12,11 @@ from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 
 from apad_bridge.scenario.choices import PAPER_DOCKS
-from apad_bridge.scenario.lab_interface.messages import DockReport
+from apad_bridge.scenario.lab_interface.lab_messages import DockReport
 from apad_bridge.vehicle.commands import CloseDock, CommandFailed, DockOpened, OpenDock, PoseReported
 from apad_bridge.vehicle.generation_b.stack import dock_places
-from apad_bridge.vehicle.link import Carried, LetGo, LinkFact
-from apad_bridge.world.apad.docks import MISSED, Docks, Misses
+from apad_bridge.vehicle.vehicle_link import Carried, LetGo, LinkFact
+from apad_bridge.world.apad.dock_mechanisms import MISSED, Docks, Misses
 from apad_bridge.world.contacts import FloatingPlaces, why_out_of_reach
 
 REACH_M = 1.5

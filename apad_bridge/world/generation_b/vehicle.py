@@ -27,9 +27,9 @@ from apad_bridge.vehicle.generation_b.messages import (
     arms,
     dock_direction_rad,
 )
-from apad_bridge.world.apad.apad import SimulatedAPad
 from apad_bridge.world.apad.kinematics import STEP_MS
 from apad_bridge.world.apad.motion import Coast, Steer
+from apad_bridge.world.apad.simulated_apad import SimulatedAPad
 from apad_bridge.world.generation_b.messages import (
     ArmPublished,
     BatteryPublished,

@@ -10,14 +10,14 @@ from lab_stack import STACK
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
-from apad_bridge.assembly import parts
-from apad_bridge.doctor.graph import Graph
+from apad_bridge.assembly import flight_parts
+from apad_bridge.doctor.graph_checks import Graph
 from apad_bridge.doctor.network import Unreachable
 from apad_bridge.ros.links.legacy_link import LegacyLink, OpenedAPad
 from apad_bridge.ros.links.legacy_subscribers import LegacySubscribers
 from apad_bridge.ros.links.order_sender import Answered
 from apad_bridge.ros.types.live_types import unreadable_topics
-from apad_bridge.scenario.lab_interface.messages import DockReport
+from apad_bridge.scenario.lab_interface.lab_messages import DockReport
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle.commands import GoTo, Hold, OrderCut, Stop, VehicleCommand
 from apad_bridge.vehicle.generation_b.core import GenerationBCore
@@ -29,9 +29,9 @@ from apad_bridge.vehicle.generation_b.messages import (
     StatusReceived,
 )
 from apad_bridge.vehicle.guards.gate import Gate
-from apad_bridge.vehicle.link import Cleared, LinkFact
 from apad_bridge.vehicle.sending_road import Rank
 from apad_bridge.vehicle.stack_messages import UNSTAMPED
+from apad_bridge.vehicle.vehicle_link import Cleared, LinkFact
 from apad_bridge.world.contacts import FloatingPlaces
 from apad_bridge.world.generation_b.docks import BenchDocks
 
@@ -145,5 +145,5 @@ def opened(
     *,
     our_clock: bool,
 ) -> OpenedAPad:
-    docks = BenchDocks(scenario.fleet.ids, parts.misses(scenario), sight, docked, scenario.apad.docks)
+    docks = BenchDocks(scenario.fleet.ids, flight_parts.misses(scenario), sight, docked, scenario.apad.docks)
     return OpenedAPad(LabLink(scenario, docks, gate, now_ms))

@@ -14,8 +14,8 @@ from fleets import PAPER, STILL
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agents.fleet import FleetConfig, resting_on_bottom
-from agents.hosting.agent_process import MOST_AHEAD, WindowHandler, answer_one, message_buffer, serve
+from agents.fleet_config import FleetConfig, resting_on_bottom
+from agents.hosting.agent_loop import MOST_AHEAD, WindowHandler, answer_one, message_buffer, serve
 from agents.hosting.host import Grant, Reply
 from agents.hosting.link_protocol import (
     LIMIT_BYTES,

@@ -16,8 +16,8 @@ from agents.modem.facts import (
     SerialOut,
     SoundBegan,
 )
-from agents.modem.firmware import ModemConfig, ModemFirmware
 from agents.modem.modem import Modem
+from agents.modem.modem_model import ModemConfig, ModemFirmware
 
 
 class Water:

@@ -27,9 +27,9 @@ from agents.modem.facts import (
     SerialOut,
     SoundBegan,
 )
-from agents.modem.firmware import ModemConfig
 from agents.modem.frames import FrameKind, ModemFrame
 from agents.modem.modem import Modem
+from agents.modem.modem_model import ModemConfig
 from agents.modem.states import TABLE, ModemState, ModemTrigger, next_state
 
 Pair = Callable[..., Any]

@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from agents.modem.facts import FrameArrived, FrameRequested, ModemStimulus, SerialBytes
-from agents.modem.firmware import ModemConfig
 from agents.modem.frames import FrameKind, ModemFrame
 from agents.modem.modem import Modem
+from agents.modem.modem_model import ModemConfig
 from agents.modem.rack import Rack
 
 NODES = {1: 1, 2: 2, 7: 7}

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from agents.modem.facts import EmitFrame
-from agents.modem.firmware import ModemFirmware
+from agents.modem.modem_model import ModemFirmware
 
 Pair = Callable[..., Any]
 

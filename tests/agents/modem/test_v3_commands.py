@@ -10,8 +10,8 @@ import pytest
 
 from agents.modem.answers import impulse_response
 from agents.modem.facts import EmitFrame, NoiseChanged, SupplyChanged
-from agents.modem.firmware import ModemFirmware
 from agents.modem.frames import FrameKind
+from agents.modem.modem_model import ModemFirmware
 
 Pair = Callable[..., Any]
 """Makes the water of `conftest.py`."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from fleets import PAPER
 
-from agents.fleet import resting_on_bottom
+from agents.fleet_config import resting_on_bottom
 from agents.mussel.agent import Agent
 from agents.mussel.outputs import StimulusDropped, WifiSent
 from agents.mussel.stimuli import (

@@ -19,7 +19,6 @@ from firmware_model.bench.conformance import (
 )
 from firmware_model.bench.rigs import RigEvent, RigHistory, lasts_ms
 from firmware_model.bench.whole_conformance_cases import WAYS_INTO, WHOLE_CASES
-from firmware_model.firmware import Firmware
 from firmware_model.hardware.clock_chip import Clock
 from firmware_model.packets import Command, CommandPacket, Kind, StatusPacket, WifiStatus, decode
 from firmware_model.power.active_battery import ActiveBattery
@@ -29,6 +28,7 @@ from firmware_model.settings_store import SettingsStore
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
 from firmware_model.whole_firmware import WholeFirmware
+from firmware_model.worst_case_firmware import Firmware
 
 CASES = {case.name: case for case in WHOLE_CASES}
 NO_EVENT = ("wakes-hourly", "stays-down")

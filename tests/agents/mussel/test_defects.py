@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from seas import FLEET as WHOLE
 
-from agents.fleet import FleetConfig, resting_on_bottom
+from agents.fleet_config import FleetConfig, resting_on_bottom
 from agents.mussel.agent import Agent
 from agents.mussel.defects import BoardPart
 from agents.mussel.failing_flash import FailingFlash

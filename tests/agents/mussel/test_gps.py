@@ -10,7 +10,7 @@ from fleets import STILL
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agents.fleet import resting_on_bottom
+from agents.fleet_config import resting_on_bottom
 from agents.mussel.agent import Agent
 from agents.mussel.body import Body, gps_fix_um
 from agents.mussel.outputs import WifiSent

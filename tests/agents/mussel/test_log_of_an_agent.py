@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 from fleets import PAPER, STILL, reporting_every, with_whole_boards
 
-from agents.fleet import FleetConfig, resting_on_bottom
+from agents.fleet_config import FleetConfig, resting_on_bottom
 from agents.modem.frames import ModemGeneration
 from agents.mussel.agent import Agent
 from agents.mussel.outputs import Output, SoundSent, StimulusDropped, WifiSent

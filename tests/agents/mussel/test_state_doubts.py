@@ -9,7 +9,7 @@ import pytest
 from fleets import STILL
 from native_boards import NATIVE, compiled, compiled_with
 
-from agents.fleet import resting_on_bottom
+from agents.fleet_config import resting_on_bottom
 from agents.mussel.agent import Agent, AgentConfig
 from agents.mussel.outputs import Output, StateDoubted, from_wire, to_wire
 from agents.mussel.stimuli import BuoyancyJammed, ContactClosed, ContactOpened, SoundArrived, WifiArrived

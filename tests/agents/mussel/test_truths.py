@@ -7,7 +7,7 @@ from collections import Counter
 
 import pytest
 
-from agents.fleet import resting_on_bottom
+from agents.fleet_config import resting_on_bottom
 from agents.hosting.link_protocol import LIMIT_BYTES, LinkError
 from agents.mussel import truths
 from agents.mussel.outputs import Truth

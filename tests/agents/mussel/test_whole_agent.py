@@ -8,7 +8,7 @@ from fleets import PAPER, STILL
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from agents.fleet import resting_on_bottom
+from agents.fleet_config import resting_on_bottom
 from agents.mussel.agent import Agent, AgentConfig
 from agents.mussel.outputs import Output, SoundSent, Truth
 from agents.mussel.physical import Physical

@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, assume, example, given, settings
 from hypothesis import strategies as st
 from native_boards import NATIVE, compiled, compiled_with, script
 
-from agents.fleet import resting_on_bottom
+from agents.fleet_config import resting_on_bottom
 from agents.mussel.agent import Agent, AgentConfig
 from agents.mussel.defects import BoardPart
 from agents.mussel.failing_flash import FailingFlash

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from fleets import PAPER, with_whole_boards
 
-from agents.fleet import resting_on_bottom
+from agents.fleet_config import resting_on_bottom
 from agents.nursery.fleet_file import FLEET_NAME, FleetFile, RestartPolicy
 from firmware_model.config import FullFirmware, LastResort
 from firmware_model.table_one import FIELD, METERING, power

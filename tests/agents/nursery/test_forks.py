@@ -12,8 +12,8 @@ from typing import Any, cast
 
 from fleets import PAPER
 
-from agents.fleet import resting_on_bottom
-from agents.nursery import agent_processes, child
+from agents.fleet_config import resting_on_bottom
+from agents.nursery import agent_processes, forked_agent
 from agents.nursery.agent_processes import AgentProcesses, Boot, LivingAgent
 from agents.nursery.fleet_file import FleetFile, RestartPolicy
 from firmware_model.stimuli import ResetCause
@@ -70,8 +70,10 @@ def test_an_agent_without_memory_says_so_in_one_line(tmp_path: Path) -> None:
         os.dup2(os.open(tmp_path / "log", os.O_WRONLY | os.O_CREAT), 2)
         sys.stderr = os.fdopen(2, "w")
         ours, theirs = socket.socketpair()
-        vars(child)["serve"] = take_too_much
-        child.live(os.getppid(), b"amussel-3", theirs.fileno(), 3, 64, ours, memoryview(b""), cast(Any, None))
+        vars(forked_agent)["serve"] = take_too_much
+        forked_agent.live(
+            os.getppid(), b"amussel-3", theirs.fileno(), 3, 64, ours, memoryview(b""), cast(Any, None)
+        )
     _, status = os.waitpid(agent, 0)
     assert os.waitstatus_to_exitcode(status) == 1
     assert (tmp_path / "log").read_text() == "amussel-3: out of memory\n"

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from agents.fleet import resting_on_bottom
+from agents.fleet_config import resting_on_bottom
 from agents.hosting.link_protocol import NEVER
 from agents.mussel.physical import Physical
 from agents.nursery.state_file import RECORD_BYTES, RECORDS, RecordRing, StateRecord

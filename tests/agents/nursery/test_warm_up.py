@@ -10,7 +10,7 @@ import pytest
 from fleets import PAPER, with_whole_boards
 from seas import FLEET
 
-from agents.fleet import FleetConfig
+from agents.fleet_config import FleetConfig
 from agents.mussel.agent import Agent
 from agents.mussel.firmware_process import FirmwareProcess
 from agents.mussel.outputs import Truth

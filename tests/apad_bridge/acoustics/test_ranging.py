@@ -11,10 +11,10 @@ from apad_bridge.acoustics.locator import Locator
 from apad_bridge.acoustics.ranging import RangingService
 from apad_bridge.acoustics.schedule import AcousticScheduler, ScheduleConfig
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.beliefs.fleet import FleetBeliefs
+from apad_bridge.beliefs.fleet_beliefs import FleetBeliefs
 from apad_bridge.beliefs.measurement import Fixed, Measurement, Ranged
 from apad_bridge.beliefs.modes import Mode
-from apad_bridge.events.sound import Asked, PlaceFixed
+from apad_bridge.events.sound_events import Asked, PlaceFixed
 from apad_bridge.mission.facts import Ping, RangeHeard, Send
 from apad_bridge.scenario.water.options import Localisation, Talk, Water
 from apad_bridge.vehicle.commands import PoseReported

@@ -12,7 +12,7 @@ from agents.water import medium as water_medium
 from agents.water.places import ModemPlace
 from agents.water.sound import Sound
 from apad_bridge.acoustics.schedule import AcousticScheduler, ScheduleConfig
-from apad_bridge.events.sound import Asked, NoAnswer
+from apad_bridge.events.sound_events import Asked, NoAnswer
 from apad_bridge.mission.facts import Ping, Send
 from apad_bridge.scenario.water.options import Talk, Water
 from firmware_model.config import Timeslots

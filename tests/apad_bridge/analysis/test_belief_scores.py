@@ -26,7 +26,7 @@ from apad_bridge.analysis.belief_scores.comparisons import (
     comparisons_in,
 )
 from apad_bridge.analysis.belief_scores.crps import crps
-from apad_bridge.analysis.belief_scores.figure import figure_of
+from apad_bridge.analysis.belief_scores.score_figure import figure_of
 from apad_bridge.analysis.belief_scores.scores import age_bin, scores_of
 from apad_bridge.beliefs.mixture import Gaussian
 from apad_bridge.beliefs.modes import Mode

@@ -10,7 +10,7 @@ from scenario_files import POOL_FILE, WHOLE_FILE
 from agents.mussel.outputs import Truth
 from apad_bridge.assembly.estimator import schedules
 from apad_bridge.assembly.flight_config import flight_config
-from apad_bridge.assembly.parts import fleet_beliefs
+from apad_bridge.assembly.flight_parts import fleet_beliefs
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.beliefs.twin_parameters import TwinParameters

@@ -13,7 +13,7 @@ from scenario_files import POOL_FILE
 from apad_bridge.assembly.stacks import part_of, stack_of, stacks
 from apad_bridge.ros_names.names import of_apad
 from apad_bridge.scenario.choices import Generation
-from apad_bridge.vehicle.errors import VehicleNotReady
+from apad_bridge.vehicle.link_errors import VehicleNotReady
 from apad_bridge.vehicle.stack import Stack
 
 

@@ -72,7 +72,7 @@ def test_its_log_likelihood_is_that_of_the_posterior() -> None:
 def test_it_is_imported_only_by_those_who_filter() -> None:
     """filterpy takes half a second to import, and imports scipy and matplotlib."""
     code = (
-        "import sys, apad_bridge.commands.main, apad_bridge.supervisor.core, apad_bridge.assembly.parts; "
+        "import sys, apad_bridge.commands.main, apad_bridge.supervisor.supervisor, apad_bridge.assembly.flight_parts; "
         "sys.exit(bool({'filterpy', 'scipy', 'matplotlib'} & sys.modules.keys()))"
     )
     assert subprocess.run([sys.executable, "-c", code], timeout=60).returncode == 0

@@ -20,12 +20,12 @@ import pytest
 from rich.console import Console
 
 from agents.time_scale import TimeScale
-from apad_bridge.assembly.capacity import bounds_of
+from apad_bridge.assembly.capacity_bounds import bounds_of
 from apad_bridge.commands.main import all_groups, main
 from apad_bridge.commands.outcome import report
-from apad_bridge.commands.table import print_table
-from apad_bridge.events.mission import MissionEnd
-from apad_bridge.events.run import EndReason
+from apad_bridge.commands.table_two_row import print_table
+from apad_bridge.events.mission_events import MissionEnd
+from apad_bridge.events.run_events import EndReason
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.summary import Ending, apad_energy
 from apad_bridge.runs.progress import WorkProgress

@@ -11,8 +11,8 @@ import pytest
 from scenario_files import POOL_FILE
 
 from apad_bridge.commands.hardware.preflight import verdict
-from apad_bridge.commands.prepare import preflight_checks
-from apad_bridge.commands.prepare.preflight_checks import (
+from apad_bridge.commands.prepare import run_preflight
+from apad_bridge.commands.prepare.run_preflight import (
     Report,
     accepted_by,
     every_check,
@@ -118,4 +118,4 @@ def test_a_proof_counts_for_a_day_on_its_master(
     stop, docks = proofs(pool, MASTER, ["/apad1"])
     assert (stop == failed) is counts
     assert docks.status is CheckStatus.WARN and "--prove-docks" in str(docks.mend)
-    assert preflight_checks.PROOFS.keys() == {"stop", "docks opened"}
+    assert run_preflight.PROOFS.keys() == {"stop", "docks opened"}

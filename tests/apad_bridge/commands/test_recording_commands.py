@@ -8,7 +8,7 @@ import shlex
 import pytest
 from scenario_files import POOL_FILE
 
-from apad_bridge.commands.prepare.preflight_checks import recording_commands
+from apad_bridge.commands.prepare.run_preflight import recording_commands
 from apad_bridge.scenario.loader import from_data, load, resolve
 
 

@@ -10,7 +10,7 @@ from journals import lines_in
 from scenario_files import POOL_FILE
 
 from apad_bridge.commands.main import main
-from apad_bridge.events.run import EndReason
+from apad_bridge.events.run_events import EndReason
 from apad_bridge.runs.exits import Exit
 from apad_bridge.runs.script_in_memory import fly_script
 from apad_bridge.scenario.loader import load

@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from apad_bridge.doctor.apad import check_apads
-from apad_bridge.doctor.door import LiveAPad, NotAnnounced
+from apad_bridge.doctor.apad_checks import check_apads
 from apad_bridge.doctor.finding import CheckStatus
-from apad_bridge.doctor.graph import Graph
+from apad_bridge.doctor.graph_checks import Graph
+from apad_bridge.doctor.live_apad import LiveAPad, NotAnnounced
 from apad_bridge.ros import door
 from apad_bridge.ros.door import DOOR
 

@@ -11,9 +11,9 @@ from xmlrpc.server import SimpleXMLRPCServer
 
 import pytest
 
-from apad_bridge.doctor import graph, network
+from apad_bridge.doctor import graph_checks, network
 from apad_bridge.doctor.finding import CheckStatus
-from apad_bridge.doctor.graph import Graph
+from apad_bridge.doctor.graph_checks import Graph
 from apad_bridge.doctor.network import Unreachable
 
 
@@ -110,27 +110,27 @@ def test_a_look_up_that_hangs_is_left_alone() -> None:
 
 
 def test_a_master_that_never_calls_back(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(graph, "TIMEOUT_S", 0.2)
+    monkeypatch.setattr(graph_checks, "TIMEOUT_S", 0.2)
     deaf = [1, "", 1]
     with answering(
         registerSubscriber=deaf, registerPublisher=deaf, unregisterPublisher=deaf, unregisterSubscriber=deaf
     ) as uri:
-        finding = graph.check_call_back(uri, "127.0.0.1", "127.0.0.1")
+        finding = graph_checks.check_call_back(uri, "127.0.0.1", "127.0.0.1")
     assert finding.status is CheckStatus.FAIL
     assert "export ROS_IP=127.0.0.1" in str(finding.mend)
 
 
 def test_a_node_that_names_itself_what_nobody_knows() -> None:
     uri = "http://127.0.0.1:11311"
-    (finding,) = graph.check_addresses(uri, "mussel.invalid")
+    (finding,) = graph_checks.check_addresses(uri, "mussel.invalid")
     assert finding.status is CheckStatus.FAIL and "ROS_IP=127.0.0.1" in str(finding.mend)
-    (finding,) = graph.check_addresses(uri, "127.0.1.1")
+    (finding,) = graph_checks.check_addresses(uri, "127.0.1.1")
     assert finding.status is CheckStatus.OK
 
 
 def test_a_loopback_name_is_of_no_use_to_a_master_elsewhere(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(graph, "address_towards", lambda _: "10.0.200.7")
-    (finding,) = graph.check_addresses("http://10.0.200.1:11311", "127.0.1.1")
+    monkeypatch.setattr(graph_checks, "address_towards", lambda _: "10.0.200.7")
+    (finding,) = graph_checks.check_addresses("http://10.0.200.1:11311", "127.0.1.1")
     assert finding.status is CheckStatus.FAIL and finding.mend == "export ROS_IP=10.0.200.7"
 
 
@@ -148,18 +148,18 @@ def test_a_loopback_name_is_of_no_use_to_a_master_elsewhere(monkeypatch: pytest.
 )
 def test_whose_time_it_is(parameter: list[Any], publishers: list[str], status: str, says: str) -> None:
     with answering(getParam=parameter) as uri:
-        finding = graph.check_clock(a_graph(uri, clock=publishers) if publishers else a_graph(uri))
+        finding = graph_checks.check_clock(a_graph(uri, clock=publishers) if publishers else a_graph(uri))
     assert finding.status == status and says in finding.found
 
 
 def test_nodes_are_called_one_by_one(closed: str) -> None:
     with answering(getPid=[1, "", 7]) as alive:
         with answering(lookupNode=[1, "", alive]) as master:
-            (fine,) = graph.check_nodes(a_graph(master, a=["/a"], b=["/b"]))
+            (fine,) = graph_checks.check_nodes(a_graph(master, a=["/a"], b=["/b"]))
         with answering(lookupNode=[1, "", closed]) as master:
-            (dead,) = graph.check_nodes(a_graph(master, a=["/a"]))
+            (dead,) = graph_checks.check_nodes(a_graph(master, a=["/a"]))
         with answering(lookupNode=[1, "", "http://amussel7.invalid:40000/"]) as master:
-            (unknown,) = graph.check_nodes(a_graph(master, a=["/a"]))
+            (unknown,) = graph_checks.check_nodes(a_graph(master, a=["/a"]))
     assert fine.status is CheckStatus.OK and "2 on the graph" in fine.found
     assert (dead.check, dead.status) == ("/a", CheckStatus.WARN)
     assert unknown.status is CheckStatus.FAIL and "/etc/hosts" in str(unknown.mend)
@@ -167,7 +167,9 @@ def test_nodes_are_called_one_by_one(closed: str) -> None:
 
 def test_a_graph_full_of_dead_nodes_is_told_in_few_lines(closed: str) -> None:
     with answering(lookupNode=[1, "", closed]) as master:
-        findings = list(graph.check_nodes(a_graph(master, many=[f"/n{number}" for number in range(20)])))
+        findings = list(
+            graph_checks.check_nodes(a_graph(master, many=[f"/n{number}" for number in range(20)]))
+        )
     assert len(findings) == 9 and "12 more" in findings[-1].found
 
 
@@ -177,34 +179,34 @@ def test_ids_and_a_clock_of_a_node_that_was_killed_are_free(closed: str) -> None
     with answering(getPid=[1, "", 7]) as alive:
         apis = {"/musselbed_1": closed, "/musselbed_clock": closed, "/other": alive}
         with answering(lookupNode=lambda _, node: [1, "", apis[node]], getParam=[1, "", True]) as uri:
-            free = graph.check_agents_present(a_graph(uri, **ours), range(1, 13))
+            free = graph_checks.check_agents_present(a_graph(uri, **ours), range(1, 13))
             assert free.status is CheckStatus.WARN and free.mend == "rosnode cleanup"
             assert "3 of the scenario are published by /musselbed_1 alone" in free.found
             both = a_graph(
                 uri, amussel3__position=["/musselbed_1", "/other"], clock=["/musselbed_clock", "/other"]
             )
-            clash = graph.check_agents_present(both, range(1, 13))
+            clash = graph_checks.check_agents_present(both, range(1, 13))
             assert clash.status is CheckStatus.FAIL and clash.found.endswith("published already by /other")
-            assert graph.check_clock(both).status is CheckStatus.OK
-            clock = graph.check_clock(a_graph(uri, **ours))
+            assert graph_checks.check_clock(both).status is CheckStatus.OK
+            clock = graph_checks.check_clock(a_graph(uri, **ours))
             assert clock.status is CheckStatus.FAIL and "no node that lives publishes /clock" in clock.found
 
 
 def test_ids_that_are_taken() -> None:
     nobody = a_graph()
     some = a_graph(amussel2__position=["/them"], amussel3__position=["/them"], amussel9__position=["/one"])
-    assert graph.check_agents_present(nobody, range(1, 13)).status is CheckStatus.OK
-    clash = graph.check_agents_present(some, range(1, 4))
+    assert graph_checks.check_agents_present(nobody, range(1, 13)).status is CheckStatus.OK
+    clash = graph_checks.check_agents_present(some, range(1, 4))
     assert (
         clash.status is CheckStatus.FAIL
         and "2 to 3 of the scenario" in clash.found
         and "/them" in clash.found
     )
     assert "/one" not in clash.found and "first_id to 10" in str(clash.mend)
-    assert graph.check_agents_present(some, range(10, 20)).status is CheckStatus.OK
-    assert graph.check_agents_present(some, range(1, 4), "basin").status is CheckStatus.OK
+    assert graph_checks.check_agents_present(some, range(10, 20)).status is CheckStatus.OK
+    assert graph_checks.check_agents_present(some, range(1, 4), "basin").status is CheckStatus.OK
     below = a_graph(basin__amussel3__position=["/basin/them"])
-    assert graph.check_agents_present(below, range(1, 4)).status is CheckStatus.OK
-    assert graph.check_agents_present(below, range(1, 4), "basin").status is CheckStatus.FAIL
-    unasked = graph.check_agents_present(some, None)
+    assert graph_checks.check_agents_present(below, range(1, 4)).status is CheckStatus.OK
+    assert graph_checks.check_agents_present(below, range(1, 4), "basin").status is CheckStatus.FAIL
+    unasked = graph_checks.check_agents_present(some, None)
     assert unasked.status is CheckStatus.WARN and "2 to 3, 9" in unasked.found

@@ -17,8 +17,8 @@ from hypothesis import strategies as st
 from rosbags.rosbag1 import Reader, Writer
 
 from apad_bridge.commands import main
+from apad_bridge.field.bag_merge.bag_figures import figures_of
 from apad_bridge.field.bag_merge.clocks import clock_offset
-from apad_bridge.field.bag_merge.figures import figures_of
 from apad_bridge.field.bag_merge.matching import _rising
 from apad_bridge.records.bag import RecordedMessage, recorded_messages
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 
-from apad_bridge.field.field_log.facts import BatteryTold, PacketLogged
+from apad_bridge.field.field_log.log_facts import BatteryTold, PacketLogged
 from apad_bridge.field.field_log.reader import FactReader
 from apad_bridge.records.bag import RecordedConnection, RecordedMessage
 

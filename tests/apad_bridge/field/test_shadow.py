@@ -12,7 +12,7 @@ import pytest
 from scenario_files import POOL_FILE, SOUND_FILE
 
 from apad_bridge.commands import main
-from apad_bridge.field.field_log.facts import (
+from apad_bridge.field.field_log.log_facts import (
     AmusselCharged,
     AmusselPlaced,
     Held,

@@ -7,12 +7,12 @@ import pytest
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.hold_last import LastPacket
-from apad_bridge.events.mission import PRE_EMPTED, AMusselReleased, MissionEnd
-from apad_bridge.events.run import EndReason
+from apad_bridge.events.mission_events import PRE_EMPTED, AMusselReleased, MissionEnd
+from apad_bridge.events.run_events import EndReason
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.orders import PermitSurfacing, SendCommand
-from apad_bridge.mission.values import Refused, Status
+from apad_bridge.mission.script_values import Refused, Status
 from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.run_spec import RunSpec

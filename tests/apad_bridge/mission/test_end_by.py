@@ -14,7 +14,7 @@ from scenario_files import POOL_FILE
 
 from agents.water.stream import CurrentConfig
 from apad_bridge.commands.fly.flight import with_end_by_in_seconds
-from apad_bridge.events.run import EndReason
+from apad_bridge.events.run_events import EndReason
 from apad_bridge.mission.end_by import MARGIN_S, EndBy
 from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.scenario.errors import ScenarioError

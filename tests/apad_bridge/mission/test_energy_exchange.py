@@ -13,8 +13,8 @@ from scenario_files import POOL_FILE
 
 from apad_bridge.beliefs.belief import Belief, Suspicion
 from apad_bridge.events.event import Event
-from apad_bridge.events.mission import ExchangePhase, MissionEnd, MissionState, Phase
-from apad_bridge.events.run import EndReason
+from apad_bridge.events.mission_events import ExchangePhase, MissionEnd, MissionState, Phase
+from apad_bridge.events.run_events import EndReason
 from apad_bridge.mission.docking_routine import NOT_FOUND, SEARCH_S
 from apad_bridge.mission.end_by import KnownEnd
 from apad_bridge.mission.energy_exchange import EnergyExchange

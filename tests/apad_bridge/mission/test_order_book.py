@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from apad_bridge.events.event import Event
-from apad_bridge.events.mission import LegBegan, MissionEnd, MissionState
-from apad_bridge.events.run import EndReason
+from apad_bridge.events.mission_events import LegBegan, MissionEnd, MissionState
+from apad_bridge.events.run_events import EndReason
 from apad_bridge.mission.order_book import CHORD_M, OrderBook
 from apad_bridge.vehicle.commands import GoTo, Hold
 from apad_bridge.vehicle.outcomes import PrimitiveFailed, PrimitiveSucceeded

@@ -8,7 +8,7 @@ import pytest
 from scenario_files import WHOLE_FILE
 
 from apad_bridge.beliefs.belief import Belief, Suspicion
-from apad_bridge.events.mission import MissionState
+from apad_bridge.events.mission_events import MissionState
 from apad_bridge.mission.believed_dispatch import BelievedDispatch
 from apad_bridge.mission.charging_watch import ChargingWatch
 from apad_bridge.mission.energy_exchange import EnergyExchange

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from scenario_files import POOL_FILE
 
 from agents.time_scale import MissionMs
-from apad_bridge.assembly.energy_model import energy_model
+from apad_bridge.assembly.scenario_energy_model import energy_model
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.events.mission import MissionState, Phase
+from apad_bridge.events.mission_events import MissionState, Phase
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.planner import PlanRules
 from apad_bridge.planning import registry

@@ -11,7 +11,7 @@ from flying import Flying
 from scenario_files import POOL_FILE, SOUND_FILE
 
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.events.mission import MissionState
+from apad_bridge.events.mission_events import MissionState
 from apad_bridge.mission.docking_routine import (
     SEARCH_S,
     DockingRoutine,

@@ -7,30 +7,30 @@ import pytest
 from flying import Flying
 from journals import facts_of
 
-from apad_bridge.assembly import parts
+from apad_bridge.assembly import flight_parts
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.beliefs.fleet import Estimator
-from apad_bridge.events.guards import StopKind
-from apad_bridge.events.mission import MissionEnd, MissionState, Phase
+from apad_bridge.beliefs.fleet_beliefs import Estimator
+from apad_bridge.events.guard_events import StopKind
+from apad_bridge.events.mission_events import MissionEnd, MissionState, Phase
 from apad_bridge.events.person_orders import Act
-from apad_bridge.events.run import EndReason
+from apad_bridge.events.run_events import EndReason
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.flight_mission import FLIES_ALREADY, FlightMission
 from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.orders import Order, SendCommand
 from apad_bridge.mission.planner import PlanRules
-from apad_bridge.mission.values import Refused, Status
+from apad_bridge.mission.script_values import Refused, Status
 from apad_bridge.planning import registry
 from apad_bridge.planning.solution import Step, StepKind
 from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.supervisor.control import NOTHING_STOPPED, carry_out
 from apad_bridge.supervisor.control_client import Request
+from apad_bridge.supervisor.control_server import NOTHING_STOPPED, carry_out
 from apad_bridge.supervisor.run_spec import RunSpec
 from apad_bridge.vehicle.commands import GoTo, OpenDock, PoseReported
-from apad_bridge.vehicle.link import LinkFact
 from apad_bridge.vehicle.outcomes import DockChanged, PrimitiveSucceeded
+from apad_bridge.vehicle.vehicle_link import LinkFact
 from apad_bridge.world.apad.in_process import InProcessVehicle
 from firmware_model.packets import Kind
 from firmware_model.states import State
@@ -278,7 +278,7 @@ class WithoutPosition(InProcessVehicle):
 
 
 def test_a_stop_by_hand_does_not_wait_for_the_first_position(pool: Scenario) -> None:
-    vehicle = WithoutPosition(parts.simulated_apad(pool))
+    vehicle = WithoutPosition(flight_parts.simulated_apad(pool))
     flying = Flying.by_calls(pool, lambda context: replace(context, vehicle=vehicle))
     flying.seconds(3)
     accepted, why = asked(flying, Act.STOP)

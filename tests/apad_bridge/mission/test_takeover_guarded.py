@@ -9,17 +9,17 @@ import pytest
 from flying import Flying
 from journals import facts_of
 
-from apad_bridge.events.mission import Phase
+from apad_bridge.events.mission_events import Phase
 from apad_bridge.events.person_orders import Act
 from apad_bridge.mission.manual import ManualMission
-from apad_bridge.mission.values import Refused, Status
+from apad_bridge.mission.script_values import Refused, Status
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.context import FlightContext
-from apad_bridge.supervisor.control import carry_out
 from apad_bridge.supervisor.control_client import Request
+from apad_bridge.supervisor.control_server import carry_out
 from apad_bridge.vehicle.commands import CommandedByOthers, PilotReported
 from apad_bridge.vehicle.guards.gate import PILOT_STEERS
-from apad_bridge.vehicle.link import LinkFact, VehicleLink
+from apad_bridge.vehicle.vehicle_link import LinkFact, VehicleLink
 
 
 class Overheard:

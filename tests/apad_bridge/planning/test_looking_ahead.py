@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenario_files import POOL_FILE
 
-from apad_bridge.assembly.energy_model import energy_model
+from apad_bridge.assembly.scenario_energy_model import energy_model
 from apad_bridge.planning import registry
 from apad_bridge.planning.by_route import Blend
 from apad_bridge.planning.candidates import Candidate, Situation

@@ -18,7 +18,7 @@ from rosbags.rosbag1 import Reader
 from rosbags.rosbag1.reader import ReaderError
 
 from agents.time_scale import TimeScale
-from apad_bridge.events.sound import PacketPassed
+from apad_bridge.events.sound_events import PacketPassed
 from apad_bridge.records.bag import CHUNK_MS, BagWriter, recorded_messages, repair_bag
 from apad_bridge.records.bag_messages import BELIEFS as BELIEFS_NAME
 from apad_bridge.records.bag_messages import TRUTH as TRUTH_NAME

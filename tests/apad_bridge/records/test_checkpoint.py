@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from scenario_files import POOL_FILE
 
 from apad_bridge.assembly.flight_config import flight_config
-from apad_bridge.assembly.parts import fleet_beliefs
-from apad_bridge.beliefs.fleet import FleetBeliefs
+from apad_bridge.assembly.flight_parts import fleet_beliefs
+from apad_bridge.beliefs.fleet_beliefs import FleetBeliefs
 from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.beliefs.measurement import (
     Docked,

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from journals import journal_of
 
+from apad_bridge.events.all_events import EVENTS
 from apad_bridge.events.event import Uncounted, fields_of
-from apad_bridge.events.union import EVENTS
 from apad_bridge.records.digest import COUNTED, RunDigest, combined_digest, counted_events
 
 TRUTH = {

@@ -2,9 +2,9 @@
 
 import pytest
 
+from apad_bridge.events.all_events import EVENTS, event_of
 from apad_bridge.events.event import Category, Event
-from apad_bridge.events.union import EVENTS, event_of
-from apad_bridge.records.line_types import fault_of
+from apad_bridge.records.field_types import fault_of
 
 TEXTS = [
     ({"kind": "dock", "dock": 0, "agent": 2, "closed": False}, "dock 1 let go aMussel 2"),

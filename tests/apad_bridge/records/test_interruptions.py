@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from apad_bridge.events.union import event_of
+from apad_bridge.events.all_events import event_of
 from apad_bridge.records.summary import Interruptions
 
 STOP, CONTINUE = ("operator", {"order": "stop", "by": "x"}), ("operator", {"order": "continue", "by": "x"})

@@ -8,12 +8,12 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from apad_bridge.events.fleet import BeliefChanged, Presence, PresenceChanged, TruthChanged
-from apad_bridge.events.mission import DockSwitched, LegBegan
-from apad_bridge.events.persons import ScriptTold
-from apad_bridge.events.run import RunEnded, TickPassed
-from apad_bridge.events.sound import LinksRead, PacketPassed
-from apad_bridge.events.union import UnknownEvent, event_of
+from apad_bridge.events.all_events import UnknownEvent, event_of
+from apad_bridge.events.fleet_events import BeliefChanged, Presence, PresenceChanged, TruthChanged
+from apad_bridge.events.mission_events import DockSwitched, LegBegan
+from apad_bridge.events.person_events import ScriptTold
+from apad_bridge.events.run_events import RunEnded, TickPassed
+from apad_bridge.events.sound_events import LinksRead, PacketPassed
 from apad_bridge.records.journal import (
     FORMAT_VERSION,
     Journal,

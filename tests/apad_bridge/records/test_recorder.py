@@ -21,10 +21,10 @@ from agents.time_scale import TimeScale
 from apad_bridge.assembly import fleet_parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.beliefs.belief import Belief, CapacityLeft
-from apad_bridge.events.fleet import ProcessDied
-from apad_bridge.events.mission import LegBegan, MissionEnd
-from apad_bridge.events.persons import ScriptTold
-from apad_bridge.events.run import EndReason, RunResumed
+from apad_bridge.events.fleet_events import ProcessDied
+from apad_bridge.events.mission_events import LegBegan, MissionEnd
+from apad_bridge.events.person_events import ScriptTold
+from apad_bridge.events.run_events import EndReason, RunResumed
 from apad_bridge.mission.facts import PlacedSample
 from apad_bridge.records.journal import read_journal
 from apad_bridge.records.recorder import DAY_MS, Recorder, RecordsFailed

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from agents.mussel.outputs import Truth
 from agents.mussel.physical import Physical
 from agents.time_scale import TimeScale
-from apad_bridge.events.fleet import Presence
+from apad_bridge.events.fleet_events import Presence
 from apad_bridge.records.sample_file import sample_figures
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.records.uptime import AgentUptime, UptimeMeter

@@ -11,8 +11,8 @@ from scenario_files import POOL_FILE
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.doctor.finding import Finding, cannot_tell, fail, ok
-from apad_bridge.doctor.graph import Graph
-from apad_bridge.ros import context
+from apad_bridge.doctor.graph_checks import Graph
+from apad_bridge.ros import flight_opening
 from apad_bridge.ros.generation_a.contacts_link import ContactsLink
 from apad_bridge.ros.generation_b import link
 from apad_bridge.ros.generation_b.link import GenerationBLink
@@ -22,10 +22,10 @@ from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOp
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.packet_relay import PacketOrigin
 from apad_bridge.vehicle.commands import PoseReported
-from apad_bridge.vehicle.errors import PeerFailed, VehicleNotReady
 from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.guards.guarded_vehicle import GuardedVehicle
-from apad_bridge.world.fleet import NoFleet
+from apad_bridge.vehicle.link_errors import PeerFailed, VehicleNotReady
+from apad_bridge.world.simulated_fleet import NoFleet
 from apad_bridge.world.world import World
 from firmware_model.states import State
 
@@ -36,13 +36,13 @@ OPTIONS = RunOptions(
 
 def test_a_vehicle_with_another_origin_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     found: Finding = fail("/apad1/LocalOriginLat says 45, 412 m from the scenario's", "area.origin: 45")
-    monkeypatch.setattr(context, "check_origin", lambda uri, apad, ours: found)
+    monkeypatch.setattr(flight_opening, "check_origin", lambda uri, apad, ours: found)
     with pytest.raises(VehicleNotReady, match=r"412 m from the scenario's: area.origin: 45"):
-        context._refuse_other_origin(load(POOL_FILE), OPTIONS)
+        flight_opening._refuse_other_origin(load(POOL_FILE), OPTIONS)
     # The preflight before it has told that nobody says it, and a person has accepted that.
     for other in (ok("the same"), cannot_tell("nobody says", "ask")):
-        monkeypatch.setattr(context, "check_origin", lambda uri, apad, ours, other=other: other)
-        context._refuse_other_origin(load(POOL_FILE), OPTIONS)
+        monkeypatch.setattr(flight_opening, "check_origin", lambda uri, apad, ours, other=other: other)
+        flight_opening._refuse_other_origin(load(POOL_FILE), OPTIONS)
 
 
 @pytest.mark.parametrize(
@@ -98,9 +98,9 @@ def test_every_real_vehicle_that_was_stopped_waits_for_a_person_whoever_gives_th
         raise VehicleNotReady("far enough")
 
     for part in ("_refuse_other_origin", "_gateway", "_roster", "_laboratory", "_beside_the_gateway"):
-        monkeypatch.setattr(context, part, MagicMock())
-    monkeypatch.setattr(context, "safety_of", safety_of)
-    opened = context.open_flight_context(
+        monkeypatch.setattr(flight_opening, part, MagicMock())
+    monkeypatch.setattr(flight_opening, "safety_of", safety_of)
+    opened = flight_opening.open_flight_context(
         load(POOL_FILE),
         options,
         world=World(NoFleet()),
@@ -126,11 +126,13 @@ def test_its_last_orders_are_answered_before_the_link_to_it_is_closed(
     vehicle, lines = MagicMock(spec=GenerationBLink), list[str]()
     vehicle.wait_until_taken.return_value = unanswered
     for part in ("_refuse_other_origin", "_gateway", "_roster", "_laboratory", "_beside_the_gateway"):
-        monkeypatch.setattr(context, part, MagicMock())
-    monkeypatch.setattr(context, "OtherAPads", MagicMock())
-    monkeypatch.setattr(context, "WatchdogStates", MagicMock(side_effect=VehicleNotReady("far enough")))
-    monkeypatch.setattr(context, "_vehicle", lambda *_: (vehicle, ()))
-    opened = context.open_flight_context(
+        monkeypatch.setattr(flight_opening, part, MagicMock())
+    monkeypatch.setattr(flight_opening, "OtherAPads", MagicMock())
+    monkeypatch.setattr(
+        flight_opening, "WatchdogStates", MagicMock(side_effect=VehicleNotReady("far enough"))
+    )
+    monkeypatch.setattr(flight_opening, "_vehicle", lambda *_: (vehicle, ()))
+    opened = flight_opening.open_flight_context(
         load(POOL_FILE),
         OPTIONS,
         world=World(NoFleet()),
@@ -164,7 +166,7 @@ def test_an_aMussel_in_a_dock_is_no_body_in_the_water_though_it_was_last_heard_a
     supervisor.mission.docks = (None, 4)
     others.bodies.return_value = ()
     options = replace(OPTIONS, part=BenchPart.MISSION)
-    context._bodies_watcher(gate, supervisor, options, MagicMock(), others)(1000)
+    flight_opening._bodies_watcher(gate, supervisor, options, MagicMock(), others)(1000)
     assert [it.agent_id for it in gate.situation(1000).bodies] == [3]
 
 
@@ -175,7 +177,7 @@ def test_a_fleet_alone_commands_nothing_when_the_aPad_is_out_of_reach(
     """The aPad is heard for two seconds and then for a minute no more, as when the link to its machine is cut."""
     data = resolve(load(POOL_FILE))
     data["guards"] = {"position_age_s": 2}
-    safety = context.safety_for(from_data(data, "guarded"), replace(OPTIONS, part=part))
+    safety = flight_opening.safety_for(from_data(data, "guarded"), replace(OPTIONS, part=part))
     link = MagicMock()
     link.advance = lambda now_ms: [PoseReported(now_ms, 14.0, 10.5, 0.0)] if now_ms <= 2000 else []
     vehicle = GuardedVehicle(link, safety)

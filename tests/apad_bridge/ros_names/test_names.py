@@ -11,7 +11,7 @@ import pytest
 
 from apad_bridge.ros_names.frames import Frames
 from apad_bridge.ros_names.names import beside_others, in_full, of_amussel, of_apad, ours, ours_of_apad
-from apad_bridge.ros_names.table import GLOBAL, SECTIONS
+from apad_bridge.ros_names.names_table import GLOBAL, SECTIONS
 
 ROOT = Path(__file__).parents[3]
 ROWS = [row for section in SECTIONS for row in section.rows]
@@ -112,5 +112,7 @@ def test_no_name_is_written_anywhere_else() -> None:
 
 
 def test_the_search_for_names_finds_some() -> None:
-    found = [text for _, text in literals(ROOT / "apad_bridge/ros_names/table.py") if NAMED.fullmatch(text)]
+    found = [
+        text for _, text in literals(ROOT / "apad_bridge/ros_names/names_table.py") if NAMED.fullmatch(text)
+    ]
     assert len(found) > 20

@@ -12,7 +12,7 @@ from scenario_files import POOL_FILE, silent_in_its_dock
 
 from apad_bridge.analysis.replay.series import whole_view
 from apad_bridge.commands.main import main
-from apad_bridge.mission.values import Refused
+from apad_bridge.mission.script_values import Refused
 from apad_bridge.records.journal import read_journal
 from apad_bridge.runs.exits import Exit
 from apad_bridge.runs.in_memory import fly_in_memory

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from apad_bridge.events.mission import PlanMade
+from apad_bridge.events.mission_events import PlanMade
 from apad_bridge.runs.dry_run import first_plan
 from apad_bridge.runs.in_memory import fly_in_memory
 from apad_bridge.scenario.loader import load

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from journals import facts_of
 
-from apad_bridge.events.run import EndReason
+from apad_bridge.events.run_events import EndReason
 from apad_bridge.runs.in_memory import fly_in_memory
 from apad_bridge.runs.script_in_memory import fly_script
 from apad_bridge.scenario.loader import load

@@ -15,8 +15,8 @@ from scenario_files import POOL_FILE
 
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.commands.outcome import exit_of, report
-from apad_bridge.events.mission import MissionEnd
-from apad_bridge.events.run import EndReason
+from apad_bridge.events.mission_events import MissionEnd
+from apad_bridge.events.run_events import EndReason
 from apad_bridge.records.recorder import Recorder, RecordsFailed
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs import exits
@@ -27,7 +27,7 @@ from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.clock import ClockLost, OnTimeReached, StopSign
-from apad_bridge.vehicle.errors import PeerFailed
+from apad_bridge.vehicle.link_errors import PeerFailed
 
 FAILED = MissionEnd(EndReason.STRATEGY_FAILED, "failure of strategy 'x': ValueError: no")
 

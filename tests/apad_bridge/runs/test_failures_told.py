@@ -11,10 +11,10 @@ from journals import facts_of, lines_in
 
 from agents.time_scale import MissionMs
 from apad_bridge.assembly.division import members
-from apad_bridge.events.mission import MissionEnd, StepGivenUp, Stuck
-from apad_bridge.events.run import EndReason
-from apad_bridge.events.union import event_of
-from apad_bridge.events.vehicle import DocksDisagree
+from apad_bridge.events.all_events import event_of
+from apad_bridge.events.mission_events import MissionEnd, StepGivenUp, Stuck
+from apad_bridge.events.run_events import EndReason
+from apad_bridge.events.vehicle_events import DocksDisagree
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.summary import Ending, FailureCounts

@@ -12,7 +12,7 @@ from apad_bridge.runs.in_memory import fly_in_memory
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.water.options import Wind
-from apad_bridge.world.apad.docks import MISSED
+from apad_bridge.world.apad.dock_mechanisms import MISSED
 
 
 def in_wind(speed_m_s: float, seed: int) -> Scenario:

@@ -10,7 +10,7 @@ from scenario_files import POOL_FILE, SOUND_FILE, WHOLE_FILE
 
 from apad_bridge.assembly.fleet_parts import fleet_config
 from apad_bridge.assembly.flight_config import flight_config
-from apad_bridge.events.mission import DockSwitched
+from apad_bridge.events.mission_events import DockSwitched
 from apad_bridge.runs.in_memory import fly_in_memory
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario

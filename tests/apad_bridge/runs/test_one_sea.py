@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from journals import facts_of
 
-from apad_bridge.assembly import parts
+from apad_bridge.assembly import flight_parts
 from apad_bridge.assembly.safety import LegEnergy, safety_of
 from apad_bridge.records.summary import FailureCounts
 from apad_bridge.runs.in_memory import MemoryRecorder, open_flight
@@ -129,7 +129,7 @@ def test_a_current_beyond_the_hull_is_told_before_and_in_the_mission(pool: Scena
     assert set(counts.figures()["beyond_reach"]) >= expected
 
 
-@pytest.mark.parametrize("build", [parts.simulated_apad, parts.simulated_hull])
+@pytest.mark.parametrize("build", [flight_parts.simulated_apad, flight_parts.simulated_hull])
 def test_the_node_and_the_flight_in_one_process_have_one_hull_in_one_sea(pool: Scenario, build: Any) -> None:
     apad = build(in_current(pool, 0.2))
     apad.receive(Hold(1, *pool.apad.start_m), 0)

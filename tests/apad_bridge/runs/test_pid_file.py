@@ -17,7 +17,7 @@ from apad_bridge.runs.several.lockstep import fly_in_step
 from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.starts import starts_of
-from apad_bridge.vehicle.errors import PeerFailed
+from apad_bridge.vehicle.link_errors import PeerFailed
 
 REAL_APAD = str(Path(__file__).parents[3] / "launch_scripts" / "scenarios" / "real-apad.yaml")
 LISTING = Path(__file__).parents[3] / "launch_scripts" / "examples" / "listing_1.py"

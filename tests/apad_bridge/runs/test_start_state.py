@@ -13,13 +13,13 @@ import pytest
 from journals import state_of
 from scenario_files import POOL_FILE
 
-from apad_bridge.assembly import parts
+from apad_bridge.assembly import flight_parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.events.event import Event
-from apad_bridge.events.fleet import Presence, PresenceChanged
-from apad_bridge.events.mission import DockSwitched, MissionChanged, MissionEnd, MissionState, Phase
-from apad_bridge.events.run import EndReason, KnowledgeRestored, RunEnded
-from apad_bridge.events.vehicle import APadMoved
+from apad_bridge.events.fleet_events import Presence, PresenceChanged
+from apad_bridge.events.mission_events import DockSwitched, MissionChanged, MissionEnd, MissionState, Phase
+from apad_bridge.events.run_events import EndReason, KnowledgeRestored, RunEnded
+from apad_bridge.events.vehicle_events import APadMoved
 from apad_bridge.planning.solution import Step, StepKind
 from apad_bridge.records.journal import read_journal
 from apad_bridge.records.recorder import Recorder
@@ -32,8 +32,8 @@ from apad_bridge.runs.start_state import find_resume_point, gap_ms, resume_run
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource
 from apad_bridge.scenario.starts import starts_of
-from apad_bridge.supervisor.core import LearnedState
-from apad_bridge.vehicle.errors import PeerFailed
+from apad_bridge.supervisor.supervisor import LearnedState
+from apad_bridge.vehicle.link_errors import PeerFailed
 from firmware_model.packets import StatusPacket
 from firmware_model.states import State
 
@@ -140,7 +140,7 @@ def third_second(directory: RunDirectory) -> tuple[Recorder, LearnedState]:
     directory.path.mkdir()
     recorder, learned = (
         Recorder(directory, POOL, POOL.fleet.ids),
-        parts.initial_learned_state(CONFIG),
+        flight_parts.initial_learned_state(CONFIG),
     )
     recorder.begin_checkpoint(learned, 0)
     learned.beliefs.hear(StatusPacket(5, 0, State.ACTIVE, 0.5, 1.0, 2.0, 3.0, 3.0, 1000), 1000)
@@ -260,7 +260,7 @@ def test_counts_of_what_was_dropped_go_on_through_two_kills(tmp_path: Path) -> N
     directory.path.mkdir()
     first, learned = (
         Recorder(directory, POOL, POOL.fleet.ids),
-        parts.initial_learned_state(CONFIG),
+        flight_parts.initial_learned_state(CONFIG),
     )
     first.begin_checkpoint(learned, 0)
     dropped = {"echo": 1}

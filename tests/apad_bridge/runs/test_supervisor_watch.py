@@ -21,8 +21,8 @@ from apad_bridge.runs.children import Child, OrderlyEnd
 from apad_bridge.runs.display import MakeStatus
 from apad_bridge.runs.parent import Run, SupervisorWatch
 from apad_bridge.runs.parent_protocol import Failed, ParentMessage, Said, Summary, to_line
+from apad_bridge.runs.several.joint_summary import Flown
 from apad_bridge.runs.several.reassignment import Reassigner
-from apad_bridge.runs.several.summary import Flown
 from apad_bridge.runs.status import RunStatus
 from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource
 

@@ -15,11 +15,11 @@ from scenario_files import POOL_FILE
 from agents.hosting.in_process import InProcessHost
 from agents.time_scale import MissionMs
 from apad_bridge.analysis.invariants import check_run
-from apad_bridge.assembly import fleet_parts, parts
+from apad_bridge.assembly import fleet_parts, flight_parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.assembly.safety import safety_of
-from apad_bridge.events.guards import StopChanged, StopKind, StopState
-from apad_bridge.events.mission import MissionState, Phase, StandsDown
+from apad_bridge.events.guard_events import StopChanged, StopKind, StopState
+from apad_bridge.events.mission_events import MissionState, Phase, StandsDown
 from apad_bridge.records.journal import JournalTail
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.flying import PreparedFlight, prepare
@@ -55,7 +55,7 @@ class Supervisors:
         self._config = flight_config(scenario)
         bodies = fleet_parts.initial_states(scenario, starts_of(scenario))
         self._host = InProcessHost(fleet_parts.fleet_config(self._config), bodies)
-        self._vehicle = InProcessVehicle(parts.simulated_apad(scenario))
+        self._vehicle = InProcessVehicle(flight_parts.simulated_apad(scenario))
         self._granted_ms: Mapping[int, int] = dict.fromkeys(bodies, 0)
 
     def begin(self, directory: RunDirectory, epoch: int) -> PreparedFlight:
@@ -75,7 +75,7 @@ class Supervisors:
             pace=AsFastAsPossible(),
             world=World(
                 fleet,
-                parts.fault_injection(config, fleet, last_ms, ongoing_faults(state.recorder.state)),
+                flight_parts.fault_injection(config, fleet, last_ms, ongoing_faults(state.recorder.state)),
                 Contacts(state.held),
             ),
             safety=safety_of(self._scenario),

@@ -13,7 +13,7 @@ from scenario_files import POOL_FILE, SCENARIO_FILES
 
 from agents.time_scale import MissionMs
 from apad_bridge.analysis.replay.series import whole_view
-from apad_bridge.events.run import RunBegan
+from apad_bridge.events.run_events import RunBegan
 from apad_bridge.records.journal import FORMAT_VERSION, Entry, JournalContents
 from apad_bridge.scenario.area.chart import chart_of
 from apad_bridge.scenario.area.local_frame import LocalFrame

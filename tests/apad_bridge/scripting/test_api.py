@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from apad_bridge.events.run import EndReason
-from apad_bridge.mission.values import Refused, Status, dock_index_of, dock_of
+from apad_bridge.events.run_events import EndReason
+from apad_bridge.mission.script_values import Refused, Status, dock_index_of, dock_of
 from apad_bridge.runs.script_in_memory import ScriptFlight, fly_script
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scripting.api import Api, Behaviour

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.mission.values import Refused
+from apad_bridge.mission.script_values import Refused
 from apad_bridge.runs.script_in_memory import fly_script
 from apad_bridge.scenario.estimator_options import Beliefs, EstimatorKind, TwinModel
 from apad_bridge.scenario.schema import Scenario

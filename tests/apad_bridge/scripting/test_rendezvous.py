@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from apad_bridge.events.run import EndReason
+from apad_bridge.events.run_events import EndReason
 from apad_bridge.runs.script_in_memory import fly_script
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scripting.api import Api

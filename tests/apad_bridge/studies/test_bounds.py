@@ -10,7 +10,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scenario_files import POOL_FILE, WHOLE_FILE
 
-from apad_bridge.assembly.capacity import active_minutes, bounds_of, rates_of
+from apad_bridge.assembly.capacity_bounds import active_minutes, bounds_of, rates_of
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.studies.models import Model, fly
 

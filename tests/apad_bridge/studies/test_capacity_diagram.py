@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from apad_bridge.assembly.capacity import bounds_of
+from apad_bridge.assembly.capacity_bounds import bounds_of
 from apad_bridge.commands.main import main
 from apad_bridge.studies import runner
 from apad_bridge.studies.capacity_diagram import (

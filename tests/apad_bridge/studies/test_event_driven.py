@@ -15,11 +15,11 @@ from stack_benches import cleared
 
 from agents.mussel.body import drift_step_um
 from agents.time_scale import TICK_MS, MissionMs
-from apad_bridge.assembly import parts
+from apad_bridge.assembly import flight_parts
 from apad_bridge.assembly.division import members
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.events.event import Event
-from apad_bridge.events.mission import Phase, PlanMade, StepGivenUp
+from apad_bridge.events.mission_events import Phase, PlanMade, StepGivenUp
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.orders import Order
 from apad_bridge.mission.plans import StrategyFailed
@@ -35,13 +35,13 @@ from apad_bridge.studies.event_driven import (
     fly_event_driven,
     model_gap,
 )
-from apad_bridge.studies.figures import Figures
+from apad_bridge.studies.mission_figures import Figures
 from apad_bridge.studies.models import Model, fly, fly_each_tick
-from apad_bridge.supervisor.core import LearnedState
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.supervisor.run_spec import ResumePoint, RunSpec
+from apad_bridge.supervisor.supervisor import LearnedState
 from apad_bridge.vehicle.commands import Arrived, CloseDock, GoTo, OpenDock
-from apad_bridge.world.apad.apad import SimulatedAPad
+from apad_bridge.world.apad.simulated_apad import SimulatedAPad
 
 POOL = load(POOL_FILE)
 
@@ -292,7 +292,7 @@ class Killed:
         state = supervisor.mission.state
         self.phase = state.phase
         learned = LearnedState(supervisor.beliefs, None, supervisor.allocation)
-        resumed = parts.supervisor(
+        resumed = flight_parts.supervisor(
             flight_config(self._scenario),
             RunSpec(ResumePoint(MissionMs(0), journaled(state), 1, None), learned),
         )
@@ -412,7 +412,7 @@ def test_the_cruising_apad_arrives_when_and_where_the_simulated_one_does(
     goals: list[tuple[float, float]], speed_m_s: float, radius_m: float
 ) -> None:
     config = POOL.apad
-    stepped, cruising = SimulatedAPad(config), CruisingAPad(config, parts.misses(POOL))
+    stepped, cruising = SimulatedAPad(config), CruisingAPad(config, flight_parts.misses(POOL))
     now_ms = 0
     cruising.advance(0)
     stepped.advance(0)
@@ -436,7 +436,7 @@ def test_the_cruising_apad_arrives_when_and_where_the_simulated_one_does(
 
 
 def test_a_dock_lets_an_amussel_go_where_the_apad_is() -> None:
-    apad = CruisingAPad(POOL.apad, parts.misses(POOL))
+    apad = CruisingAPad(POOL.apad, flight_parts.misses(POOL))
     apad.advance(0)
     apad.command(cleared(CloseDock(1, 2, 7)), 0)
     closed = apad.advance(0)

@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 
 from apad_bridge.commands.main import main
-from apad_bridge.studies import report, runner
+from apad_bridge.studies import runner, study_report
 from apad_bridge.studies.sleep_schedules import (
     AMUSSELS,
     ScheduleOutcome,
@@ -77,7 +77,7 @@ def test_the_command_prints_the_schedules_and_the_reason(
 
     monkeypatch.setattr(runner, "fly_study", fly_study)
     # Its twelve figures, twice, took longer than all the rest; other tests of studies draw theirs.
-    monkeypatch.setattr(report, "_figures", lambda *_: iter(()))
+    monkeypatch.setattr(study_report, "_figures", lambda *_: iter(()))
     assert main(["study", "sleep", "--seeds", "2", "--out", str(tmp_path / "out")]) == 0
     recommended = "Recommended: a wake every 30 min, sensors on for 60 s"
     assert recommended in capsys.readouterr().out

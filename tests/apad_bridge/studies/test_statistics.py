@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from apad_bridge.studies.figures import COLUMNS
+from apad_bridge.studies.mission_figures import COLUMNS
 from apad_bridge.studies.statistics import holm, standings
 
 

@@ -27,7 +27,7 @@ from apad_bridge.scenario.errors import ScenarioError, UserError
 from apad_bridge.scenario.loader import load, resolve, write_resolved
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.studies import runner
-from apad_bridge.studies.figures import COLUMNS
+from apad_bridge.studies.mission_figures import COLUMNS
 from apad_bridge.studies.runner import JOURNAL, StudyFailed, fly_study
 from apad_bridge.studies.specification import (
     STUDY_FILE,

@@ -12,8 +12,8 @@ import pytest
 from scenario_files import POOL_FILE
 
 from apad_bridge.commands.main import main
-from apad_bridge.studies.figures import COLUMNS
 from apad_bridge.studies.findings import Findings
+from apad_bridge.studies.mission_figures import COLUMNS
 from apad_bridge.studies.specification import StudyPlan, plan_of
 from apad_bridge.studies.sweep_figure import Sweep, as_table, sweep_of, write_figure
 

@@ -8,10 +8,10 @@ from agents.mussel.stimuli import SoundArrived, WifiArrived
 from agents.packet_medium import Medium
 from agents.time_scale import MissionMs
 from apad_bridge.acoustics.serial.lines import SerialLines
-from apad_bridge.assembly import parts
+from apad_bridge.assembly import flight_parts
 from apad_bridge.assembly.flight_config import flight_config
-from apad_bridge.events.run import EndReason
-from apad_bridge.events.sound import PlaceFixed
+from apad_bridge.events.run_events import EndReason
+from apad_bridge.events.sound_events import PlaceFixed
 from apad_bridge.mission.breakdown import NeverStandsDown
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.facts import Ping, RangeHeard, Send
@@ -24,7 +24,7 @@ from apad_bridge.supervisor.packet_relay import no_relay
 from apad_bridge.supervisor.run_spec import RunSpec
 from apad_bridge.supervisor.sample_collection import NoSampleCollection
 from apad_bridge.vehicle.outcomes import PrimitiveFailed
-from apad_bridge.world.fleet import NoFleet
+from apad_bridge.world.simulated_fleet import NoFleet
 from firmware_model.packets import LogRecords
 
 POOL = load(POOL_FILE)
@@ -49,7 +49,7 @@ def test_without_water_packets_arrive_at_once_and_strangers_are_counted() -> Non
 
 
 def test_a_supervisor_without_water_delays_no_packet_and_counts_a_ping() -> None:
-    supervisor = parts.supervisor(flight_config(POOL), RunSpec(calls=CallQueue()))
+    supervisor = flight_parts.supervisor(flight_config(POOL), RunSpec(calls=CallQueue()))
     assert [supervisor.send(it, MissionMs(0)) for it in (SOUND, WIFI)] == [[SOUND], [WIFI]]
     assert isinstance(supervisor.mission, FlightMission)
     supervisor.mission.order(PingAgent(4))
@@ -82,7 +82,7 @@ def test_no_lines_no_relay_and_no_samples_take_nothing() -> None:
 
 
 def test_a_single_aPad_serves_its_own_fleet_and_so_does_its_successor() -> None:
-    learned = parts.initial_learned_state(flight_config(POOL))
+    learned = flight_parts.initial_learned_state(flight_config(POOL))
     restore_allocation(learned, ())
     assert learned.allocation.served == learned.allocation.own == frozenset(POOL.fleet.ids)
     assert not learned.allocation.served_for_others

@@ -12,14 +12,14 @@ import pytest
 from flying import Flying
 from scenario_files import SOUND_FILE
 
-from apad_bridge.assembly import parts
+from apad_bridge.assembly import flight_parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.timed_faults import TimedFault
 from apad_bridge.supervisor.amussel_orders import AMusselAct, AMusselOrders, AMusselRequest
-from apad_bridge.supervisor.control import control_offered
 from apad_bridge.supervisor.control_client import Answer, ask
+from apad_bridge.supervisor.control_server import control_offered
 from apad_bridge.world.roster import AskedRequests, FaultRequest, Presences, Roster
 from apad_bridge.world.world import World
 from firmware_model.states import State
@@ -42,7 +42,7 @@ class FlyingWithRoster(Flying):
 
         def with_roster(context: Any) -> Any:
             fleet = context.world.fleet
-            faults = parts.fault_injection(flight_config(scenario), fleet, real_hull=real_hull)
+            faults = flight_parts.fault_injection(flight_config(scenario), fleet, real_hull=real_hull)
             self.roster = Roster(presences, self.requests, fleet.coordinator, faults)
             return replace(context, world=World(fleet, faults, roster=self.roster))
 

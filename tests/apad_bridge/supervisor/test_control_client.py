@@ -12,7 +12,6 @@ from apad_bridge.commands import main
 from apad_bridge.events.person_orders import Act
 from apad_bridge.mission.call_queue import ANSWER_S
 from apad_bridge.supervisor import control_client
-from apad_bridge.supervisor.control import TOLD_S
 from apad_bridge.supervisor.control_client import (
     PATIENCE_S,
     SOCKET_NAME,
@@ -21,8 +20,9 @@ from apad_bridge.supervisor.control_client import (
     answer_of,
     ask,
 )
+from apad_bridge.supervisor.control_server import TOLD_S
 from apad_bridge.supervisor.line_server import CLIENT_S
-from apad_bridge.vehicle.errors import PeerFailed
+from apad_bridge.vehicle.link_errors import PeerFailed
 
 
 @pytest.fixture

@@ -15,7 +15,7 @@ from scenario_files import POOL_FILE, WHOLE_FILE
 from agents.packet_medium import Medium
 from apad_bridge.assembly import fleet_parts
 from apad_bridge.assembly.flight_config import flight_config
-from apad_bridge.events.fleet import Presence
+from apad_bridge.events.fleet_events import Presence
 from apad_bridge.runs.in_memory import MemoryRecorder, fly_in_memory, open_flight
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import from_data, load, resolve
@@ -31,7 +31,7 @@ from apad_bridge.supervisor.packet_relay import (
     RelayOutcome,
     whole_flight,
 )
-from apad_bridge.vehicle.link import APadSeen
+from apad_bridge.vehicle.vehicle_link import APadSeen
 from apad_bridge.world.roster import AskedRequests, PresenceChange, Presences, Roster
 from apad_bridge.world.world import World
 from firmware_model.packets import AcousticStatus, CommandPacket, Kind

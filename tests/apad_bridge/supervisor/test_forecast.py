@@ -12,9 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from journals import facts_of
 
-from apad_bridge.assembly.energy_model import energy_model
+from apad_bridge.assembly.scenario_energy_model import energy_model
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.events.mission import MissionState, Phase
+from apad_bridge.events.mission_events import MissionState, Phase
 from apad_bridge.planning.solution import Step, StepKind
 from apad_bridge.runs.parent_protocol import from_line, to_line
 from apad_bridge.runs.progress import FlightProgress

@@ -20,7 +20,7 @@ from agents.hosting.host import Grant
 from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Truth
 from agents.mussel.stimuli import from_wire
-from apad_bridge.assembly import fleet_parts, parts
+from apad_bridge.assembly import fleet_parts, flight_parts
 from apad_bridge.assembly.division import members
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.records.run_directory import RunDirectory
@@ -45,9 +45,9 @@ from apad_bridge.supervisor.packet_relay import (
     RelayedPacket,
     RelayOutcome,
 )
-from apad_bridge.world.apad.apad import SimulatedAPad
 from apad_bridge.world.apad.in_process import InProcessVehicle
-from apad_bridge.world.fleet import FlightFleet, NoFleet, WithoutWater
+from apad_bridge.world.apad.simulated_apad import SimulatedAPad
+from apad_bridge.world.simulated_fleet import FlightFleet, NoFleet, WithoutWater
 from apad_bridge.world.world import World
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
@@ -96,7 +96,7 @@ def fleet_in(host: InProcessHost, scenario: Scenario) -> FlightFleet:
 def flown(scenario: Scenario, kill_at_ms: dict[int, int] | None = None) -> tuple[Witness, Flight]:
     host, witness = new_host(scenario), Witness(scenario)
     fleet = fleet_in(host, scenario)
-    flight = parts.flight(
+    flight = flight_parts.flight(
         flight_config(scenario),
         FlightContext(
             vehicle=InProcessVehicle(SimulatedAPad(scenario.apad)),
@@ -237,7 +237,7 @@ def test_a_fleet_alone_and_a_mission_alone_joined_by_a_relay_serve_aMussels(divi
     to_mission: list[RelayedPacket] = []
     vehicle = Shared(SimulatedAPad(scenario.apad))
     alone = short_scenario(collection="none")
-    fleet_side = parts.flight(
+    fleet_side = flight_parts.flight(
         flight_config(alone),
         FlightContext(
             vehicle=vehicle.observer if division is FLEET_ALONE else Observed(vehicle),  # type: ignore[arg-type]
@@ -247,7 +247,7 @@ def test_a_fleet_alone_and_a_mission_alone_joined_by_a_relay_serve_aMussels(divi
         ),
         Witness(alone),
     )
-    mission_side = parts.flight(
+    mission_side = flight_parts.flight(
         flight_config(scenario),
         FlightContext(
             vehicle=vehicle,
@@ -296,7 +296,7 @@ def test_a_mission_ends_with_its_whole_fleet_and_not_with_a_part_of_it(
     vehicle = InProcessVehicle(SimulatedAPad(scenario.apad))
     context = FlightContext(vehicle=vehicle, pace=AsFastAsPossible(), world=World(fleet_in(host, scenario)))
     recorder = MemoryRecorder(scenario)
-    flight = parts.flight(flight_config(scenario), context, recorder)
+    flight = flight_parts.flight(flight_config(scenario), context, recorder)
     for _ in range(5):
         flight.step()
     for agent_id in list(ids)[:killed]:

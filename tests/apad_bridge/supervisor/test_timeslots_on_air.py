@@ -14,9 +14,9 @@ import pytest
 from journals import facts_of
 from scenario_files import WHOLE_FILE
 
-from agents.fleet import drift_of
+from agents.fleet_config import drift_of
 from agents.hosting.in_process import InProcessHost
-from apad_bridge.assembly import fleet_parts, parts
+from apad_bridge.assembly import fleet_parts, flight_parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.runs.in_memory import MemoryRecorder
 from apad_bridge.scenario.loader import from_data, load, resolve
@@ -24,8 +24,8 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
-from apad_bridge.world.apad.apad import SimulatedAPad
 from apad_bridge.world.apad.in_process import InProcessVehicle
+from apad_bridge.world.apad.simulated_apad import SimulatedAPad
 from apad_bridge.world.world import World
 
 AGENTS, HOURS = 24, 20
@@ -58,7 +58,7 @@ def statuses(flown: Scenario, drift_ppb: int = 0) -> list[dict[str, Any]]:
     )
     recorder = MemoryRecorder(flown)
     vehicle = InProcessVehicle(SimulatedAPad(flown.apad))
-    parts.flight(
+    flight_parts.flight(
         flight_config(flown),
         FlightContext(vehicle=vehicle, pace=AsFastAsPossible(), world=World(fleet)),
         recorder,

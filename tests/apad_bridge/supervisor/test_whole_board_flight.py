@@ -11,7 +11,7 @@ from scenario_files import WHOLE_FILE
 from agents.coordinator import Coordinator
 from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Truth
-from apad_bridge.assembly import fleet_parts, parts
+from apad_bridge.assembly import fleet_parts, flight_parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.records.samples import TruthExtrapolator
 from apad_bridge.records.summary import uptime_figures
@@ -23,9 +23,9 @@ from apad_bridge.scenario.starts_table import Start
 from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.loop import Flight
-from apad_bridge.world.apad.apad import SimulatedAPad
 from apad_bridge.world.apad.in_process import InProcessVehicle
-from apad_bridge.world.fleet import FlightFleet, WithoutWater
+from apad_bridge.world.apad.simulated_apad import SimulatedAPad
+from apad_bridge.world.simulated_fleet import FlightFleet, WithoutWater
 from apad_bridge.world.world import World
 from firmware_model.power.charge import FULL, grains
 from firmware_model.states import State
@@ -60,7 +60,7 @@ def flown(scenario: Scenario, starts: tuple[Start, ...] | None = None) -> tuple[
     fleet = FlightFleet(coordinator, host, WithoutWater(coordinator, host))
     witness = Witness(scenario)
     vehicle = InProcessVehicle(SimulatedAPad(scenario.apad))
-    flight = parts.flight(
+    flight = flight_parts.flight(
         flight_config(scenario),
         FlightContext(vehicle=vehicle, pace=AsFastAsPossible(), world=World(fleet)),
         witness,

@@ -14,8 +14,8 @@ from apad_bridge.vehicle.generation_a.core import GenerationACore
 from apad_bridge.vehicle.generation_a.docks import ReportedDocks
 from apad_bridge.vehicle.generation_b.core import GenerationBCore
 from apad_bridge.vehicle.stack_messages import BatteryReceived, StateRefReceived
-from apad_bridge.world.apad.apad import SimulatedAPad
-from apad_bridge.world.apad.docks import Misses
+from apad_bridge.world.apad.dock_mechanisms import Misses
+from apad_bridge.world.apad.simulated_apad import SimulatedAPad
 from apad_bridge.world.generation_a.vehicle import GenerationAVehicle
 from apad_bridge.world.generation_b.docks import BenchDocks
 from apad_bridge.world.generation_b.vehicle import GenerationBVehicle

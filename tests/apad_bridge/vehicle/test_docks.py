@@ -8,10 +8,10 @@ from journals import state_of
 from scenario_files import POOL_FILE
 
 from agents.time_scale import MissionMs
-from apad_bridge.assembly import parts
+from apad_bridge.assembly import flight_parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.events.event import Event
-from apad_bridge.events.mission import MissionState
+from apad_bridge.events.mission_events import MissionState
 from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.runs.start_state import find_resume_point
 from apad_bridge.scenario.loader import load
@@ -52,7 +52,7 @@ def test_after_any_reports_and_a_kill_all_know_the_same_docks_and_no_amussel_is_
     notes = [it for it in bench.book.take_orders() if isinstance(it, Event)]
     lines = [{"t": at_ms, "kind": it.kind, **it.data} for at_ms, it in enumerate(notes)]
     state = find_resume_point(state_of(lines), epoch=2, gap_ms=0).state
-    resumed = parts.supervisor(CONFIG, RunSpec(ResumePoint(MissionMs(0), state, 0, None)))
+    resumed = flight_parts.supervisor(CONFIG, RunSpec(ResumePoint(MissionMs(0), state, 0, None)))
     assert bench.port.docked == bench.book.state.docked == resumed.mission.state.docked == resumed.port.docked
 
 
@@ -67,7 +67,7 @@ def test_a_vehicle_s_later_report_moves_an_amussel_and_frees_no_other() -> None:
 
 
 def test_a_resumed_port_asks_for_no_amussel_twice_and_opens_the_dock_that_holds_it() -> None:
-    port = parts.supervisor(
+    port = flight_parts.supervisor(
         CONFIG, RunSpec(ResumePoint(MissionMs(0), MissionState(docked=((3, 9),)), 0, None))
     ).port
     assert port.receive(CloseDock(1, 2, 9), 0) == [PrimitiveSucceeded(0, 1)]

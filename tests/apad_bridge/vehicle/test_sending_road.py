@@ -29,7 +29,6 @@ from apad_bridge.vehicle.guards.guarded_vehicle import GuardedVehicle
 from apad_bridge.vehicle.guards.guards import Guard, unlimited_guards
 from apad_bridge.vehicle.guards.monitor import Monitor
 from apad_bridge.vehicle.guards.position_watch import PositionLimits, PositionWatch
-from apad_bridge.vehicle.link import Cleared, LinkFact
 from apad_bridge.vehicle.sending_road import (
     CUT,
     PATIENCE_MS,
@@ -46,7 +45,8 @@ from apad_bridge.vehicle.sending_road import (
     SendingRoad,
     Write,
 )
-from apad_bridge.world.apad.docks import Misses
+from apad_bridge.vehicle.vehicle_link import Cleared, LinkFact
+from apad_bridge.world.apad.dock_mechanisms import Misses
 from apad_bridge.world.generation_b.docks import BenchDocks
 
 HERE_M = (30.0, 30.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from apad_bridge.events.fleet import Presence
+from apad_bridge.events.fleet_events import Presence
 from apad_bridge.world.roster import Claim, PresenceChange, Presences, claim_conflicts, unclaimed_real_ids
 
 PRESENCES = Presences(

@@ -1,5 +1,5 @@
 from agents.mussel.stimuli import ContactClosed, ContactOpened, DockMoved
-from apad_bridge.vehicle.link import Carried, LetGo
+from apad_bridge.vehicle.vehicle_link import Carried, LetGo
 from apad_bridge.world.contacts import Contacts
 
 

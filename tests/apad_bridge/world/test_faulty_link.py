@@ -12,7 +12,7 @@ from apad_bridge.vehicle.commands import (
     PoseReported,
     VehicleCommand,
 )
-from apad_bridge.vehicle.link import Carried, Cleared, LinkFact
+from apad_bridge.vehicle.vehicle_link import Carried, Cleared, LinkFact
 from apad_bridge.world.faulty_link import FaultyLink
 
 

@@ -18,11 +18,11 @@ from agents.mussel.outputs import Output, Truth
 from agents.mussel.physical import Physical
 from agents.mussel.stimuli import AgentStimulus, ContactClosed, ContactOpened, to_json
 from agents.packet_medium import Medium
-from apad_bridge.assembly import fleet_parts, parts
+from apad_bridge.assembly import fleet_parts, flight_parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.events.event import Event
-from apad_bridge.events.fleet import Presence, PresenceChanged
-from apad_bridge.events.mission import MissionChanged, Phase
+from apad_bridge.events.fleet_events import Presence, PresenceChanged
+from apad_bridge.events.mission_events import MissionChanged, Phase
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.summary import uptime_figures
@@ -34,12 +34,11 @@ from apad_bridge.scenario.starts import starts_of
 from apad_bridge.scenario.timed_faults import TimedFault
 from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
-from apad_bridge.supervisor.core import LearnedState
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.supervisor.packet_relay import PacketOrigin, PacketRelay, RelayedPacket, whole_flight
+from apad_bridge.supervisor.supervisor import LearnedState
 from apad_bridge.world.apad.in_process import InProcessVehicle
 from apad_bridge.world.fault_injection import FaultInjection
-from apad_bridge.world.fleet import FlightFleet, WithoutWater
 from apad_bridge.world.roster import (
     TABLE,
     FaultRequest,
@@ -50,6 +49,7 @@ from apad_bridge.world.roster import (
     Roster,
     RosterRequest,
 )
+from apad_bridge.world.simulated_fleet import FlightFleet, WithoutWater
 from apad_bridge.world.world import World
 from firmware_model.packets import StatusPacket
 from firmware_model.packets.codec import MusselbedCodec
@@ -119,10 +119,10 @@ class Bench:
         )
 
     def begin(self, recorder: MemoryRecorder, roster: Roster) -> Flight:
-        return parts.flight(
+        return flight_parts.flight(
             flight_config(self.scenario),
             FlightContext(
-                vehicle=InProcessVehicle(parts.simulated_apad(self.scenario)),
+                vehicle=InProcessVehicle(flight_parts.simulated_apad(self.scenario)),
                 pace=AsFastAsPossible(),
                 world=World(
                     FlightFleet(self.coordinator, self.host, WithoutWater(self.coordinator, self.host)),
@@ -494,7 +494,7 @@ def test_a_contact_that_waits_for_a_body_is_not_closed_around_it_again(tmp_path:
         {"t": 1000, "kind": "stimulus", "id": n, "agent_ms": 1000, "wire": to_json(it)} for n, it in wires
     ]
     bench = Bench()
-    learned = parts.initial_learned_state(flight_config(bench.scenario))
+    learned = flight_parts.initial_learned_state(flight_config(bench.scenario))
     recorder = Recorder(directory, bench.scenario, learned.allocation.served)
     state = StartState(recorder, bench.presences, learned, journal=journal_of(lines))
     held = state.deliver_again(bench.coordinator).held

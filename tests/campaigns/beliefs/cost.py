@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from agents.time_scale import MissionMs, TimeScale
-from apad_bridge.beliefs.fleet import FleetBeliefs
+from apad_bridge.beliefs.fleet_beliefs import FleetBeliefs
 from apad_bridge.beliefs.measurement import TimeslotSilent
 from apad_bridge.beliefs.twin import Twin
 from beliefs.filters import MINUTE, NOMINAL

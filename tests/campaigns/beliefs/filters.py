@@ -9,7 +9,7 @@ import numpy as np
 
 from agents.time_scale import MissionMs, TimeScale
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.beliefs.fleet import Estimator
+from apad_bridge.beliefs.fleet_beliefs import Estimator
 from apad_bridge.beliefs.hold_last import LastPacket
 from apad_bridge.beliefs.measurement import Docked, Permitted, Released, TimeslotSilent
 from apad_bridge.beliefs.modes import Mode

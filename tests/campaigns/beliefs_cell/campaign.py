@@ -42,10 +42,10 @@ from beliefs_untold.campaign import (
     told_of_losses,
 )
 
-from agents.fleet import Spread
+from agents.fleet_config import Spread
 from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Truth
-from apad_bridge.assembly import fleet_parts, parts
+from apad_bridge.assembly import fleet_parts, flight_parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.field.battery_fit.battery_fit import BatteryFit, along, fit_log
 from apad_bridge.field.battery_fit.battery_log import LogFormat, read_log
@@ -386,7 +386,7 @@ def flown(name: str, heard: float, seed: int, days: float = DAYS) -> tuple[list[
         fleet = fleet_parts.fleet_of(config, host, dict.fromkeys(initial_states, 0))
         judge = CellJudge(scenario, config.board, cell, boards, curved)
         context = in_process_context(config, fleet)
-        flight = parts.flight(config, context, judge, samples=SampleCollection(config.ids))
+        flight = flight_parts.flight(config, context, judge, samples=SampleCollection(config.ids))
         unbiased = dict.fromkeys(boards, Drawn())
         heard_by_sensors(flight, unbiased, seed, heard, scenario.time_scale)
         flight.run()

@@ -32,12 +32,12 @@ from beliefs.score import crps
 from rich.console import Console
 from rich.progress import Progress
 
-from agents.fleet import FleetConfig, Spread
+from agents.fleet_config import FleetConfig, Spread
 from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Truth
 from agents.mussel.physical import Physical
 from agents.time_scale import MissionMs, TimeScale
-from apad_bridge.assembly import fleet_parts, parts
+from apad_bridge.assembly import fleet_parts, flight_parts
 from apad_bridge.assembly.flight_config import FlightConfig, flight_config
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.charge_state import RATE
@@ -271,7 +271,7 @@ def _flown(
     fleet = fleet_parts.fleet_of(config, host, dict.fromkeys(initial_states, 0))
     recorder = Judge(scenario, config.board, boards)
     context = in_process_context(config, fleet)
-    flight = parts.flight(config, context, recorder, samples=SampleCollection(config.ids))
+    flight = flight_parts.flight(config, context, recorder, samples=SampleCollection(config.ids))
     heard_by_sensors(flight, boards, seed, case.heard, scenario.time_scale)
     flight.run()
     return recorder.rows

@@ -22,7 +22,7 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
-from apad_bridge.assembly.capacity import (
+from apad_bridge.assembly.capacity_bounds import (
     Bounds,
     bounds_of,
     rates_of,
@@ -31,7 +31,7 @@ from apad_bridge.assembly.capacity import (
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.studies.figures import Figures
+from apad_bridge.studies.mission_figures import Figures
 from apad_bridge.studies.models import Model, fly
 from benchmarks.rows import told
 from bounds import timed_services

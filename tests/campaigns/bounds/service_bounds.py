@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import fsum
 
-from apad_bridge.assembly import capacity
+from apad_bridge.assembly import capacity_bounds
 from apad_bridge.scenario.firmware_config import board_config
 from apad_bridge.scenario.schema import Scenario
 
@@ -27,9 +27,12 @@ def uptime_with_services(scenario: Scenario, services: float) -> float:
     the smaller of N T - Y and sum of min(T, u_i / d_i) + S g(Y / S) / d, with the best Y up to D T, and d the least drain.
     Surfacing and travel are free. The boards are those without a spread.
     """
-    fleet, minutes = capacity.rates_of(scenario), scenario.time_scale.agent_time(scenario.duration_s) / 60
+    fleet, minutes = (
+        capacity_bounds.rates_of(scenario),
+        scenario.time_scale.agent_time(scenario.duration_s) / 60,
+    )
     board = board_config(scenario.board, scenario.seed)
-    curve = capacity._curve_of(board, capacity._draw_in_a_dock(board))
+    curve = capacity_bounds._curve_of(board, capacity_bounds._draw_in_a_dock(board))
     ends = [0.0, *(end for end, _ in curve)]
     parts = ((rate, end - low) for (end, rate), low in zip(curve, ends, strict=False) if rate > 0)
     fastest = sorted(parts, reverse=True)
@@ -43,7 +46,7 @@ def uptime_with_services(scenario: Scenario, services: float) -> float:
             left, gain = left - took, gain + took * rate
         return unserved + services * gain / drain
 
-    low, high = 0.0, capacity._docks_of(scenario) * minutes
+    low, high = 0.0, capacity_bounds._docks_of(scenario) * minutes
     # The time at work rises with the docked minutes, and the time outside docks falls.
     for _ in range(60):
         middle = (low + high) / 2

@@ -24,12 +24,11 @@ from typing import Any
 
 import msgpack
 
-from agents.fleet import resting_on_bottom
+from agents.fleet_config import resting_on_bottom
 from agents.hosting import agent_links, link_protocol
 from agents.hosting.host import Grant, Reply
 from agents.modem.commands import GRAMMAR, CommandField
 from agents.modem.facts import FrameArrived, PowerCame, PowerWent, SerialBytes, SerialOut, SoundBegan
-from agents.modem.firmware import ModemConfig, ModemFirmware
 from agents.modem.frames import (
     ANSWERS,
     PAYLOAD_BYTES,
@@ -41,6 +40,7 @@ from agents.modem.frames import (
     ModemGeneration,
 )
 from agents.modem.modem import Modem
+from agents.modem.modem_model import ModemConfig, ModemFirmware
 from agents.mussel.outputs import SoundSent, StimulusDropped, Truth, WifiSent
 from agents.mussel.stimuli import ContactClosed, ContactOpened, DockMoved, SoundArrived
 from agents.nursery import protocol as nursery
@@ -57,7 +57,7 @@ from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource
 from apad_bridge.scenario.starts import starts_of
-from apad_bridge.supervisor.control import answered_line
+from apad_bridge.supervisor.control_server import answered_line
 from apad_bridge.supervisor.packet_relay import PacketOrigin, PacketRelay, whole_flight
 from benchmarks.rows import told
 from firmware_model import packets

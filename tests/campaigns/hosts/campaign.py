@@ -35,8 +35,8 @@ from two_machines import (
     why_no_two_machines,
 )
 
-from apad_bridge.events.fleet import BeliefChanged
-from apad_bridge.events.mission import AMusselReleased
+from apad_bridge.events.fleet_events import BeliefChanged
+from apad_bridge.events.mission_events import AMusselReleased
 from apad_bridge.records.bag_messages import BELIEFS
 from apad_bridge.records.bag_samples import definitions_in, open_bag
 from apad_bridge.records.journal import JournalTail

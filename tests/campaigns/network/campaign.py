@@ -38,11 +38,11 @@ from two_machines import (
 )
 
 from apad_bridge.events.event import Event
-from apad_bridge.events.graph import MasterGone
-from apad_bridge.events.guards import DangerOver, GuardReacted
-from apad_bridge.events.persons import PersonOrdered
-from apad_bridge.events.run import RunEnded
-from apad_bridge.events.vehicle import VehicleHeard, VehicleSilent
+from apad_bridge.events.graph_events import MasterGone
+from apad_bridge.events.guard_events import DangerOver, GuardReacted
+from apad_bridge.events.person_events import PersonOrdered
+from apad_bridge.events.run_events import RunEnded
+from apad_bridge.events.vehicle_events import VehicleHeard, VehicleSilent
 from apad_bridge.records.bag import recorded_messages
 from apad_bridge.records.journal import JournalTail, read_journal
 from apad_bridge.ros.types.messages import generated_folder

@@ -31,12 +31,12 @@ from firmware_model.bench.costly_firmware import CostlyFirmware
 from firmware_model.bench.rigs import BenchRig, Rig, RigEvent, RigHistory, lasts_ms
 from firmware_model.bench.whole_conformance_cases import WHOLE_CASES
 from firmware_model.config import BoardConfig
-from firmware_model.firmware import Firmware
 from firmware_model.packets import Command, Kind, StatusPacket
 from firmware_model.packets.codec import MusselbedCodec
 from firmware_model.power.charge_pin import ChargePin, Edge
 from firmware_model.states import State, Trigger
 from firmware_model.table_one import worst_case_board
+from firmware_model.worst_case_firmware import Firmware
 
 DIVE = Case(
     "dive",

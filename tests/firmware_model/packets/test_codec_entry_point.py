@@ -17,7 +17,7 @@ from agents.coordinator import Coordinator
 from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import WifiSent
 from agents.mussel.stimuli import SoundArrived
-from apad_bridge.assembly import fleet_parts, parts
+from apad_bridge.assembly import fleet_parts, flight_parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.mission.facts import WifiHeard
 from apad_bridge.scenario.loader import from_data, load, resolve
@@ -69,7 +69,7 @@ def test_a_fleet_that_speaks_it_is_heard_and_obeys(lines: Codec) -> None:
         dict.fromkeys(initial_states, 0),
         scenario.time_scale,
     )
-    supervisor = parts.supervisor(flight_config(scenario))
+    supervisor = flight_parts.supervisor(flight_config(scenario))
 
     spoken = {}
     for now_ms in (1000, 2000):
@@ -93,7 +93,7 @@ def test_a_fleet_that_speaks_it_is_heard_and_obeys(lines: Codec) -> None:
 
 
 def test_a_supervisor_of_another_layout_counts_what_it_cannot_read(lines: Codec) -> None:
-    supervisor = parts.supervisor(flight_config(load(POOL_FILE)))
+    supervisor = flight_parts.supervisor(flight_config(load(POOL_FILE)))
     supervisor.receive(WifiHeard(500, lines.encode(replace(STATUS, agent_id=1))))
     supervisor.advance(1000)
     assert supervisor.beliefs.all() == []

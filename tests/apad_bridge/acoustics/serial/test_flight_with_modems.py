@@ -24,10 +24,10 @@ from apad_bridge.acoustics.serial.nanomodem import (
     ReceivedData,
     RoutedPacket,
 )
-from apad_bridge.assembly import fleet_parts, parts
+from apad_bridge.assembly import fleet_parts, flight_parts
 from apad_bridge.assembly.flight_config import flight_config
-from apad_bridge.events.mission import MissionEnd
-from apad_bridge.events.run import EndReason
+from apad_bridge.events.mission_events import MissionEnd
+from apad_bridge.events.run_events import EndReason
 from apad_bridge.runs.in_memory import MemoryRecorder
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
@@ -61,10 +61,10 @@ def flying(
     initial_states = fleet_parts.initial_states(scenario, starts_of(scenario))
     host = InProcessHost(fleet_parts.fleet_config(flight_config(scenario)), initial_states)
     recorder = MemoryRecorder(scenario)
-    flight = parts.flight(
+    flight = flight_parts.flight(
         flight_config(scenario),
         FlightContext(
-            vehicle=InProcessVehicle(parts.simulated_apad(scenario)),
+            vehicle=InProcessVehicle(flight_parts.simulated_apad(scenario)),
             pace=WallClock(1.0),
             world=World(
                 fleet_parts.fleet_of(

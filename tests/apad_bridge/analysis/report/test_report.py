@@ -11,7 +11,7 @@ import pytest
 from journals import journal_of
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from apad_bridge.analysis.report import document, figures
+from apad_bridge.analysis.report import document, report_figures
 from apad_bridge.analysis.report.contents import contents_of, troubles_in
 from apad_bridge.commands.main import main
 from apad_bridge.records.run_directory import RunDirectory
@@ -23,13 +23,13 @@ def report(pool_run):
 
 
 def test_the_figures_show_the_run_s_data(report, pool_run):
-    (line,) = figures.activity([report]).axes[0].lines
+    (line,) = report_figures.activity([report]).axes[0].lines
     summary = json.loads(pool_run.summary.read_text())
     # A sample every second tick; the summary's mean is over all.
     assert line.get_ydata()[1:].mean() == pytest.approx(summary["active_mean"], abs=0.05)
-    texts = {it.get_text() for it in figures.places(report).axes[0].texts}
+    texts = {it.get_text() for it in report_figures.places(report).axes[0].texts}
     assert texts == {str(n) for n in range(1, 13)}
-    drawn = figures.energy(report).axes[0].patches
+    drawn = report_figures.energy(report).axes[0].patches
     assert sum(it.get_height() for it in drawn) == pytest.approx(
         100 * sum(sum(it.by_module.values()) for it in report.energy)
     )
@@ -43,10 +43,10 @@ def test_the_times_in_which_the_aPad_was_stopped_are_shaded(pool_run, tmp_path):
         {"t": 180_000, "kind": "override", "taken": False, "by": "person"},
     ]
     run = with_lines(pool_run, tmp_path / "stopped", stopped)
-    (shade,) = figures.activity([contents_of(run)]).axes[0].patches
+    (shade,) = report_figures.activity([contents_of(run)]).axes[0].patches
     assert (shade.get_x(), shade.get_width()) == (1, 2)  # minutes
     assert shade.get_window_extent().height == pytest.approx(shade.axes.bbox.height)
-    assert list(figures.activity([contents_of(pool_run)]).axes[0].patches) == []
+    assert list(report_figures.activity([contents_of(pool_run)]).axes[0].patches) == []
 
 
 def with_lines(run, path, lines):
@@ -62,7 +62,7 @@ def with_lines(run, path, lines):
 def test_the_legend_of_all_modules_is_whole_with_a_colour_for_each(report):
     names = [f"module {n}" for n in range(14)]
     drawn = [replace(it, by_module=dict.fromkeys(names, 0.01)) for it in report.energy]
-    figure = figures.energy(replace(report, energy=drawn))
+    figure = report_figures.energy(replace(report, energy=drawn))
     FigureCanvasAgg(figure).draw()
     part = figure.subfigs[0]
     (legend,) = part.legends
@@ -75,14 +75,14 @@ def test_the_legend_of_all_modules_is_whole_with_a_colour_for_each(report):
 
 def test_a_single_module_has_its_name_beside_its_colour(report):
     """The paper's worst case has one load, and no modules."""
-    (legend,) = figures.energy(report).subfigs[0].legends
+    (legend,) = report_figures.energy(report).subfigs[0].legends
     assert [it.get_text() for it in legend.get_texts()] == [
         it.replace("_", " ") for it in report.energy[0].by_module
     ]
 
 
 def test_of_two_lines_at_the_same_height_the_lower_one_shows_below_the_upper(report):
-    below, above = figures.activity([report, replace(report, name="again")]).axes[0].lines
+    below, above = report_figures.activity([report, replace(report, name="again")]).axes[0].lines
     assert below.get_zorder() <= above.get_zorder()  # in the order in which they were drawn
     assert below.get_linewidth() >= above.get_linewidth() + 0.5
 
@@ -97,7 +97,7 @@ def test_a_bias_that_rounds_to_zero_has_no_minus(report, tmp_path):
 
 def test_batteries_of_the_paper_s_worst_case_lie_on_the_model(report):
     """As they must: the run computes with it. Points of a sample every second, a line of one every minute."""
-    discharging, charging = figures.batteries(report).axes
+    discharging, charging = report_figures.batteries(report).axes
     for axes, slope in ((discharging, 1 / 959), (charging, 0.003)):
         model, *courses = axes.lines
         assert courses
@@ -162,7 +162,7 @@ def test_no_figure_is_empty(report):
     data = report.data | {
         "agents": [it | {"charge": [None] * len(it["charge"])} for it in report.data["agents"]]
     }
-    assert figures.batteries(replace(report, data=data)) is None
+    assert report_figures.batteries(replace(report, data=data)) is None
     falling = [it | {"charge": [1 - 0.001 * n for n in range(len(it["charge"]))]} for it in data["agents"]]
-    (axes,) = figures.batteries(replace(report, data=data | {"agents": falling})).axes
+    (axes,) = report_figures.batteries(replace(report, data=data | {"agents": falling})).axes
     assert axes.get_title() == "discharging"

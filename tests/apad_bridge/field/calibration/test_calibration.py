@@ -17,7 +17,7 @@ from apad_bridge.commands import main
 from apad_bridge.field.calibration.calibration import Calibration, ReadBag, calibrate
 from apad_bridge.field.calibration.intervals import Figure, mean, share
 from apad_bridge.field.calibration.losses import by_range, of_wifi
-from apad_bridge.field.field_log.facts import PacketLogged, Posed, Teller
+from apad_bridge.field.field_log.log_facts import PacketLogged, Posed, Teller
 from apad_bridge.field.field_log.reader import FactReader
 from apad_bridge.field.field_log.vehicle_log import vehicle_log
 from apad_bridge.records.bag import RecordedMessage

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from apad_bridge.field.calibration.intervals import Figure
-from apad_bridge.field.calibration.motion import legs_of
+from apad_bridge.field.calibration.speed_and_drift import legs_of
 from apad_bridge.field.calibration.stopping import of_both, stopping_distance
-from apad_bridge.field.field_log.facts import Work
+from apad_bridge.field.field_log.log_facts import Work
 from apad_bridge.field.field_log.vehicle_log import BatteryReadings, Done, Track, VehicleLog
 
 SPEED_M_S, STOPPING_M, SPREAD = 0.7, 0.756, 0.07

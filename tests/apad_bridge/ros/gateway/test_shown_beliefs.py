@@ -13,7 +13,7 @@ from scenario_files import POOL_FILE
 
 from apad_bridge.beliefs.belief import Belief, ClockBelief, Source
 from apad_bridge.beliefs.modes import Mode
-from apad_bridge.events.mission import MissionState
+from apad_bridge.events.mission_events import MissionState
 from apad_bridge.ros.gateway.fleet_diagnostics import diagnose
 from apad_bridge.ros_names.frames import ellipse_95
 from apad_bridge.ros_names.shown import ball_size_m

@@ -9,7 +9,7 @@ import pytest
 from agents.packet_medium import Medium
 from apad_bridge.mission.facts import Send
 from apad_bridge.ros.links.laboratory import WIFI_GONE_MS, Laboratory, LaboratoryLink
-from apad_bridge.scenario.lab_interface.messages import (
+from apad_bridge.scenario.lab_interface.lab_messages import (
     ClearanceMessage,
     DockReport,
     LaboratoryMessage,
@@ -18,7 +18,7 @@ from apad_bridge.scenario.lab_interface.messages import (
 )
 from apad_bridge.supervisor.packet_relay import PacketRelay, whole_flight
 from apad_bridge.vehicle.commands import DockClosed, DockOpened, VehicleCommand
-from apad_bridge.vehicle.link import Cleared, LinkFact
+from apad_bridge.vehicle.vehicle_link import Cleared, LinkFact
 from firmware_model.packets import CommandPacket, Kind
 from firmware_model.packets.codec import load_codec
 

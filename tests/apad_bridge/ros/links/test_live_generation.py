@@ -5,11 +5,11 @@ from __future__ import annotations
 import pytest
 
 from apad_bridge.assembly.stacks import stacks
-from apad_bridge.doctor.graph import Graph
+from apad_bridge.doctor.graph_checks import Graph
 from apad_bridge.doctor.network import Unreachable
 from apad_bridge.ros.links import vehicles
 from apad_bridge.ros.links.vehicles import live_generation
-from apad_bridge.vehicle.errors import VehicleNotReady
+from apad_bridge.vehicle.link_errors import VehicleNotReady
 
 SILENT = Unreachable("getSystemState at http://here:1: no answer within 2 s")
 EMPTY = Graph("http://here:1", {}, {}, {}, {})

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from apad_bridge.ros.links.other_apads import NavSts, OtherAPads
-from apad_bridge.vehicle.guards.orders import BodyInWater
+from apad_bridge.vehicle.guards.guarded_orders import BodyInWater
 
 
 def message(north_m: float, east_m: float) -> NavSts:

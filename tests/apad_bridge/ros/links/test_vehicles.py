@@ -10,8 +10,8 @@ from apad_bridge.ros.links import vehicles
 from apad_bridge.scenario.choices import Generation
 from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.vehicle.errors import VehicleNotReady
 from apad_bridge.vehicle.guards.gate import plain_safety
+from apad_bridge.vehicle.link_errors import VehicleNotReady
 
 
 def test_more_docks_than_a_live_apad_can_name_are_refused(

@@ -30,10 +30,10 @@ from apad_bridge.vehicle.generation_b.messages import (
     DockingOrder,
 )
 from apad_bridge.vehicle.guards.gate import plain_safety
-from apad_bridge.vehicle.link import Carried, LinkFact
 from apad_bridge.vehicle.outcomes import Outcome, PrimitiveFailed, PrimitiveSucceeded
-from apad_bridge.world.apad.apad import SimulatedAPad
+from apad_bridge.vehicle.vehicle_link import Carried, LinkFact
 from apad_bridge.world.apad.motion import Coast
+from apad_bridge.world.apad.simulated_apad import SimulatedAPad
 from apad_bridge.world.generation_b.vehicle import GenerationBVehicle
 
 ROOT = Path(__file__).parents[4]

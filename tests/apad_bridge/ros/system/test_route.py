@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from apad_bridge.ros.system.route import free_port
-from apad_bridge.vehicle.errors import PeerFailed
+from apad_bridge.vehicle.link_errors import PeerFailed
 
 
 def test_no_outgoing_connection_is_given_a_free_port_before_a_node_binds_it() -> None:

@@ -12,7 +12,7 @@ import pytest
 import rospy
 from std_msgs.msg import Bool, Float32MultiArray, Float64, Int32, String
 
-from apad_bridge.events.graph import MessagesDropped
+from apad_bridge.events.graph_events import MessagesDropped
 from apad_bridge.ros.generation_a import link as link_a
 from apad_bridge.ros.generation_b import link as link_b
 from apad_bridge.ros.links.laboratory_topics import LaboratorySubscribers
@@ -20,8 +20,8 @@ from apad_bridge.ros.links.legacy_subscribers import POSE_FIELDS, LegacySubscrib
 from apad_bridge.ros.links.other_apads import OtherAPads
 from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.ros.types.any_message import why_unfit
-from apad_bridge.scenario.lab_interface.messages import MessageKind
-from apad_bridge.scenario.lab_interface.names import Names, Number, Subscription
+from apad_bridge.scenario.lab_interface.lab_messages import MessageKind
+from apad_bridge.scenario.lab_interface.lab_names import Names, Number, Subscription
 from apad_bridge.vehicle.commands import PoseReported
 from apad_bridge.vehicle.stack_messages import UNSTAMPED, BatteryReceived
 

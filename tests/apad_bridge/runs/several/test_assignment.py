@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from apad_bridge.events.mission import PRE_EMPTED
+from apad_bridge.events.mission_events import PRE_EMPTED
 from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.runs.parent_protocol import APadView
 from apad_bridge.runs.several.assignment import Assignment

@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 
 from apad_bridge.commands.outcome import report
-from apad_bridge.events.run import EndReason
+from apad_bridge.events.run_events import EndReason
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.exits import Exit
-from apad_bridge.runs.several.summary import combined_summary
+from apad_bridge.runs.several.joint_summary import combined_summary
 
 
 def flight(agents: int, mean: float, **more: Any) -> dict[str, Any]:

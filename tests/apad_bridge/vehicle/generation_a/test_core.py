@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from stack_benches import cleared, fed
 
-from apad_bridge.events.vehicle import DocksDisagree
+from apad_bridge.events.vehicle_events import DocksDisagree
 from apad_bridge.vehicle.commands import (
     Arrived,
     BatteryReported,
@@ -43,7 +43,7 @@ from apad_bridge.vehicle.generation_a.messages import (
     HeldPositionReceived,
 )
 from apad_bridge.vehicle.guards.gate import Gate
-from apad_bridge.vehicle.link import Carried, Cleared, LetGo, LinkFact
+from apad_bridge.vehicle.vehicle_link import Carried, Cleared, LetGo, LinkFact
 from apad_bridge.world.contacts import why_out_of_reach
 
 THERE = GoTo(1, 5.0, 6.0, 0.5, 0.5)

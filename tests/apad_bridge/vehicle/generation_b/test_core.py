@@ -40,8 +40,8 @@ from apad_bridge.vehicle.generation_b.messages import (
     StatusReceived,
 )
 from apad_bridge.vehicle.generation_b.tasks import PILOT, REPLACED
-from apad_bridge.vehicle.link import Carried, LetGo, LinkFact
-from apad_bridge.world.apad.docks import MISSED, Misses
+from apad_bridge.vehicle.vehicle_link import Carried, LetGo, LinkFact
+from apad_bridge.world.apad.dock_mechanisms import MISSED, Misses
 from apad_bridge.world.generation_b.docks import BenchDocks
 
 THERE = GoTo(1, 5.0, 6.0, 0.5, 0.5)

@@ -14,9 +14,9 @@ from stack_benches import Bench, real_limits
 from apad_bridge.scenario.choices import Generation
 from apad_bridge.scenario.guard_options import GuardOptions
 from apad_bridge.vehicle.commands import PoseReported
-from apad_bridge.vehicle.link import LinkFact
 from apad_bridge.vehicle.outcomes import DockChanged, PrimitiveFailed, PrimitiveSucceeded
 from apad_bridge.vehicle.stack_messages import BatteryReceived
+from apad_bridge.vehicle.vehicle_link import LinkFact
 from apad_bridge.world.apad.kinematics import Pose
 from apad_bridge.world.apad.motion import Steer
 

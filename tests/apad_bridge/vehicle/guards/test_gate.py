@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from stack_benches import FAULTS, ROOT, Bench, LinkToA, is_safe, place_of, truly
 from wire_observer import SIDE_M, TICK_MS
 
-from apad_bridge.events.guards import (
+from apad_bridge.events.guard_events import (
     DangerOver,
     Drifting,
     GuardReacted,
@@ -63,7 +63,7 @@ from apad_bridge.vehicle.guards.monitor import (
 )
 from apad_bridge.vehicle.guards.position_watch import PositionLimits, PositionWatch
 from apad_bridge.vehicle.guards.stops import StopsEnded
-from apad_bridge.vehicle.link import Cleared, LinkFact
+from apad_bridge.vehicle.vehicle_link import Cleared, LinkFact
 from apad_bridge.world.apad.motion import Coast, Steer
 from tests.apad_bridge.vehicle.guards.test_guards import WATERS
 

@@ -24,6 +24,13 @@ from apad_bridge.vehicle.commands import (
 )
 from apad_bridge.vehicle.guards.fenced_waters import FencedWaters
 from apad_bridge.vehicle.guards.gate import Gate
+from apad_bridge.vehicle.guards.guarded_orders import (
+    BodyInWater,
+    GuardedOrder,
+    Point,
+    Surfacing,
+    VehicleSituation,
+)
 from apad_bridge.vehicle.guards.guards import (
     BatteryForHome,
     ClearOfBodies,
@@ -36,7 +43,6 @@ from apad_bridge.vehicle.guards.guards import (
     SoundNumbers,
 )
 from apad_bridge.vehicle.guards.monitor import CanStopInWaters, KeepsClearOfAPads, Stopping
-from apad_bridge.vehicle.guards.orders import BodyInWater, GuardedOrder, Point, Surfacing, VehicleSituation
 from apad_bridge.vehicle.guards.position_watch import PositionLimits, PositionWatch
 
 # A U, open to the north, of 40 x 40 m with a gap of 20 x 20 m; and a zone of 4 x 4 m in its southern bar.

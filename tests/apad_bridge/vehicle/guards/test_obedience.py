@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from apad_bridge.events.guards import StopKind
+from apad_bridge.events.guard_events import StopKind
 from apad_bridge.vehicle.guards.monitor import Stopping
 from apad_bridge.vehicle.guards.obedience import STANDS_M_S, Obedience, Obeys, Sight
 

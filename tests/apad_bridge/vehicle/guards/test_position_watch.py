@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from apad_bridge.events.guards import PositionErrorTold
+from apad_bridge.events.guard_events import PositionErrorTold
 from apad_bridge.vehicle.commands import PoseReported
 from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.guards.position_watch import (

@@ -10,12 +10,12 @@ from pathlib import Path
 import pytest
 
 from apad_bridge.assembly.safety import safety_of
-from apad_bridge.events.guards import GuardReacted, OrderRefused
+from apad_bridge.events.guard_events import GuardReacted, OrderRefused
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle.commands import BatteryReported, CommandAccepted, GoTo, PoseReported, VehicleCommand
 from apad_bridge.vehicle.guards.guarded_vehicle import GuardedVehicle
-from apad_bridge.vehicle.link import Cleared, LinkFact
+from apad_bridge.vehicle.vehicle_link import Cleared, LinkFact
 
 SCENARIOS = Path(__file__).parents[4] / "launch_scripts" / "scenarios"
 TOP_M_S, ACCELERATION_M_S2, STEPS = 6.0, 2.0, 10

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from apad_bridge.events.event import Event
-from apad_bridge.events.guards import HoldRepeated, StopChanged, StopEnded, StopKind
+from apad_bridge.events.guard_events import HoldRepeated, StopChanged, StopEnded, StopKind
 from apad_bridge.vehicle.commands import (
     CommandFailed,
     GoTo,

@@ -8,7 +8,7 @@ import pytest
 from stack_benches import real_limits, scenario
 
 from apad_bridge.assembly.safety import safety_of
-from apad_bridge.events.guards import GuardReacted, StopChanged, WatchdogTold
+from apad_bridge.events.guard_events import GuardReacted, StopChanged, WatchdogTold
 from apad_bridge.scenario.choices import Generation
 from apad_bridge.scenario.guard_options import WhenUnwatched
 from apad_bridge.vehicle.commands import GoTo, Hold, PoseReported

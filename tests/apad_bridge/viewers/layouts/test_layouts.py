@@ -21,12 +21,12 @@ from apad_bridge.commands.main import main
 from apad_bridge.records.bag import BagWriter
 from apad_bridge.records.bag_messages import typestore
 from apad_bridge.ros_names.names import below_apad, in_full
-from apad_bridge.ros_names.table import SECTIONS, NameKind
+from apad_bridge.ros_names.names_table import SECTIONS, NameKind
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
-from apad_bridge.viewers.layouts.fleet import LayoutFleet, hexadecimal, layout_fleet
 from apad_bridge.viewers.layouts.kinds import KINDS
+from apad_bridge.viewers.layouts.layout_content import LayoutFleet, hexadecimal, layout_fleet
 
 LAUNCH = Path(__file__).parents[4] / "launch_scripts"
 SHIPPED = LAUNCH / "layouts"

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from apad_bridge.scenario.schema import APad
 from apad_bridge.vehicle.commands import CloseDock, GoTo, Hold, OpenDock, VehicleCommand
-from apad_bridge.world.apad.apad import SimulatedAPad
+from apad_bridge.world.apad.simulated_apad import SimulatedAPad
 
 metres = st.floats(-6, 6)
 docks = st.integers(0, 4)

@@ -27,9 +27,9 @@ from apad_bridge.scenario.surface import (
 )
 from apad_bridge.scenario.water.currents import steady_text
 from apad_bridge.vehicle.commands import Arrived, CloseDock, CommandFailed, GoTo, Hold
-from apad_bridge.world.apad.apad import SimulatedAPad
-from apad_bridge.world.apad.docks import MISSED, Misses
+from apad_bridge.world.apad.dock_mechanisms import MISSED, Misses
 from apad_bridge.world.apad.motion import Coast
+from apad_bridge.world.apad.simulated_apad import SimulatedAPad
 
 FULL_J = 230 * 3600
 X = 2 * math.sqrt(2)

@@ -18,7 +18,7 @@ from apad_bridge.vehicle.commands import (
     OpenDock,
     PoseReported,
 )
-from apad_bridge.world.apad.apad import SimulatedAPad
+from apad_bridge.world.apad.simulated_apad import SimulatedAPad
 
 FULL_J = 230 * 3600
 

@@ -15,8 +15,8 @@ from apad_bridge.vehicle.generation_b.messages import (
     PrimitiveStatus,
     dock_direction_rad,
 )
-from apad_bridge.world.apad.apad import SimulatedAPad
 from apad_bridge.world.apad.camera import seen
+from apad_bridge.world.apad.simulated_apad import SimulatedAPad
 from apad_bridge.world.generation_b.messages import StatusPublished
 from apad_bridge.world.generation_b.vehicle import GenerationBVehicle, Stage
 

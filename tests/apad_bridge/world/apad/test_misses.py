@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from apad_bridge.world.apad.docks import Misses
+from apad_bridge.world.apad.dock_mechanisms import Misses
 
 
 @pytest.mark.parametrize(("probability", "least", "most"), [(0.0, 0, 0), (0.25, 440, 560), (1.0, 2000, 2000)])

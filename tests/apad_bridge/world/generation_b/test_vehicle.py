@@ -15,7 +15,7 @@ from apad_bridge.scenario.faults import Fault
 from apad_bridge.scenario.loader import load
 from apad_bridge.vehicle.commands import GoTo, Hold
 from apad_bridge.vehicle.generation_b.messages import DockingOrder, PrimitiveStatus
-from apad_bridge.world.apad.apad import SimulatedAPad
+from apad_bridge.world.apad.simulated_apad import SimulatedAPad
 from apad_bridge.world.generation_b import messages
 from apad_bridge.world.generation_b.messages import (
     ArmPublished,

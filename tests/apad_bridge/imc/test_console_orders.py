@@ -1,0 +1,209 @@
+"""A console's messages, packed by an independent codec, as orders; and the answers to them."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import imcpy
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from imc_codec import Codec, inner, name_of
+
+from apad_bridge.events.person_orders import Act
+from apad_bridge.imc.console_orders import MOST_PLANS, ConsoleOrder, ConsoleOrders, Unfit
+from apad_bridge.imc.imc_messages import stamped
+from apad_bridge.imc.systems import Systems
+from apad_bridge.scenario.area.local_frame import LocalFrame
+from apad_bridge.supervisor.control_client import Answer
+
+FRAME = LocalFrame(43.9330937, 15.4443468)
+NEPTUS, APAD = 0x4001, 0x2A01
+START, STOP, LOAD, GET = range(4)
+SET, DEL, GET_PLAN, GET_INFO, CLEAR, GET_STATE = range(6)
+SUCCESS, FAILURE = 1, 2
+
+
+def radians_at(north_m: float, east_m: float) -> dict[str, float]:
+    latitude, longitude = FRAME.to_geographic(north_m, east_m)
+    return {"lat": math.radians(latitude), "lon": math.radians(longitude)}
+
+
+class Desk:
+    """Orders of one console, over the wire's bytes both ways."""
+
+    def __init__(self, codec: Codec) -> None:
+        self.codec = codec
+        self.orders = ConsoleOrders(FRAME, "apad1")
+
+    def take(self, message: Any) -> ConsoleOrder | Any:
+        packet = self.codec.pack(message, NEPTUS, APAD)
+        taken = self.orders.take(imcpy.Packet.deserialize(packet), "IMC 0x4001", 1e9)
+        return taken if taken is None or isinstance(taken, ConsoleOrder) else self.read(taken)
+
+    def read(self, reply: Any) -> Any:
+        return self.codec.read(imcpy.Packet.serialize(stamped(reply, Systems().apad("apad1"), 1e9, NEPTUS)))
+
+    def plan(self, *manoeuvres: Any, name: str = "go") -> Any:
+        make = self.codec.make
+        listed = [make("PlanManeuver", maneuver_id=str(n), data=it) for n, it in enumerate(manoeuvres)]
+        return make("PlanSpecification", plan_id=name, start_man_id="0", maneuvers=listed)
+
+    def control(self, op: int, arg: Any = None, plan_id: str = "go") -> ConsoleOrder | Any:
+        return self.take(self.codec.make("PlanControl", op=op, arg=arg, plan_id=plan_id, request_id=77))
+
+    def store(self, op: int, arg: Any = None, plan_id: str = "go") -> Any:
+        return self.take(self.codec.make("PlanDB", op=op, arg=arg, plan_id=plan_id, request_id=78))
+
+
+@pytest.fixture
+def desk(codec: Codec) -> Desk:
+    return Desk(codec)
+
+
+@given(
+    north_m=st.floats(-5000, 5000),
+    east_m=st.floats(-5000, 5000),
+    speed_m_s=st.floats(0.0, 5.0, width=32),
+    is_in_a_plan=st.booleans(),
+)
+def test_a_goto_is_a_go_to_there_to_a_millimetre(
+    codec: Codec, north_m: float, east_m: float, speed_m_s: float, is_in_a_plan: bool
+) -> None:
+    desk = Desk(codec)
+    goto = codec.make("Goto", speed=speed_m_s, **radians_at(north_m, east_m))
+    taken = desk.control(START, desk.plan(goto)) if is_in_a_plan else desk.take(goto)
+    assert isinstance(taken, ConsoleOrder)
+    assert taken.request.act is Act.GO_TO and taken.request.by == "IMC 0x4001"
+    assert taken.request.goal_m == pytest.approx((north_m, east_m), abs=1e-3)
+    assert taken.request.speed_m_s == pytest.approx(speed_m_s)
+
+
+def test_a_plan_that_was_stored_is_started_by_its_name(desk: Desk) -> None:
+    station = desk.codec.make("StationKeeping", radius=5.0, speed=0.5, **radians_at(3.0, 4.0))
+    assert desk.control(START).type == FAILURE
+    stored = desk.store(SET, desk.plan(station))
+    assert (name_of(stored), stored.type, stored.op, stored.request_id) == ("PlanDB", SUCCESS, SET, 78)
+    taken = desk.control(START)
+    assert taken.request.act is Act.HOLD and taken.request.goal_m == pytest.approx((3.0, 4.0), abs=1e-3)
+    assert taken.plan_id == "go"
+    answered = desk.read(taken.answer(Answer(False, "refused: outside the fence")))
+    assert (answered.type, answered.op, answered.request_id) == (FAILURE, START, 77)
+    assert answered.info == "refused: outside the fence" and answered.plan_id == "go"
+
+    (listed,) = inner(inner(desk.store(GET_STATE), "arg"), "plans_info")
+    got = inner(desk.store(GET_PLAN), "arg")
+    assert (listed.plan_id, got.plan_id) == ("go", "go")
+    assert name_of(inner(inner(got, "maneuvers")[0], "data")) == "StationKeeping"
+    assert inner(desk.store(GET_INFO), "arg").md5 == listed.md5 and len(listed.md5) == 16
+    assert desk.store(DEL).type == SUCCESS and desk.store(DEL).type == FAILURE
+    assert inner(desk.store(GET_STATE), "arg").plan_count == 0
+
+
+def test_stop_abort_and_the_mission_itself(desk: Desk) -> None:
+    make = desk.codec.make
+    assert desk.control(STOP).request.act is Act.STOP
+    assert desk.take(make("Abort")).request.act is Act.ABORT
+    assert desk.control(START, plan_id="mission").request.act is Act.GIVE_BACK
+    told = desk.read(desk.take(make("Abort")).answer(Answer(False, "the mission is over: mission time")))
+    assert name_of(told) == "LogBookEntry" and "the mission is over" in told.text
+    assert desk.take(make("Heartbeat")) is None
+    assert desk.take(make("PlanControl", type=SUCCESS, op=STOP)) is None  # an answer, and no request
+
+
+@pytest.mark.parametrize(
+    ("kind", "fields", "why"),
+    [
+        ("Goto", {"speed": 0.5, "z": 2.0, "z_units": 1}, "stays at the surface"),
+        ("Goto", {"speed": math.nan}, "no number"),
+    ],
+)
+def test_what_the_apad_cannot_do_is_refused_with_the_reason(
+    desk: Desk, kind: str, fields: dict[str, float], why: str
+) -> None:
+    manoeuvre = desk.codec.make(kind, **radians_at(1.0, 1.0), **fields)
+    refused = desk.control(START, desk.plan(manoeuvre))
+    assert refused.type == FAILURE and why in refused.info
+    with pytest.raises(Unfit, match=why):
+        desk.take(manoeuvre)
+
+
+@pytest.mark.parametrize(("units", "named"), [(1, "RPM"), (2, "percent")])
+@pytest.mark.parametrize("is_in_a_plan", [True, False])
+def test_a_speed_of_another_unit_is_the_scenarios_and_the_answer_says_so(
+    desk: Desk, units: int, named: str, is_in_a_plan: bool
+) -> None:
+    """Neptus sends a surface vehicle without a speed of its own to a place at 1000 RPM."""
+    goto = desk.codec.make("Goto", speed=1000.0, speed_units=units, **radians_at(3.0, 4.0))
+    order = desk.control(START, desk.plan(goto)) if is_in_a_plan else desk.take(goto)
+    assert isinstance(order, ConsoleOrder) and order.request.act is Act.GO_TO
+    assert order.request.speed_m_s is None and order.request.goal_m == pytest.approx((3.0, 4.0), abs=1e-3)
+    told = desk.read(order.answer(Answer(True, "")))
+    text = told.info if is_in_a_plan else told.text
+    assert "at the scenario's speed" in text and named in text
+    assert "scenario's speed" not in getattr(desk.read(order.answer(Answer(False, "fence"))), "info", "")
+    keeping = desk.codec.make("StationKeeping", speed=50.0, speed_units=units, **radians_at(1.0, 1.0))
+    assert desk.control(START, desk.plan(keeping)).request.act is Act.HOLD
+
+
+@pytest.mark.parametrize("place", [(43.9, 15.4), (math.nan, 0.2), (0.7, math.inf)])
+def test_degrees_and_what_is_no_number_are_refused(desk: Desk, place: tuple[float, float]) -> None:
+    goto = imcpy.Goto()  # the independent codec packs no such place
+    goto.lat, goto.lon = place
+    goto.speed = 0.5
+    with pytest.raises(Unfit, match="radians"):
+        desk.orders.take(goto, "IMC 0x4001", 1e9)
+
+
+def test_a_plan_of_no_or_several_manoeuvres_or_of_another_kind_is_refused(desk: Desk) -> None:
+    goto = desk.codec.make("Goto", speed=0.5, **radians_at(1.0, 1.0))
+    for plan in (desk.plan(), desk.plan(goto, goto), desk.plan(desk.codec.make("Heartbeat"))):
+        assert "one manoeuvre" in desk.control(START, plan).info
+        assert "one manoeuvre" in desk.control(LOAD, plan).info
+    assert "is no plan" in desk.control(START, desk.codec.make("Heartbeat")).info
+
+
+def test_the_store_of_plans_is_bounded(desk: Desk) -> None:
+    goto = desk.codec.make("Goto", speed=0.5, **radians_at(1.0, 1.0))
+    for n in range(MOST_PLANS):
+        assert desk.store(SET, desk.plan(goto, name=str(n))).type == SUCCESS
+    assert desk.store(SET, desk.plan(goto, name="one more")).type == FAILURE
+    assert desk.store(SET, desk.plan(goto, name="0")).type == SUCCESS  # in place of the old one
+    assert desk.store(SET, desk.plan(goto, name="mission")).type == FAILURE
+    assert desk.store(CLEAR).type == SUCCESS
+    assert desk.store(SET, desk.plan(goto, name="one more")).type == SUCCESS
+
+
+def test_ids_follow_the_addressing_scheme() -> None:
+    assert [Systems().apad(it).imc_id for it in ("apad1", "apad12", "boat", "/lab/apad2")] == [
+        0x2A01,
+        0x2A0C,
+        0x2A01,
+        0x2A02,
+    ]
+    assert Systems().amussel(7).imc_id == 0x9A07
+    # Of a list of its ids, IMC_Addresses.xml: wg-sv3-127, ntnu-nest-01 and -02 have the first of the ranges.
+    assert not {0x2801, 0x9001, 0x9002} & {
+        Systems().apad("apad1").imc_id,
+        *(Systems().amussel(n).imc_id for n in range(51)),
+    }
+    assert all(0x9A00 <= Systems().amussel(n).imc_id <= 0x9FFF for n in (1, 1535, 1536, 0xFFFF))
+    assert all(0x2A00 <= Systems().apad(f"apad{n}").imc_id <= 0x2BFF for n in (1, 511, 512, 99_999))
+
+
+def test_the_shipped_definition_is_that_of_the_aPad_which_the_gateway_shows() -> None:
+    root = ElementTree.parse(Path(__file__).parents[3] / "launch_scripts/neptus/90-apad1.nvcl").getroot()
+    system = Systems().apad("apad1")
+    assert root.findtext("properties/id") == system.name and root.findtext("properties/type") == "ASV"
+    imc = root.find("communication-means/comm-mean/protocols-args/imc")
+    high, low = (imc.findtext("imc-id") or "").split(":")
+    assert int(high + low, 16) == system.imc_id
+    assert int(imc.findtext("port") or 0) == Systems().port("apad1")
+    manoeuvres = {it[0].tag: it[0] for it in root.findall("feasibleManeuvers/maneuver")}
+    assert manoeuvres.keys() == {"Goto", "StationKeeping"}
+    for manoeuvre in manoeuvres.values():
+        speed = next(it for it in manoeuvre if it.tag in ("velocity", "speed"))
+        assert speed.get("unit") == "m/s" and float(speed.text or 0) == 0.5

@@ -1,0 +1,221 @@
+"""The supervisor's core on its own: ticks, the order of facts, dropped packets, and the end of a flight."""
+
+import random
+
+import pytest
+from scenario_files import POOL_FILE, SOUND_FILE
+
+from agents.packet_medium import Medium
+from apad_bridge.assembly import flight_parts
+from apad_bridge.assembly.flight_config import flight_config
+from apad_bridge.events.fleet_events import AMusselSuspected, SuspicionOver
+from apad_bridge.events.mission_events import MissionEnd
+from apad_bridge.events.run_events import EndReason
+from apad_bridge.events.vehicle_events import DocksDisagree
+from apad_bridge.mission.facts import EndRequested, Fact, Send, SoundHeard, SupervisorAction, WifiHeard
+from apad_bridge.scenario.loader import load
+from apad_bridge.supervisor.supervisor import Supervisor
+from apad_bridge.vehicle.commands import BatteryReported, DockClosed, GoTo, Hold, PoseReported
+from firmware_model.packets import (
+    AcousticStatus,
+    CommandPacket,
+    Kind,
+    ShortStatus,
+    StatusPacket,
+    WifiStatus,
+    decode,
+)
+from firmware_model.power.active_battery import ActiveBattery
+from firmware_model.states import State
+from firmware_model.stimuli import ResetCause
+
+SCENARIO = load(POOL_FILE)
+SOUND = load(SOUND_FILE)
+
+
+def status(agent_id: int, charge: float, agent_ms: int = 30_000) -> bytes:
+    place = (float(agent_id), 2.0)
+    return StatusPacket(agent_id, 0, State.ACTIVE, charge, 1.0, *place, 3.0, agent_ms).encode()
+
+
+def facts_of_tick(*more: Fact) -> list[Fact]:
+    """The facts of a tick: four candidates, a pose and a battery."""
+    return [
+        *(WifiHeard(1000, status(agent_id, 0.5)) for agent_id in (1, 2, 3, 4)),
+        PoseReported(900, 0.0, 0.0, 0.0),
+        BatteryReported(1000, 16.0, 1.0),
+        *more,
+    ]
+
+
+def acts(facts: list[Fact], now_ms: int = 1000) -> list[SupervisorAction]:
+    supervisor = flight_parts.supervisor(flight_config(SCENARIO))
+    for fact in facts:
+        supervisor.receive(fact)
+    return supervisor.advance(now_ms)
+
+
+def test_it_plans_goes_and_permits_at_the_tick() -> None:
+    actions = acts(facts_of_tick())
+    goto = next(action for action in actions if isinstance(action, GoTo))
+    assert (goto.north_m, goto.east_m, goto.speed_m_s) == (1.0, 2.0, 0.5)
+    sent = [action for action in actions if isinstance(action, Send)]
+    assert [(it.medium, it.agent_id, decode(it.data)) for it in sent] == [
+        (Medium.SOUND, 1, CommandPacket(Kind.PERMISSION, 1))
+    ]
+
+
+def test_facts_of_one_tick_act_alike_in_whatever_order_they_came() -> None:
+    facts = facts_of_tick()
+    expected = acts(list(facts))
+    for seed in range(10):
+        random.Random(seed).shuffle(facts)
+        assert acts(list(facts)) == expected
+
+
+@pytest.fixture
+def supervisor() -> Supervisor:
+    return flight_parts.supervisor(flight_config(SCENARIO))
+
+
+def test_a_docked_amussel_that_reports_to_lie_on_the_bottom_is_told_once_until_it_charges(
+    supervisor: Supervisor,
+) -> None:
+    supervisor.receive(PoseReported(900, 0.0, 0.0, 0.0))
+    supervisor.receive(DockClosed(900, 1, 7))
+    charging = StatusPacket(7, 0, State.CHARGING, 0.5, 1.0, 7.0, 2.0, 3.0, 30_000).encode()
+    told = []
+    for now_ms, data in enumerate(
+        [charging, status(7, 0.5), status(7, 0.5), status(8, 0.5), charging, status(7, 0.5)], 1
+    ):
+        supervisor.receive(WifiHeard(1000 * now_ms, data))
+        actions = supervisor.advance(1000 * now_ms)
+        told += [(now_ms, it.data) for it in actions if isinstance(it, DocksDisagree)]
+    reason = "dock 2 holds it by the vehicle's report, and it reports ACTIVE, on the bottom"
+    assert told == [(2, {"id": 7, "reason": reason}), (6, {"id": 7, "reason": reason})]
+
+
+def test_a_fact_of_the_future_waits_for_its_tick(supervisor: Supervisor) -> None:
+    supervisor.receive(PoseReported(1500, 7.0, 7.0, 0.0))
+    supervisor.advance(1000)
+    assert supervisor.pose is None
+    supervisor.advance(2000)
+    assert supervisor.pose is not None
+
+
+def test_bytes_that_are_nothing_are_counted_and_disturb_nothing(supervisor: Supervisor) -> None:
+    for data in (b"", b"\xff" * 40, b"x" * 100_000, CommandPacket(Kind.RELEASE, 1).encode(), status(99, 0.5)):
+        supervisor.receive(WifiHeard(500, data))
+    supervisor.receive(WifiHeard(500, status(1, 0.5)))
+    supervisor.advance(1000)
+    assert supervisor.dropped == {
+        "bytes that are no status packet": 4,
+        "a status of an unknown aMussel": 1,
+    }
+    assert [belief.agent_id for belief in supervisor.beliefs.all()] == [1]
+
+
+@pytest.mark.parametrize(
+    ("fact", "now_ms", "reason"),
+    [
+        (EndRequested(1000, MissionEnd(EndReason.OPERATOR)), 1000, "the operator"),
+        (BatteryReported(1000, 16.0, 1.0), 2_400_000, "mission time"),
+    ],
+)
+def test_a_flight_ends_by_the_operator_or_the_time(
+    supervisor: Supervisor, fact: Fact, now_ms: int, reason: str
+) -> None:
+    supervisor.receive(PoseReported(900, 3.0, 4.0, 0.0))
+    supervisor.receive(fact)
+    actions = supervisor.advance(now_ms)
+    assert supervisor.has_ended and str(supervisor.mission.state.ended_by) == reason
+    held = [action for action in actions if isinstance(action, Hold)]
+    assert (held[-1].north_m, held[-1].east_m) == (3.0, 4.0)
+
+
+def test_an_empty_battery_ends_a_flight_after_three_seconds_of_readings(supervisor: Supervisor) -> None:
+    supervisor.receive(PoseReported(900, 3.0, 4.0, 0.0))
+    for at_s, fraction in enumerate((0.0, 0.0, 0.9, 0.0, 0.0, 0.0), start=1):
+        supervisor.receive(BatteryReported(1000 * at_s, 12.0, fraction))
+        supervisor.advance(1000 * at_s)
+        assert not supervisor.has_ended
+    supervisor.receive(BatteryReported(7000, 12.0, 0.0))
+    supervisor.advance(7000)
+    assert str(supervisor.mission.state.ended_by) == "the aPad's battery"
+
+
+def test_a_sensor_that_says_nothing_is_left_once_sends_no_apad_home(supervisor: Supervisor) -> None:
+    """The mission hears a sudden fall after three seconds of readings, and a fall that creeps at once."""
+    heard: list[float] = []
+    supervisor.mission.battery_heard = heard.append  # type: ignore[method-assign]
+    for at_s, fraction in enumerate((0.9, 0.0, 0.89, 0.3, 0.3, 0.3, 0.3, 0.27, 0.8), start=1):
+        supervisor.receive(BatteryReported(1000 * at_s, 12.0, fraction))
+        supervisor.advance(1000 * at_s)
+    assert heard == [0.9, 0.89, 0.3, 0.27, 0.8]
+
+
+def test_time_going_back_is_refused(supervisor: Supervisor) -> None:
+    supervisor.advance(2000)
+    with pytest.raises(ValueError, match="time went back"):
+        supervisor.advance(1000)
+
+
+@pytest.mark.parametrize("by", ["wifi", "sound", "short"])
+def test_every_kind_of_status_is_believed(by: str) -> None:
+    basic = (1, 8, State.EMPTY, 0.0, 0.8, 1.0, 2.0, 3.0, 60_000)
+    fact_by_medium: dict[str, Fact] = {
+        "wifi": WifiHeard(
+            2000,
+            WifiStatus(
+                *basic, (1, 2, 3, 4), 9, 0, 0, 0, 0, ResetCause.POWER_ON, ActiveBattery.SECONDARY, 0, 0
+            ).encode(),
+        ),
+        "sound": SoundHeard(2000, AcousticStatus(*basic, (1, 2, 3, 4), 9, 9).encode()),
+        "short": SoundHeard(2000, ShortStatus(1, State.EMPTY, 0.0, 0.8).encode()),
+    }
+    supervisor = flight_parts.supervisor(flight_config(SCENARIO))
+    supervisor.receive(WifiHeard(1000, status(1, 0.5)))
+    supervisor.receive(fact_by_medium[by])
+    supervisor.advance(2000)
+    belief = supervisor.beliefs.get(1)
+    assert (belief.heard_ms, belief.state, belief.primary) == (2000, State.EMPTY, 0.0)
+    assert belief.secondary == pytest.approx(0.8, abs=1e-5)
+    assert (belief.north_m, belief.east_m) == (1.0, 2.0)
+    assert supervisor.dropped == {}
+
+
+def test_an_amussel_becomes_suspect_once_and_another_supervisor_of_the_run_tells_nothing_anew() -> None:
+    def rising(n: int) -> SoundHeard:
+        packet = StatusPacket(7, n, State.SLEEPING, 0.4 + 0.2 * n, 1.0, 7.0, 2.0, 3.0, 3_600_000 * (n + 1))
+        return SoundHeard(120_000 * (n + 1), packet.encode())
+
+    def told(supervisor: Supervisor, fact: SoundHeard) -> list[AMusselSuspected]:
+        supervisor.receive(fact)
+        return [it for it in supervisor.advance(fact.at_ms) if isinstance(it, AMusselSuspected)]
+
+    supervisor = flight_parts.supervisor(flight_config(SOUND))
+    suspects = [told(supervisor, rising(n)) for n in range(3)]
+    assert [len(it) for it in suspects] == [0, 1, 0]
+    assert suspects[1][0].id == 7
+    assert suspects[1][0].reason == (
+        "its charge rises without a charger: 0.40, and 0.60 after 60 min of its time"
+    )
+    next_one = flight_parts.supervisor(flight_config(SOUND))
+    next_one.beliefs.restore(supervisor.beliefs.kept())
+    assert told(next_one, rising(3)) == []
+
+
+def test_the_supervisor_tells_that_a_reading_stands_and_that_it_moves_again() -> None:
+    supervisor = flight_parts.supervisor(flight_config(SOUND))
+
+    def told(hour: int, charge: float) -> list[str]:
+        packet = StatusPacket(7, hour, State.SLEEPING, charge, 1.0, 7.0, 2.0, 3.0, 3_600_000 * hour)
+        supervisor.receive(SoundHeard(120_000 * hour, packet.encode()))
+        actions = supervisor.advance(120_000 * hour)
+        return [it.text() for it in actions if isinstance(it, AMusselSuspected | SuspicionOver)]
+
+    before = [text for hour in range(1, 13) for text in told(hour, 0.8)]
+    assert [text.partition(":")[0] for text in before] == ["aMussel 7 is suspect"]
+    assert "its reading stands: 0.80 for" in before[0]
+    assert told(13, 0.7) == ["aMussel 7 is no longer suspect: its reading moves again"]
+    assert told(14, 0.69) == []
