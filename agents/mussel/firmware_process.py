@@ -26,7 +26,7 @@ _PORT_FD = 3
 _SETPRIV = ("/usr/bin/setpriv", "--no-new-privs", "--pdeathsig", "KILL", "--")
 """A program of util-linux, which no Debian is without. No program that a board starts gets more rights than it has."""
 _AT_ONCE = 65_536
-_MOST_TOLD = 65_536
+_MOST_SHOWN = 65_536
 """Bytes of a program's stderr that are passed on; the rest is read and left out."""
 _LONGEST_LOG = 16 << 20
 """Bytes of a log in a file, as that of a nursery: a longer one takes nothing more from programs, and so from none of the
@@ -184,7 +184,7 @@ class _Words:
     def __init__(self) -> None:
         self.reading, self.writing = os.pipe()
         os.set_blocking(self.reading, False)
-        self._room = _MOST_TOLD
+        self._room = _MOST_SHOWN
         self._is_open = True
 
     def close(self) -> None:

@@ -168,7 +168,7 @@ class RemoteStation:
         self._new_truths()
         due_ms = self._coordinator.due_agent_ms
         with suppress(LinkEnded):  # the sea may have said why
-            link.send(Tick(now_ms, calls, self._take_untold(), due_ms))
+            link.send(Tick(now_ms, calls, self._take_unreported(), due_ms))
         while True:
             match link.receive(_TICK_S):
                 case Window(until_ms, tick_ms, stimuli):
@@ -180,7 +180,7 @@ class RemoteStation:
                     )
                     died += [it for it in outputs if isinstance(it, AgentDied)]
                     self._new_truths()
-                    link.send(Windowed(outputs, self._take_untold(), self._coordinator.due_agent_ms))
+                    link.send(Windowed(outputs, self._take_unreported(), self._coordinator.due_agent_ms))
                 case Ticked(results, stimuli, apads, dropped):
                     self._receive_stimuli(stimuli)
                     self._apads, self._dropped_there = apads, dropped
@@ -252,7 +252,7 @@ class RemoteStation:
         for truth in new:
             self._places[truth.agent_id] = place_of(truth.physical, self.config.sinking)
 
-    def _take_untold(self) -> tuple[Truth, ...]:
+    def _take_unreported(self) -> tuple[Truth, ...]:
         untold, self._untold = self._untold, []
         return tuple(untold)
 

@@ -16,7 +16,7 @@ from apad_bridge.doctor.graph_checks import Graph
 from apad_bridge.doctor.live_apad import MOST_CHARGE, Door, LiveAPad, NotAnnounced
 from apad_bridge.doctor.network import TIMEOUT_S
 from apad_bridge.doctor.origin_check import check_origin
-from apad_bridge.doctor.positions import told_places
+from apad_bridge.doctor.positions import reported_places
 from apad_bridge.ros_names.names import AMUSSEL, in_full
 from apad_bridge.scenario.area.local_frame import OriginLike
 from apad_bridge.scenario.schema import LIMITS, Scenario
@@ -162,7 +162,7 @@ def _releases(name: str, held: Iterable[str]) -> str:
 
 def check_place(apad: LiveAPad, ours: OriginLike) -> Finding:
     """The vehicle's local (0, 0) is the scenario's, by its parameters and by its positions."""
-    return check_origin(apad.graph.uri, apad.name, ours, told_places(apad.positions(_PLACE_S)))
+    return check_origin(apad.graph.uri, apad.name, ours, reported_places(apad.positions(_PLACE_S)))
 
 
 def _with_parts_of_a(graph: Graph) -> set[str]:
@@ -239,7 +239,7 @@ def named_like(graph: Graph, stack: Stack) -> set[str]:
     return set.intersection(*marks)
 
 
-def _tell_capabilities(stack: Stack, docks: int | None) -> Finding:
+def _show_capabilities(stack: Stack, docks: int | None) -> Finding:
     """Lists the orders that a mission may give this aPad, and those that it may not.
 
     `docks` are those that the vehicle itself counts, None where it does not tell.
@@ -337,7 +337,7 @@ def _check_offset(apad: LiveAPad) -> Finding:
 CHECKS: tuple[Check[FoundAPad], ...] = (
     Check("", _check_md5s),
     Check("beside", _check_beside),
-    Check("capabilities", lambda it: _tell_capabilities(it.stack, _dock_count(it))),
+    Check("capabilities", lambda it: _show_capabilities(it.stack, _dock_count(it))),
     Check("clock", _check_offset, may_be_red_in_trial=True),
     Check("battery", _check_battery, may_be_red_in_trial=True),
     Check(

@@ -17,7 +17,7 @@ _PLANE_SHARE = 0.005
 
 
 @dataclass(frozen=True, slots=True)
-class ToldPlace:
+class ReportedPlace:
     """A place that the vehicle names in degrees and in its local metres; its origin has the metres (0, 0)."""
 
     source: str
@@ -27,13 +27,13 @@ class ToldPlace:
     east_m: float = 0.0
 
 
-def check_origin(uri: str, apad: str, ours: OriginLike, told: Sequence[ToldPlace] = ()) -> Finding:
+def check_origin(uri: str, apad: str, ours: OriginLike, told: Sequence[ReportedPlace] = ()) -> Finding:
     """Compares the scenario's origin with the parameters on the master at `uri`, and with the places that are `told`.
 
     `apad` is the aPad's namespace in full, such as /apad1.
     """
     try:
-        parameters = told_by_parameters(uri, apad)
+        parameters = place_of_parameters(uri, apad)
     except (Unreachable, TypeError, ValueError) as error:
         return fail(str(error), "see rosparam get, and area.origin")
     told = [*([] if parameters is None else [parameters]), *told]
@@ -54,7 +54,7 @@ def check_origin(uri: str, apad: str, ours: OriginLike, told: Sequence[ToldPlace
     return ok(f"{found}, as the scenario does")
 
 
-def told_by_parameters(uri: str, apad: str) -> ToldPlace | None:
+def place_of_parameters(uri: str, apad: str) -> ReportedPlace | None:
     """LocalOriginLat and LocalOriginLon in the namespace of `apad` or, as ROS looks for them, in those above.
 
     None where they are not set; ValueError, TypeError or Unreachable for what is no origin.
@@ -68,11 +68,11 @@ def told_by_parameters(uri: str, apad: str) -> ToldPlace | None:
                 latitude_deg, longitude_deg = map(float, values)
             except (TypeError, ValueError):
                 raise ValueError(f"{source} are {values}: no degrees") from None
-            return ToldPlace(source, latitude_deg, longitude_deg)
+            return ReportedPlace(source, latitude_deg, longitude_deg)
     return None
 
 
-def _differs(told: ToldPlace, off_m: float, ours: OriginLike) -> tuple[str, str]:
+def _differs(told: ReportedPlace, off_m: float, ours: OriginLike) -> tuple[str, str]:
     """(found, mend) for a place that is not the scenario's."""
     at = f" at ({told.north_m:.1f} m north, {told.east_m:.1f} m east)" if told.north_m or told.east_m else ""
     found = (
@@ -80,7 +80,9 @@ def _differs(told: ToldPlace, off_m: float, ours: OriginLike) -> tuple[str, str]
         "degrees given to one are other metres for the other"
     )
     if at:
-        mirrored = ToldPlace(told.source, told.latitude_deg, told.longitude_deg, -told.north_m, told.east_m)
+        mirrored = ReportedPlace(
+            told.source, told.latitude_deg, told.longitude_deg, -told.north_m, told.east_m
+        )
         if _is_near(mirrored, ours.latitude_deg, ours.longitude_deg):
             return f"{found}; north has the wrong sign", "see the axes of the vehicle's filter"
     if _is_near(told, ours.longitude_deg, ours.latitude_deg):
@@ -92,14 +94,14 @@ def _differs(told: ToldPlace, off_m: float, ours: OriginLike) -> tuple[str, str]
     )
 
 
-def _is_near(told: ToldPlace, latitude_deg: float, longitude_deg: float) -> bool:
+def _is_near(told: ReportedPlace, latitude_deg: float, longitude_deg: float) -> bool:
     try:
         return _off_m(told, latitude_deg, longitude_deg) < 10 * _SAME_M
     except ValueError:
         return False
 
 
-def _off_m(told: ToldPlace, latitude_deg: float, longitude_deg: float) -> float:
+def _off_m(told: ReportedPlace, latitude_deg: float, longitude_deg: float) -> float:
     """Metres between the place in degrees, seen from an origin at these degrees, and the place in metres."""
     north_m, east_m = LocalFrame(latitude_deg, longitude_deg).to_local(told.latitude_deg, told.longitude_deg)
     return math.hypot(north_m - told.north_m, east_m - told.east_m)

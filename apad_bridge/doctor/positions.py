@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from apad_bridge.beliefs.input_ranges import out_of_range
 from apad_bridge.doctor.finding import Finding, cannot_tell, fail, ok, warn
-from apad_bridge.doctor.origin_check import ToldPlace
+from apad_bridge.doctor.origin_check import ReportedPlace
 
 TOO_LATE_S = 1.0
 MISSING_SHARE = 0.1
@@ -56,16 +56,18 @@ class PositionSample:
         return self.north_variance_m2, self.east_variance_m2
 
 
-def told_places(samples: Sequence[PositionSample]) -> list[ToldPlace]:
+def reported_places(samples: Sequence[PositionSample]) -> list[ReportedPlace]:
     """The origin and the place in degrees of the newest position, as far as it has them."""
     if not (sound := [it for it in samples if it.fault is None]):
         return []
     last = sound[-1]
     told = []
     if any(last.origin_deg):
-        told.append(ToldPlace("its positions' origin", *last.origin_deg))
+        told.append(ReportedPlace("its positions' origin", *last.origin_deg))
     if any(last.global_deg):
-        told.append(ToldPlace("its positions' global_position", *last.global_deg, last.north_m, last.east_m))
+        told.append(
+            ReportedPlace("its positions' global_position", *last.global_deg, last.north_m, last.east_m)
+        )
     return told
 
 

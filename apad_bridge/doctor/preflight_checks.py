@@ -363,7 +363,7 @@ def _check_parameters(apad: LiveAPad) -> Finding:
     return ok(", ".join(found))
 
 
-def _tell_software(apad: WatchedAPad) -> Finding:
+def _show_software(apad: WatchedAPad) -> Finding:
     here = ", ".join(f"{it} {version(it)}" for it in ("musselbed", "rospy"))
     generations = ", ".join(it.generation for it in apad.stacks) or "unknown"
     return ok(f"generation {generations}; here {here}")
@@ -427,5 +427,5 @@ CHECKS: tuple[Check[WatchedAPad], ...] = (
         may_be_red_in_trial=True,
     ),
     Check("parameters", _check_parameters),
-    Check("software", _tell_software),
+    Check("software", _show_software),
 )

@@ -21,13 +21,13 @@ from apad_bridge.events.mission_events import MissionState
 from apad_bridge.field.field_log.log_facts import (
     AmusselCharged,
     AmusselPlaced,
-    BeliefsTold,
+    BeliefsReport,
     Held,
     LoggedFact,
     PacketLogged,
     Place,
     Posed,
-    Teller,
+    Witness,
     Work,
     WorkBegan,
     WorkEnded,
@@ -148,7 +148,7 @@ class Shadow:
         self._exchanges_places = mission.places is Places.EXCHANGED
         self._state = MissionState(dock_count=scenario.apad.docks)
         self._place_m: Place | None = None
-        self._pose_teller = Teller.SUPERVISOR
+        self._pose_witness = Witness.SUPERVISOR
         self._supervised_ms: int | None = None
         """The time of a supervisor's first sample, which tells what the docks hold already; None without a supervisor.
 
@@ -206,11 +206,11 @@ class Shadow:
 
     def _learn(self, fact: LoggedFact) -> None:
         match fact:
-            case Posed(_, teller, _, place_m):
-                if teller is Teller.SUPERVISOR and self._supervised_ms is None:
+            case Posed(_, witness, _, place_m):
+                if witness is Witness.SUPERVISOR and self._supervised_ms is None:
                     self._supervised_ms = self._now_ms
-                if teller is Teller.VEHICLE or self._pose_teller is Teller.SUPERVISOR:
-                    self._pose_teller, self._place_m = teller, place_m
+                if witness is Witness.VEHICLE or self._pose_witness is Witness.SUPERVISOR:
+                    self._pose_witness, self._place_m = witness, place_m
             case PacketLogged(_, agent_id, _, data):
                 self._sends.add(agent_id)
                 packet = self._codec.decode(data)
@@ -222,12 +222,12 @@ class Shadow:
                 self._of_topics(agent_id, place_m, None)
             case AmusselCharged(_, agent_id, charge):
                 self._of_topics(agent_id, None, charge)
-            case BeliefsTold():
+            case BeliefsReport():
                 self._of_others(fact)
-            case Held(_, teller, agent_id, is_held):
-                if teller is Teller.SUPERVISOR or self._supervised_ms is None:
+            case Held(_, witness, agent_id, is_held):
+                if witness is Witness.SUPERVISOR or self._supervised_ms is None:
                     self._held(
-                        agent_id, is_held=is_held, was_held=is_held and self._was_held(agent_id, teller)
+                        agent_id, is_held=is_held, was_held=is_held and self._was_held(agent_id, witness)
                     )
             case WorkBegan():
                 self._began(fact)
@@ -251,9 +251,9 @@ class Shadow:
             low, high = before.charge_interval() if before.is_predicted else (0.0, 0.0)
             inside = low <= packet.primary <= high if before.is_predicted else None
             self._errors.append((before.primary - packet.primary, place_error_m, inside))
-        self._tell_error(packet)
+        self._record_error(packet)
 
-    def _tell_error(self, packet: StatusPacket) -> None:
+    def _record_error(self, packet: StatusPacket) -> None:
         """Completes the estimates of the aMussel's decisions, which this packet is the first to check."""
         for n, it in enumerate(self.decisions):
             estimate = it.estimate
@@ -281,7 +281,7 @@ class Shadow:
             stamp_ms = self._scale.agent_ms(self._now_ms)
             self._hear(StatusPacket(agent_id, 0, state, charge, 1.0, *place_m, 0.0, stamp_ms))
 
-    def _of_others(self, told: BeliefsTold) -> None:
+    def _of_others(self, told: BeliefsReport) -> None:
         """A supervisor's fresh belief is what the packet said; nothing else of it counts here."""
         for row in told.rows:
             self._believed.add(row.id)
@@ -298,11 +298,11 @@ class Shadow:
     def _docked(self) -> dict[int, int]:
         return {agent_id: dock_index for dock_index, agent_id in self._state.docked}
 
-    def _was_held(self, agent_id: int, teller: Teller) -> bool:
+    def _was_held(self, agent_id: int, witness: Witness) -> bool:
         """The dock that now tells of this aMussel was filled before the shadow listened: no decision that it heard."""
         if agent_id in self._ordered:
             return False
-        if teller is Teller.SUPERVISOR:
+        if witness is Witness.SUPERVISOR:
             return self._now_ms == self._supervised_ms
         return self._now_ms <= _JOINED_MS
 
@@ -361,7 +361,7 @@ class Shadow:
             self._pending = _Pending(self._now_ms, began.goal_m)
 
     def _is_same(self, goal_m: Place | None) -> bool:
-        """A hold, or a go-to that another teller or another try repeats, is no decision."""
+        """A hold, or a go-to that another witness or another try repeats, is no decision."""
         near_m = 2 * self._mission.victory_radius_m
         pending = None if self._pending is None or self._pending.theirs is not None else self._pending
         is_new = pending is not None and pending.at_ms >= self._now_ms - _SAME_MS

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from agents.hosting.interrupts import received_by
-from apad_bridge.analysis.replay.history import ToldEvent
+from apad_bridge.analysis.replay.history import ShownEvent
 from apad_bridge.imc import imc_messages
 from apad_bridge.imc import protocol as imc
 from apad_bridge.imc.console_orders import ConsoleOrder, ConsoleOrders, Unfit
@@ -228,7 +228,7 @@ class ImcGateway:
         yield imc_messages.vehicle_state(picture, takes_orders=takes_orders)
         yield imc_messages.plan_control_state(picture, self._plan_id, takes_orders=takes_orders)
 
-    def _show_events(self, events: Iterable[ToldEvent]) -> None:
+    def _show_events(self, events: Iterable[ShownEvent]) -> None:
         for event in events:
             entry = imc_messages.log_book_entry(
                 event.text, self._now_s(), is_warning=event.category.is_trouble

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from apad_bridge.analysis.replay.history import History, ToldEvent
+from apad_bridge.analysis.replay.history import History, ShownEvent
 from apad_bridge.events.mission_events import Phase, PrimitiveChanged, PrimitivePhase
 from apad_bridge.events.person_events import Overridden, PersonOrdered
 from apad_bridge.events.vehicle_events import APadMoved
@@ -87,19 +87,19 @@ class RunPicture:
         self.manoeuvre: PersonsManoeuvre | None = None
         self.last_failed: bool | None = None
         """Result of a person's last go-to; None while there was none."""
-        self._told_events = 0
+        self._reported_events = 0
         self._take(begun.entries)
         self._history.advance(self._history.end_ms)
-        self._told_events = len(self._history.events)  # a console that comes later gets no old news
+        self._reported_events = len(self._history.events)  # a console that comes later gets no old news
 
-    def poll(self) -> list[ToldEvent]:
+    def poll(self) -> list[ShownEvent]:
         """Reads what is new, and returns the new events for people."""
         new = self._journal.read_new()
         self._history.add(new)
         self._take(new.entries)
         self._history.advance(self._history.end_ms)
-        events = self._history.events[self._told_events :]
-        self._told_events += len(events)
+        events = self._history.events[self._reported_events :]
+        self._reported_events += len(events)
         return events
 
     def new_samples(self) -> Iterator[KeptSample]:

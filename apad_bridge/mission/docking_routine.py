@@ -279,7 +279,7 @@ class DockingRoutine:
         belief = self._beliefs.get(agent_id)
         leaves_full = is_charged(belief, self.config)
         if leaves_full and (reason := doubt(belief, self._book.named.get(agent_id))) is not None:
-            self._book.tell(DocksDisagree(agent_id, reason))
+            self._book.emit(DocksDisagree(agent_id, reason))
             leaves_full = False
         self._book.set(leaves_full=leaves_full)
         self.mechanism = OpenDock(self._book.next_id(), dock_index, agent_id, manoeuvre)
@@ -384,7 +384,7 @@ class DockingRoutine:
         """Ends an undocking: the aMussel is free."""
         full = self._book.state.leaves_full
         self._book.order(SendCommand(Kind.RELEASE, agent_id))
-        self._book.tell(AMusselReleased(agent_id, full))
+        self._book.emit(AMusselReleased(agent_id, full))
         self._book.set(services=self._book.state.services + full)
 
     def _close(self, order: CloseDock) -> None:

@@ -36,7 +36,7 @@ from firmware_model.packets import Kind
 
 STUCK_AFTER = 3
 """So many go-tos that fail in a row are the aPad's fault and not the aMussels'."""
-BATTERY_TOLD_AFTER_MS = 10_000
+BATTERY_REPORTED_AFTER_MS = 10_000
 """A battery that is needed and was not heard for so long is told, once."""
 BARRED = "another aPad may dock it"
 FORGOTTEN = "nothing is believed of it any more"
@@ -139,7 +139,7 @@ class EnergyExchange(OrderBook):
                 act = partial(behaviour.failure or self._fail, outcome.reason)
             self._do(act, now_ms)
         if (reason := self._breakdown.take()) is not None:
-            self.tell(Stuck(reason))
+            self.emit(Stuck(reason))
         return self.take_orders()
 
     def advance(self, now_ms: MissionMs) -> list[MissionAction]:
@@ -148,7 +148,7 @@ class EnergyExchange(OrderBook):
         if self.state.phase is Phase.ENDED:
             return self.take_orders()
         if self.unheard:
-            self._tell_unheard_battery(now_ms)
+            self._report_unheard_battery(now_ms)
             return self.take_orders()
         if self._awaits_person:
             self._remind_to_sink(now_ms)
@@ -206,7 +206,7 @@ class EnergyExchange(OrderBook):
 
     def stand_down(self, reason: str, now_ms: MissionMs) -> list[MissionAction]:
         if self.state.phase not in (Phase.STANDS_DOWN, Phase.ENDED):
-            self.tell(StandsDown(reason))
+            self.emit(StandsDown(reason))
             self.docking_routine.pre_empt()
             self.enter(Phase.STANDS_DOWN, now_ms, plan=())
         return self.take_orders()
@@ -235,15 +235,15 @@ class EnergyExchange(OrderBook):
             self.docking_routine.pre_empt()
             self.close(end, now_ms)
 
-    def _tell_unheard_battery(self, now_ms: MissionMs) -> None:
+    def _report_unheard_battery(self, now_ms: MissionMs) -> None:
         """Tells it after a while. That the position is not heard, the supervisor tells."""
         if self.pose is None:
             return
         if self._tells_battery_ms is None:
-            self._tells_battery_ms = now_ms + BATTERY_TOLD_AFTER_MS
+            self._tells_battery_ms = now_ms + BATTERY_REPORTED_AFTER_MS
         elif now_ms >= self._tells_battery_ms:
             self._tells_battery_ms = inf
-            self.tell(Stuck("its battery was not heard, and a guard refuses its go-tos until it is"))
+            self.emit(Stuck("its battery was not heard, and a guard refuses its go-tos until it is"))
 
     def _can_begin(self, now_ms: MissionMs) -> bool:
         """A resumed step waits until its aMussel is heard again, or has been silent for the stated time."""
@@ -287,7 +287,7 @@ class EnergyExchange(OrderBook):
                 return
             reason = FORGOTTEN if belief is None else ANOTHER_BOARD
         self.docking_routine.pre_empt()
-        self.tell(StepGivenUp(first.agent_id, first.kind.value, reason))
+        self.emit(StepGivenUp(first.agent_id, first.kind.value, reason))
         self._finish_step(now_ms)
 
     # Idle, and charging.
@@ -316,7 +316,7 @@ class EnergyExchange(OrderBook):
 
     def _watch_charging(self, now_ms: MissionMs) -> None:
         for agent_id, reason in self._planner.charging.give_up_stalled(self._planner.docked, now_ms):
-            self.tell(StepGivenUp(agent_id, "charge", reason))
+            self.emit(StepGivenUp(agent_id, "charge", reason))
 
     def _decide_release(self, now_ms: MissionMs) -> PhaseAct | None:
         if not (docked := self._planner.docked):
@@ -393,7 +393,7 @@ class EnergyExchange(OrderBook):
         elif phase is Phase.UNDOCK:
             planner.charging.restart(step.agent_id)
             planner.tries.undocking_failed(step.agent_id, reason)
-        self.tell(StepGivenUp(step.agent_id, step.kind.value, reason))
+        self.emit(StepGivenUp(step.agent_id, step.kind.value, reason))
         belief, is_beside_it = self._beliefs.get(step.agent_id), phase in (Phase.AWAIT_SURFACING, Phase.DOCK)
         if not (is_beside_it and belief is not None and floats(belief)):
             # One that floats is a candidate again at once; a go-to that failed would only fail again.

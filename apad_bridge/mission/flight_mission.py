@@ -144,7 +144,7 @@ class FlightMission:
         """Like `end`, from within a call."""
         self._orders += self.end(end, self.now_ms)
 
-    def tell(self, event: Event) -> None:
+    def emit(self, event: Event) -> None:
         """An event for the journal."""
         self._orders.append(event)
 
@@ -175,7 +175,7 @@ class FlightMission:
         if self.by_hand is not None:
             if by is Steering.PERSON:
                 self._steering = by
-                self.tell(Overridden(True, by))
+                self.emit(Overridden(True, by))
             if self._planned is None:
                 return "no mission plans in this flight: orders are taken without it"
             return "the aPad was taken over already"
@@ -291,7 +291,7 @@ class FlightMission:
         self._flying = mission
         if self._pose is not None:
             mission.moved(*self._pose)
-        self.tell(Overridden(taken, by))
+        self.emit(Overridden(taken, by))
         # The new mission's first orders go out before those that callers give within the same tick.
         self._orders += mission.advance(self.now_ms)
 

@@ -102,5 +102,5 @@ class HomePlaces:
                 open_ones.insert(0, (released, collected, found))
             is_as_planned = phase is ExchangePhase.PLANNED and found is ExchangePhase.FINISHED
             if found is not phase and not is_as_planned:
-                book.tell(ExchangeChanged(released, collected, found))
+                book.emit(ExchangeChanged(released, collected, found))
         book.set(exchanged=tuple(open_ones))

@@ -384,7 +384,7 @@ class ManualMission(OrderBook):
             self._docking_routine.advance(here, self.now_ms)
         except GivenUp as given_up:
             assert self._docking is not None
-            self.tell(StepGivenUp(self._docking[0], "dock", str(given_up)))
+            self.emit(StepGivenUp(self._docking[0], "dock", str(given_up)))
             self._end_docking(Status.FAILED, str(given_up))
 
     def _pre_empt_docking(self) -> None:

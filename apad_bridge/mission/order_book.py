@@ -80,7 +80,7 @@ class OrderBook:
             case DockChanged(_, dock_index, agent_id, closed, docked):
                 self.set(docked=docked)
                 self.named.pop(agent_id, None)
-                self.tell(DockSwitched(dock_index, agent_id, closed))
+                self.emit(DockSwitched(dock_index, agent_id, closed))
             case PrimitiveSucceeded(_, primitive_id) if leg is not None and primitive_id == leg.primitive_id:
                 self._end_leg(as_planned=True)
             case PrimitiveFailed(_, primitive_id, _) if leg is not None and primitive_id == leg.primitive_id:
@@ -106,12 +106,12 @@ class OrderBook:
         """A dock holds the aMussel."""
         return any(it == agent_id for _, it in self.state.docked)
 
-    def tell(self, event: Event) -> None:
+    def emit(self, event: Event) -> None:
         """An event for the journal."""
         self._orders.append(event)
 
     def snapshot(self) -> None:
-        self.tell(MissionChanged(self.state.phase, self.state))
+        self.emit(MissionChanged(self.state.phase, self.state))
 
     def order(self, order: Order) -> None:
         """Gives an order; a primitive ends the leg under way, and a go-to begins one (the aPad's place is known then)."""
@@ -155,7 +155,7 @@ class OrderBook:
         assert self.pose is not None
         leg = Leg(go_to.command_id, self.pose, (go_to.north_m, go_to.east_m), self.pose)
         self.set(leg=leg, planned_m=self.state.planned_m + leg.planned_m)
-        self.tell(LegBegan(round(leg.planned_m, 4)))
+        self.emit(LegBegan(round(leg.planned_m, 4)))
 
     def _end_leg(self, *, as_planned: bool) -> None:
         if self.state.leg is None or self.pose is None:

@@ -94,14 +94,14 @@ class Collecting:
             self._give_up("it never reported", now_ms)
             return
         if belief.is_of_another_board:
-            self._book.tell(StepGivenUp(step.agent_id, step.kind.value, ANOTHER_BOARD))
+            self._book.emit(StepGivenUp(step.agent_id, step.kind.value, ANOTHER_BOARD))
             self._finish_step(now_ms)
             return
         docks = self._book.docks
         if docks[step.dock_index] is not None:
             # The dock was to be empty by now, and did not open.
             if None not in docks:
-                self._book.tell(StepGivenUp(step.agent_id, step.kind.value, "no dock is free"))
+                self._book.emit(StepGivenUp(step.agent_id, step.kind.value, "no dock is free"))
                 self._finish_step(now_ms)
                 return
             step = step._replace(dock_index=docks.index(None))

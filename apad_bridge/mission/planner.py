@@ -54,7 +54,7 @@ class ServiceTries:
     def service_failed(self, agent_id: int, reason: str) -> None:
         counts = _counted(self._book.state.failed_tries, agent_id)
         self._book.set(failed_tries=counts)
-        self._tell_at_limit(counts, agent_id, reason)
+        self._report_at_limit(counts, agent_id, reason)
 
     def service_helped(self, agent_id: int) -> None:
         self._book.set(failed_tries=_without(self._book.state.failed_tries, agent_id))
@@ -62,7 +62,7 @@ class ServiceTries:
     def undocking_failed(self, agent_id: int, reason: str) -> None:
         counts = _counted(self._book.state.failed_undockings, agent_id)
         self._book.set(failed_undockings=counts)
-        self._tell_at_limit(counts, agent_id, f"its dock does not open: {reason}")
+        self._report_at_limit(counts, agent_id, f"its dock does not open: {reason}")
 
     def dock_opened(self, agent_id: int) -> None:
         self._book.set(failed_undockings=_without(self._book.state.failed_undockings, agent_id))
@@ -70,9 +70,9 @@ class ServiceTries:
     def _at_limit(self, counts: Counts) -> frozenset[int]:
         return frozenset(agent_id for agent_id, tries in counts if tries >= self.config.collection_attempts)
 
-    def _tell_at_limit(self, counts: Counts, agent_id: int, reason: str) -> None:
+    def _report_at_limit(self, counts: Counts, agent_id: int, reason: str) -> None:
         if (tries := dict(counts)[agent_id]) == self.config.collection_attempts:
-            self._book.tell(LeftAlone(agent_id, tries, reason))
+            self._book.emit(LeftAlone(agent_id, tries, reason))
 
 
 def _counted(counts: Counts, agent_id: int) -> Counts:
@@ -206,7 +206,7 @@ class Planner:
         last_id = solution.steps[-1].agent_id
         last_m = next(it.place_m for it in situation.candidates if it.agent_id == last_id)
         taken = self._take_nearest_places([it.agent_id for it in out[len(pairs) :]], last_m, dict(pairs))
-        self._book.tell(
+        self._book.emit(
             plan_event(
                 "collect",
                 name,
@@ -232,7 +232,7 @@ class Planner:
         name, strategy = self.config.redeployment, self._rules.redeployment
         with self._planning(name):
             solution = checked_plan(name, lambda: strategy.plan(situation), situation, StepKind.DEPLOY)
-        self._book.tell(plan_event("redeploy", name, solution, situation, self.config.costs, strategy, taken))
+        self._book.emit(plan_event("redeploy", name, solution, situation, self.config.costs, strategy, taken))
         self._book.set(plan=solution.steps)
 
     def settle_places(self) -> None:

@@ -35,9 +35,9 @@ class Reach:
             if reason is not None:
                 beyond[agent_id] = reason
         for agent_id in sorted(beyond.keys() - self.beyond.keys()):
-            self._book.tell(BeyondReach(agent_id, beyond[agent_id]))
+            self._book.emit(BeyondReach(agent_id, beyond[agent_id]))
         for agent_id in sorted(self.beyond.keys() - beyond.keys()):
-            self._book.tell(InReach(agent_id))
+            self._book.emit(InReach(agent_id))
         self.beyond = beyond
 
     def meeting_m(self, belief: Belief, rules: Mission, now_ms: MissionMs) -> tuple[float, float]:

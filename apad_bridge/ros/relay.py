@@ -21,7 +21,7 @@ from apad_bridge.scenario.run_options import BenchPart, RunOptions
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.packet_relay import (
     FLEET_ALONE,
-    FLEET_TOLD_OF_DOCKS,
+    FLEET_WITH_DOCKS,
     MISSION_ALONE,
     Division,
     PacketRelay,
@@ -82,5 +82,5 @@ def division_of(
     if options.is_one_of_several:
         return one_of_several(allocation, lambda: presences.simulated)
     if options.part is BenchPart.FLEET:
-        return FLEET_ALONE if isinstance(vehicle, ContactsLink) else FLEET_TOLD_OF_DOCKS
+        return FLEET_ALONE if isinstance(vehicle, ContactsLink) else FLEET_WITH_DOCKS
     return MISSION_ALONE if options.part is BenchPart.MISSION else whole_flight(lambda: presences.simulated)

@@ -75,7 +75,7 @@ class _JointPart:
         self.joint.show_status(self.name, now_ms, status)
 
 
-def told_line(at_ms: int, event: Event) -> str | None:
+def line_of(at_ms: int, event: Event) -> str | None:
     """A line for a person about an event that a person is told at once; None for any other event."""
     is_told = event.category is Category.ALARM or event.is_told_at_once
     return f"{clock_text(at_ms)}  {event.text()}" if is_told else None

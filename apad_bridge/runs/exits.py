@@ -52,15 +52,15 @@ def require_yes(question: str, unattended: str, unconfirmed: str) -> None:
 
 
 @contextmanager
-def peers_may_fail(was_told: Callable[[str], bool] = lambda line: False) -> Iterator[None]:
+def peers_may_fail(was_shown: Callable[[str], bool] = lambda line: False) -> Iterator[None]:
     """Turns a peer's failure into one line on stderr and its exit code.
 
-    A line of the failure that a person `was_told` already, as it happened, is not printed again.
+    A line of the failure that a person `was_shown` already, as it happened, is not printed again.
     """
     try:
         yield
     except PeerFailed as error:
-        if untold := [it for it in error.lines if not was_told(it)]:
+        if untold := [it for it in error.lines if not was_shown(it)]:
             print(f"musselbed: {'; '.join(untold)}", file=sys.stderr)
         raise SystemExit(Exit.PEER_FAILED) from error
 

@@ -36,7 +36,7 @@ from apad_bridge.records.recorder import Recorder, RecordsFailed
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.summary import Ending
 from apad_bridge.runs.children import supervising
-from apad_bridge.runs.display import ProgressDisplay, told_line
+from apad_bridge.runs.display import ProgressDisplay, line_of
 from apad_bridge.runs.nurseries import FOLDER, begin_nursery
 from apad_bridge.runs.status import RunStatus
 from apad_bridge.scenario.choices import Hosting
@@ -205,7 +205,7 @@ def prepare(
 ) -> PreparedFlight:
     """Builds the flight that `fly` runs. `progress` shows its status at each tick, and its failures as they happen."""
     gc.set_threshold(max(_YOUNG_OBJECTS, gc.get_threshold()[0]))
-    context = replace(context, planning=partial(told_when_slow, tell=progress.print_message))
+    context = replace(context, planning=partial(progress_when_slow, tell=progress.print_message))
     forecaster = Forecaster(
         config.scenario.mission, energy_model(config.scenario), config.scenario.duration_ms
     )
@@ -229,11 +229,11 @@ def prepare(
         if spec.until_first_plan and flight.supervisor.mission.state.plan:
             flight.stop(MissionEnd(EndReason.FIRST_PLAN))
 
-    def print_told(at_ms: MissionMs, event: Event) -> None:
-        if (line := told_line(at_ms, event)) is not None:
+    def print_event(at_ms: MissionMs, event: Event) -> None:
+        if (line := line_of(at_ms, event)) is not None:
             progress.print_message(line)
 
-    flight_recorder = _AnnouncingRecorder(recorder, [print_told, context.announce])
+    flight_recorder = _AnnouncingRecorder(recorder, [print_event, context.announce])
     if spec.resume_point is not None:
         context.safety.gate.stops.restore(spec.resume_point.stops)
     samples = _collection(config, context, recorder)
@@ -249,7 +249,7 @@ def prepare(
 
 
 @contextmanager
-def told_when_slow(name: str, tell: Callable[[str], None]) -> Iterator[None]:
+def progress_when_slow(name: str, tell: Callable[[str], None]) -> Iterator[None]:
     """While a strategy plans, mission time waits: `tell` takes a line about one that takes long, and one at its end."""
     begun_s = time.monotonic()
     line = f"strategy {label(name)} has planned for {SLOW_PLAN_S:g} s by now: mission time waits for it"

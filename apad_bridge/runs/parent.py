@@ -236,7 +236,7 @@ class SupervisorWatch:
         finally:
             for child in self._children.values():
                 child.end(1.0)
-        self._tell_without_end()
+        self._report_without_end()
         summaries = {name: self._summaries[name] for name in self._runs if name in self._summaries}
         handed_on = 0 if self._reassigner is None else len(self._reassigner.handed_on)
         return Flown(summaries, self._broken | self._failures, handed_on)
@@ -263,11 +263,11 @@ class SupervisorWatch:
         code = child.wait(_END_S)
         child.end(1.0)
         if run.name not in self._summaries | self._failures:
-            self._ended_untold(run, code)
+            self._ended_without_report(run, code)
         if run.name not in self._children.keys() | self._waiting.keys():
             self._run_ended(run.name)
 
-    def _ended_untold(self, run: Run, code: int | None) -> None:
+    def _ended_without_report(self, run: Run, code: int | None) -> None:
         """Handles the end of a supervisor that told neither a summary nor a failure."""
         was_killed = code is None or code < 0
         if self._was_cut_off(run):
@@ -275,7 +275,7 @@ class SupervisorWatch:
         elif was_killed and (summary := RunDirectory(run.path).read_summary()) is not None:
             self._summaries[run.name] = summary  # it died on its way out
         elif self._interrupts.interrupted and (was_killed or code == Exit.INTERRUPTED):
-            pass  # it was only starting: `_tell_without_end` says so
+            pass  # it was only starting: `_report_without_end` says so
         elif was_killed:
             self._supervisor_died(run, signal.SIGKILL if code is None else signal.Signals(-code))
         else:
@@ -393,7 +393,7 @@ class SupervisorWatch:
                 continue
             self._ends[name] = OrderlyEnd(self._runs[name].path, _END_S)
 
-    def _tell_without_end(self) -> None:
+    def _report_without_end(self) -> None:
         """A run without a summary or a failure was just starting, or ending, when it was asked to end."""
         without_end = [it for it in self._runs.values() if it.name not in self._summaries | self._failures]
         why = "the supervisor ended without a summary; see"

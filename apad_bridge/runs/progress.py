@@ -85,7 +85,7 @@ class FlightProgress:
         self.messages.append(text)
         self._print(text)
 
-    def was_told(self, text: str) -> bool:
+    def was_shown(self, text: str) -> bool:
         """True if this line of its own stands on the terminal."""
         return text in self.messages and not self._console.quiet
 
@@ -161,14 +161,14 @@ class WorkProgress:
             self._progress.add_task(text)
         elif not self._console.quiet:
             self._step += 1
-            self._tell_after(_SILENT_S, f"{text} ...", self._step)
+            self._show_after(_SILENT_S, f"{text} ...", self._step)
 
-    def _tell_after(self, pause_s: float, line: str, step: int, so_far_s: float = 0.0) -> None:
+    def _show_after(self, pause_s: float, line: str, step: int, so_far_s: float = 0.0) -> None:
         def tell() -> None:
             after_s = so_far_s + pause_s
             shown = line if so_far_s == 0 else f"{line} {after_s:.0f} s"
             self._console.print(shown, highlight=False, soft_wrap=True)
-            self._tell_after(_AGAIN_S, line, step, after_s)
+            self._show_after(_AGAIN_S, line, step, after_s)
 
         with self._lock:
             if step != self._step:

@@ -231,14 +231,14 @@ class Api(Queries):
             json.dumps(data, allow_nan=False)
         except (TypeError, ValueError) as error:
             raise Refused(f"note: only plain data can be written into the journal: {error}") from None
-        self._do(lambda mission: mission.tell(ScriptTold(what=kind, own=data)))
+        self._do(lambda mission: mission.emit(ScriptTold(what=kind, own=data)))
 
     def say(self, text: str) -> None:
         """Shows a text to the person who watches the flight, and writes it into the journal. `print` does the same."""
 
         def show_lines(mission: ManualMission) -> None:
             for line in text.splitlines():
-                mission.tell(ScriptTold(line))
+                mission.emit(ScriptTold(line))
                 self._tell(line)
 
         self._do(show_lines)

@@ -77,7 +77,7 @@ def _planned(
     except StrategyFailed as failed:
         raise Refused(str(failed)) from failed
     if solution.steps:
-        mission.tell(plan_event(purpose, name, solution, situation, mission.config.costs))
+        mission.emit(plan_event(purpose, name, solution, situation, mission.config.costs))
     return Plan(
         tuple((step.agent_id, dock_of(step.dock_index)) for step in solution.steps), solution, situation
     )

@@ -84,7 +84,7 @@ class AMusselOrders:
 
     def _order(self, request: AMusselRequest, order: Order, calls: CallQueue) -> None:
         def give(mission: FlightMission) -> None:
-            mission.tell(PersonOrdered(request.act.value, request.by, request.agent))
+            mission.emit(PersonOrdered(request.act.value, request.by, request.agent))
             mission.order(order)
 
         calls.call_mission(give)

@@ -43,7 +43,7 @@ TICK_S = 3.0
 """A person who stops is told after so many wall seconds that no tick came, and that only the vehicle's switch helps."""
 _STANDS_S = 0.1
 """Nobody waits for a tick while mission time stands still."""
-TOLD_S = 8.0
+HISTORY_S = 8.0
 """A stop is reported after so many wall seconds, whatever came of it. A vehicle that takes none shows after 3 s, and a hull
 that does not slow 3 to 5 s after it has taken the stop."""
 LOOK_S = 0.2
@@ -115,7 +115,7 @@ def _change_speed(request: Request, calls: CallQueue, speed: FlightSpeed | None)
     change: Callable[[], object] = speed.step if steps else partial(speed.change, times)
 
     def act(mission: FlightMission) -> None:
-        mission.tell(note)
+        mission.emit(note)
         change()
 
     if not speed.stands:
@@ -123,7 +123,7 @@ def _change_speed(request: Request, calls: CallQueue, speed: FlightSpeed | None)
     else:
         change()
         if times or steps:
-            calls.call_mission(lambda mission: mission.tell(note))
+            calls.call_mission(lambda mission: mission.emit(note))
     return Answer(
         True, f"the flight's speed is {times:g} times real time" if times else "mission time stands still"
     )
@@ -134,14 +134,14 @@ def _stop(request: Request, calls: CallQueue, gate: Gate, patience_s: float) -> 
 
     def act(mission: FlightMission) -> tuple[int, str]:
         before = 0 if gate.stops.newest is None else gate.stops.newest.number
-        mission.tell(PersonOrdered(request.act.value, request.by))
+        mission.emit(PersonOrdered(request.act.value, request.by))
         mission.order(StopVehicle(request.by, off=request.off, hands=request.act is Act.HANDS))
         with suppress(Refused):  # the vehicle stops, whatever the mission says
             mission.stop()
         return before, mission.steers
 
     before, steers = calls.call_mission(act, patience_s, stays=True)
-    until_s = time.monotonic() + TOLD_S
+    until_s = time.monotonic() + HISTORY_S
     while (stop := gate.stops.newest) is None or stop.number <= before or not _is_decided(stop):
         left_s = until_s - time.monotonic()
         if left_s <= 0 or calls.ended_by is not None:
@@ -193,7 +193,7 @@ def _continue(request: Request, mission: FlightMission, gate: Gate) -> str:
     else:
         told = ""
         mission.go_on(allowed)
-    mission.tell(PersonOrdered(request.act.value, request.by))
+    mission.emit(PersonOrdered(request.act.value, request.by))
     return "" if told == FLIES_ALREADY else told
 
 
@@ -203,16 +203,16 @@ def _back_in(request: Request, mission: FlightMission, gate: Gate) -> None:
     _, why_not = gate.way_back(mission.now_ms)
     if why_not:
         raise Refused(why_not)
-    mission.tell(PersonOrdered(request.act.value, request.by))
+    mission.emit(PersonOrdered(request.act.value, request.by))
     mission.order(GoBackIn(request.by, request.lookout))
 
 
 def _remark(request: Request, mission: FlightMission, _: Gate) -> None:
-    mission.tell(Remarked(request.text, request.by))
+    mission.emit(Remarked(request.text, request.by))
 
 
 def _abort(request: Request, mission: FlightMission, _: Gate) -> None:
-    mission.tell(PersonOrdered(request.act.value, request.by))
+    mission.emit(PersonOrdered(request.act.value, request.by))
     mission.finish(MissionEnd(EndReason.CALL, f"{EndReason.CALL}: abort by {request.by}"))
 
 
@@ -229,7 +229,7 @@ def _move(request: Request, mission: FlightMission, gate: Gate) -> None:
         gate.note_refused(command, refusal)
         raise Refused(f"refused: {refusal.reason}")
     mission.order(AllowMotion(request.by, ends=StopsEnded.PERSONS_HOLD))
-    mission.tell(PersonOrdered(request.act.value, request.by, north_m=north_m, east_m=east_m))
+    mission.emit(PersonOrdered(request.act.value, request.by, north_m=north_m, east_m=east_m))
     if request.act is Act.GO_TO:
         mission.go_to(north_m, east_m, request.speed_m_s)
     else:

@@ -27,7 +27,7 @@ from apad_bridge.mission.facts import RangeHeard, Send, SoundHeard, WifiHeard
 from apad_bridge.mission.sources import Allocation
 from firmware_model.state_groups import DOCKED
 
-TELLINGS = 3
+REPEATS = 3
 """So often an aMussel of another process is told of a contact: one that reports otherwise then does not feel its dock."""
 ON_THE_WAY_MS = 2_000
 """A report that arrives so soon after a contact may have been sent before the aMussel felt it."""
@@ -149,7 +149,7 @@ def whole_flight(simulated: Callable[[], frozenset[int]]) -> Division:
 
 FLEET_ALONE = Division(lambda _: AMusselStanding.LENT, (PacketOrigin.REMOTE_SUPERVISOR,))
 """A fleet whose aPad reports by itself what its docks hold."""
-FLEET_TOLD_OF_DOCKS = Division(
+FLEET_WITH_DOCKS = Division(
     lambda _: AMusselStanding.LENT, (PacketOrigin.REMOTE_SUPERVISOR, PacketOrigin.REMOTE_DOCK)
 )
 MISSION_ALONE = Division(
@@ -277,7 +277,7 @@ class PacketRelay:
             if belief is None or belief.heard_ms <= told.at_ms + ON_THE_WAY_MS:
                 continue
             is_docked = belief.state in DOCKED
-            if is_docked is isinstance(told.stimulus, ContactClosed) or told.tellings == TELLINGS:
+            if is_docked is isinstance(told.stimulus, ContactClosed) or told.tellings == REPEATS:
                 del self._told[agent_id]
             else:
                 self._publish_contact(RemoteContact(agent_id, told.stimulus), now_ms)

@@ -190,7 +190,7 @@ class Supervisor:
         self._facts = [entry for entry in self._facts if entry[0] > now_ms]
         self.beliefs.advance(now_ms)
         self.mission.await_person(self._gate.awaits_person, self._gate.pilot)
-        actions: list[SupervisorAction] = self._tell_if_late(now_ms)
+        actions: list[SupervisorAction] = self._report_lateness(now_ms)
         for _, _, _, fact in due:
             actions += self._handle(fact, now_ms)
         actions += self._acknowledge()
@@ -204,7 +204,7 @@ class Supervisor:
             actions += self._ranging.advance(self.allocation.all(), now_ms)
         return actions
 
-    def _tell_if_late(self, now_ms: MissionMs) -> list[SupervisorAction]:
+    def _report_lateness(self, now_ms: MissionMs) -> list[SupervisorAction]:
         """Tells once that the time to be home passes while the aPad may not move."""
         held = self._gate.awaits_person or self._gate.pilot
         if self._end_by_ms is None or now_ms < self._end_by_ms or not held or self.has_ended:

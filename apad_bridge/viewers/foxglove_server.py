@@ -130,7 +130,7 @@ class _Views(ServerListener):
             self.offer(connection.topic, kind, connection.md5, connection.definition)
         self._channels[connection.topic][1].log(message.data, log_time=message.stamp_ns)
 
-    def tell_time(self, now_ns: int) -> None:
+    def send_time(self, now_ns: int) -> None:
         self._server.broadcast_time(now_ns)
 
     def close(self) -> None:
@@ -167,7 +167,7 @@ class _Relay:
                 self._newest[message.connection.topic] = message
                 self._views.pass_on(message)
             if (now_ns := self._listener.now_ns()) > 0:
-                self._views.tell_time(now_ns)
+                self._views.send_time(now_ns)
 
     def _look(self) -> bool:
         """Offers the topics of the graph as it is now; False for a master that is gone."""

@@ -43,7 +43,7 @@ _WHOLE_FASTEST = FULL * 3 // 100 // 60_000
 """The same for a whole board, whose motors draw most."""
 _BY_CHARGE = tuple(f"{STATE}{state.name}" for state in (State.EMPTY, State.LOST))
 """The states that begin when a battery is empty: 0.3 % of the energy moves them so far."""
-_LONGEST_TOLD = 64
+_LONGEST_SHOWN = 64
 """The letters of an event in a table of two histories."""
 _CHARGE = 1 / 255
 """The charges that two packets tell may differ by a step of the shortest one."""
@@ -390,10 +390,10 @@ def _told(event: RigEvent | None) -> str:
     if event is None:
         return "nothing more"
     text = str(event)
-    if len(text) <= _LONGEST_TOLD:
+    if len(text) <= _LONGEST_SHOWN:
         return text
     size = len(text.rpartition(" ")[2]) // 2
-    return f"{text[: _LONGEST_TOLD - 12]}... ({size} bytes)"
+    return f"{text[: _LONGEST_SHOWN - 12]}... ({size} bytes)"
 
 
 def _other_values(expected: RigEvent | None, found: RigEvent | None) -> str:

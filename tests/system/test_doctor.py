@@ -14,7 +14,7 @@ import pytest
 from programs import Begin, done, line_of, musselbed, wait_until
 from scenario_files import POOL_FILE
 
-from apad_bridge.commands.fly.run_checks import tell_docks_in_use
+from apad_bridge.commands.fly.run_checks import show_docks_in_use
 from apad_bridge.doctor import network
 from apad_bridge.ros.system.master import Master, loopback_environment
 from apad_bridge.scenario.loader import load
@@ -181,14 +181,14 @@ def test_docks_in_use_are_told_with_commands_that_empty_them(
 
     def is_silent() -> bool:
         """Before the node has heard /clock, it reports no docks."""
-        tell_docks_in_use(options, load(POOL_FILE))
+        show_docks_in_use(options, load(POOL_FILE))
         return capsys.readouterr().err == ""
 
     wait_until(is_silent)
     perches = [f"{{goal: {{id: 1, object: amussel{agent_id}}}}}" for agent_id in (3, 99)]
     order(on_master, "/apad1/action_server/goal", *perches)
     found = checks(on_master, POOL_FILE)
-    tell_docks_in_use(options, load(POOL_FILE))
+    show_docks_in_use(options, load(POOL_FILE))
     docks = found["/apad1 docks"]
     assert docks["status"] == "WARN" and "apad.docks: 2 in the scenario" in docks["mend"]
     ours, others = docks["found"].split("; ")

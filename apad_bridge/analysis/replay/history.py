@@ -47,7 +47,7 @@ class SuspectView(NamedTuple):
     """None while it is suspect."""
 
 
-class ToldEvent(NamedTuple):
+class ShownEvent(NamedTuple):
     """An event for a person: its mission time, its category, a text, and the aMussel that it is about."""
 
     at_ms: int
@@ -56,11 +56,11 @@ class ToldEvent(NamedTuple):
     agent: int | None
 
 
-def told_event(entry: Entry) -> ToldEvent | None:
+def shown_event(entry: Entry) -> ShownEvent | None:
     """None for an event of routine, which has no text."""
     at_ms, event = entry
     text = event.text()
-    return None if text is None else ToldEvent(at_ms, event.category, text, event.amussel)
+    return None if text is None else ShownEvent(at_ms, event.category, text, event.amussel)
 
 
 class History:
@@ -77,7 +77,7 @@ class History:
         self.now = RunState(scenario)
         self.trace: list[tuple[int, float, float]] = []
         """The aPad's track as (mission ms, north, east)."""
-        self.events: list[ToldEvent] = []
+        self.events: list[ShownEvent] = []
         """The events that a person may look for."""
         self.plans: list[Entry] = []
         """All plans, with the reasons that they state."""
@@ -106,7 +106,7 @@ class History:
             self._next += 1
             self.now.apply(*entry)
             self._list(entry)
-            if (told := told_event(entry) or self._ping_answer(entry)) is not None:
+            if (told := shown_event(entry) or self._ping_answer(entry)) is not None:
                 self.events.append(told)
 
     def _list(self, entry: Entry) -> None:
@@ -127,13 +127,13 @@ class History:
             case PersonOrdered(order="ping", agent=int(agent_id)):
                 self._pinged.add(agent_id)
 
-    def _ping_answer(self, entry: Entry) -> ToldEvent | None:
+    def _ping_answer(self, entry: Entry) -> ShownEvent | None:
         """The answer to a person's ping; the aPad's own pings are routine."""
         match entry.event:
             case RangeMeasured(agent_id, range_m) if agent_id in self._pinged:
                 self._pinged.remove(agent_id)
                 answer = "did not answer the ping" if range_m is None else f"is {range_m:.2f} m away"
-                return ToldEvent(entry.at_ms, Category.NEWS, f"aMussel {agent_id} {answer}", agent_id)
+                return ShownEvent(entry.at_ms, Category.NEWS, f"aMussel {agent_id} {answer}", agent_id)
         return None
 
 

@@ -12,7 +12,7 @@ from apad_bridge.analysis.belief_scores.comparisons import best_record, comparis
 from apad_bridge.analysis.belief_scores.scores import Scores, scores_of
 from apad_bridge.analysis.energy.energy import AgentEnergy, energy_of
 from apad_bridge.analysis.replay.build import read_run
-from apad_bridge.analysis.replay.history import ToldEvent, told_event
+from apad_bridge.analysis.replay.history import ShownEvent, shown_event
 from apad_bridge.events.event import Event
 from apad_bridge.events.mission_events import PRE_EMPTED, PrimitiveChanged, StepGivenUp
 from apad_bridge.records.journal import Entry
@@ -30,8 +30,8 @@ _MOST_FAULTS = 200
 class Trouble(NamedTuple):
     """A fault, and the events of the next ten minutes: of that aMussel, or of all where it is of none."""
 
-    fault: ToldEvent
-    followed: tuple[ToldEvent, ...]
+    fault: ShownEvent
+    followed: tuple[ShownEvent, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +102,9 @@ def _versions(directory: RunDirectory) -> dict[str, Any]:
 
 def troubles_in(entries: Iterable[Entry]) -> Iterator[Trouble]:
     """Yields the faults of a run in their order, each with what followed."""
-    told = [it for entry in entries if not _is_routine(entry.event) and (it := told_event(entry)) is not None]
+    told = [
+        it for entry in entries if not _is_routine(entry.event) and (it := shown_event(entry)) is not None
+    ]
     for n, fault in enumerate(told):
         if fault.category.is_trouble:
             later = (it for it in told[n + 1 :] if it.at_ms <= fault.at_ms + _FOLLOWS_MS)

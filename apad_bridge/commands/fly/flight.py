@@ -116,7 +116,7 @@ def fly(
                 print(f"on the vehicle's computer: {command}", flush=True)
     title = scenario.name if script is None else script.file.name
     progress = FlightProgress(title, scenario.duration_ms, quiet=as_json)
-    with peers_may_fail(progress.was_told):
+    with peers_may_fail(progress.was_shown):
         with ExitStack() as stack:
             stack.enter_context(progress)
             tell = progress.print_message

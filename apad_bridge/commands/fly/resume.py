@@ -92,7 +92,7 @@ def run(arguments: argparse.Namespace) -> int:
             "not confirmed: no order was given",
         )
     progress = FlightProgress(scenario.name, scenario.duration_ms, quiet=arguments.json)
-    with peers_may_fail(progress.was_told), progress:
+    with peers_may_fail(progress.was_shown), progress:
         flown = resuming.resume(scenario.apad.name, path, options, progress, trust)
         if flown.failures:
             raise PeerFailed(*failure_lines(flown.failures))

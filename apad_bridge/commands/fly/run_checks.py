@@ -58,7 +58,7 @@ def check_run(options: RunOptions, scenario: Scenario, starts: Sequence[Start]) 
     master_uri = somebodys_master()
     if options.has_real_vehicle and not options.dry_run:
         return _preflight(options.on_master(master_uri), scenario, starts)
-    tell_docks_in_use(options, scenario)
+    show_docks_in_use(options, scenario)
     return None
 
 
@@ -103,7 +103,7 @@ def check_real_vehicle(options: RunOptions, scenario: Scenario) -> None:
         raise UserError("\n".join(problems))
 
 
-def tell_docks_in_use(options: RunOptions, scenario: Scenario) -> None:
+def show_docks_in_use(options: RunOptions, scenario: Scenario) -> None:
     """Warns of docks of somebody's aPad that hold something already, which a new run takes for empty or for its own."""
     if options.apad is not APadKind.ROS:
         return

@@ -76,7 +76,7 @@ def run(arguments: argparse.Namespace) -> int:
         if arguments.open and not webbrowser.open(url):
             raise UserError(f"no browser could be started: open {url} in one")
 
-    def tell_end(reason: str) -> None:
+    def show_end(reason: str) -> None:
         print(
             json.dumps({"ended_by": reason}) if arguments.json else f"the run has ended: {reason}", flush=True
         )
@@ -90,7 +90,7 @@ def run(arguments: argparse.Namespace) -> int:
                 directory,
                 ListenAddress(arguments.host, arguments.port, tuple(it.lower() for it in arguments.name)),
                 tell,
-                tell_end,
+                show_end,
                 warn,
             )
     except OSError as error:

@@ -21,7 +21,7 @@ from apad_bridge.runs.rich_console import Console, print_result, table_of
 from apad_bridge.scenario.errors import UserError
 
 if TYPE_CHECKING:
-    from apad_bridge.field.field_log.log_facts import EventTold, LoggedFact
+    from apad_bridge.field.field_log.log_facts import EventReport, LoggedFact
     from apad_bridge.field.field_log.reader import FactReader
     from apad_bridge.field.shadow import ComparedDecision, Shadow, TheirMove
     from apad_bridge.scenario.schema import Scenario
@@ -128,7 +128,7 @@ def _listen(scenario: Scenario, shadow: Shadow, arguments: argparse.Namespace) -
 
 def _heard(reader: FactReader, scenario: Scenario, for_s: float | None) -> Iterator[LoggedFact]:
     """The facts of the graph until the time is over, or a supervisor's mission ends."""
-    from apad_bridge.field.field_log.log_facts import EventTold
+    from apad_bridge.field.field_log.log_facts import EventReport
     from apad_bridge.ros.graph_listener import GraphListener
 
     until_s = None if for_s is None else time.monotonic() + for_s
@@ -139,11 +139,11 @@ def _heard(reader: FactReader, scenario: Scenario, for_s: float | None) -> Itera
             for message in listener.take(_WAIT_S):
                 for fact in reader.read(message):
                     yield fact
-                    if isinstance(fact, EventTold) and _ends(fact):
+                    if isinstance(fact, EventReport) and _ends(fact):
                         return
 
 
-def _ends(event: EventTold) -> bool:
+def _ends(event: EventReport) -> bool:
     return event.kind == MissionChanged.kind and event.data.get("phase") == Phase.ENDED
 
 

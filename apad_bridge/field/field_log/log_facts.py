@@ -14,7 +14,7 @@ Place = tuple[float, float]
 """North, east."""
 
 
-class Teller(Enum):
+class Witness(Enum):
     """The source: the vehicle by its own topics, or a supervisor of ours, which repeats its orders and the answers."""
 
     VEHICLE = auto()
@@ -32,17 +32,17 @@ class Posed:
     """The aPad's place; `sent_s` is the message's own stamp, None without one."""
 
     at_s: float
-    teller: Teller
+    witness: Witness
     sent_s: float | None
     place_m: Place
 
 
 @dataclass(frozen=True, slots=True)
-class BatteryTold:
+class BatteryReading:
     """The aPad's charge in [0, 1]."""
 
     at_s: float
-    teller: Teller
+    witness: Witness
     fraction: float
 
 
@@ -54,7 +54,7 @@ class WorkBegan:
     """
 
     at_s: float
-    teller: Teller
+    witness: Witness
     key: str
     work: Work
     goal_m: Place | None = None
@@ -66,7 +66,7 @@ class WorkEnded:
     """`is_done`: it came there, or caught the aMussel; `missed`: it failed by itself, and nobody pre-empted it."""
 
     at_s: float
-    teller: Teller
+    witness: Witness
     key: str
     is_done: bool
     missed: bool = False
@@ -77,7 +77,7 @@ class Held:
     """A dock holds this aMussel, or has let it go."""
 
     at_s: float
-    teller: Teller
+    witness: Witness
     agent_id: int
     is_held: bool
 
@@ -126,7 +126,7 @@ class SoundEnded:
 
 
 @dataclass(frozen=True, slots=True)
-class BeliefsTold:
+class BeliefsReport:
     """The beliefs that a supervisor published, row by row, as its own definition has them."""
 
     at_s: float
@@ -135,7 +135,7 @@ class BeliefsTold:
 
 
 @dataclass(frozen=True, slots=True)
-class EventTold:
+class EventReport:
     """An event of a supervisor's mission, as in its journal."""
 
     at_s: float
@@ -146,7 +146,7 @@ class EventTold:
 
 LoggedFact = (
     Posed
-    | BatteryTold
+    | BatteryReading
     | WorkBegan
     | WorkEnded
     | Held
@@ -155,6 +155,6 @@ LoggedFact = (
     | AmusselPlaced
     | AmusselCharged
     | SoundEnded
-    | BeliefsTold
-    | EventTold
+    | BeliefsReport
+    | EventReport
 )

@@ -21,16 +21,16 @@ from apad_bridge.events.mission_events import PrimitiveChanged
 from apad_bridge.field.field_log.log_facts import (
     AmusselCharged,
     AmusselPlaced,
-    BatteryTold,
-    BeliefsTold,
-    EventTold,
+    BatteryReading,
+    BeliefsReport,
+    EventReport,
     Held,
     LoggedFact,
     PacketLogged,
     PilotSteers,
     Posed,
     SoundEnded,
-    Teller,
+    Witness,
     Work,
     WorkBegan,
     WorkEnded,
@@ -81,7 +81,7 @@ class FactReader:
         """Numbers works that have no key of their own."""
         self._keys: dict[Work, str] = {}
         """Generation B's works by the topic of their status."""
-        self._told_keys: dict[str, str] = {}
+        self._reported_keys: dict[str, str] = {}
         """A supervisor's primitives by name."""
         self._held_s: dict[int, float] = {}
         """By aMussel in a dock by `position_static`, when that came last."""
@@ -161,11 +161,11 @@ class FactReader:
     # The aPad, both generations.
 
     def _position(self, at_s: float, told: Any) -> Iterator[LoggedFact]:
-        yield Posed(at_s, Teller.VEHICLE, _stamp_s(told), _finite(told.position.north, told.position.east))
+        yield Posed(at_s, Witness.VEHICLE, _stamp_s(told), _finite(told.position.north, told.position.east))
 
     def _battery(self, at_s: float, told: Any) -> Iterator[LoggedFact]:
         (percent,) = _finite(told.data)
-        yield BatteryTold(at_s, Teller.VEHICLE, percent / 100)
+        yield BatteryReading(at_s, Witness.VEHICLE, percent / 100)
 
     # Generation A.
 
@@ -177,13 +177,13 @@ class FactReader:
         goal_m = _finite(place.x, place.y) if work is Work.GO_TO else None
         number = _NUMBER.search(goal.object)
         agent_id = None if number is None or work is Work.GO_TO else int(number[0])
-        yield WorkBegan(at_s, Teller.VEHICLE, told.goal_id.id, work, goal_m, agent_id)
+        yield WorkBegan(at_s, Witness.VEHICLE, told.goal_id.id, work, goal_m, agent_id)
 
     def _result(self, at_s: float, told: Any) -> Iterator[LoggedFact]:
         code = GoalCode(told.status.status)
         is_done = code is GoalCode.SUCCEEDED
         missed = not is_done and code not in _PRE_EMPTED
-        yield WorkEnded(at_s, Teller.VEHICLE, told.status.goal_id.id, is_done, missed)
+        yield WorkEnded(at_s, Witness.VEHICLE, told.status.goal_id.id, is_done, missed)
 
     # Generation B.
 
@@ -217,11 +217,11 @@ class FactReader:
             self._works += 1
             goal_m, self._goal_m = self._goal_m, None
             key = self._keys[topic] = f"{topic.name} {self._works}"
-            yield WorkBegan(at_s, Teller.VEHICLE, key, work, goal_m if work is Work.GO_TO else None)
+            yield WorkBegan(at_s, Witness.VEHICLE, key, work, goal_m if work is Work.GO_TO else None)
         elif status is not PrimitiveStatus.RUNNING and before is PrimitiveStatus.RUNNING:
             key = self._keys.get(topic, "")
             yield WorkEnded(
-                at_s, Teller.VEHICLE, key, status is PrimitiveStatus.DONE, status is PrimitiveStatus.IDLE
+                at_s, Witness.VEHICLE, key, status is PrimitiveStatus.DONE, status is PrimitiveStatus.IDLE
             )
 
     def _manual(self, at_s: float, told: Any) -> Iterator[LoggedFact]:
@@ -248,9 +248,9 @@ class FactReader:
 
     def _static(self, at_s: float, agent_id: int, *, is_held: bool) -> Iterator[LoggedFact]:
         if is_held and agent_id not in self._held_s:
-            yield Held(at_s, Teller.VEHICLE, agent_id, True)
+            yield Held(at_s, Witness.VEHICLE, agent_id, True)
         elif not is_held and agent_id in self._held_s:
-            yield Held(at_s, Teller.VEHICLE, agent_id, False)
+            yield Held(at_s, Witness.VEHICLE, agent_id, False)
         if is_held:
             self._held_s[agent_id] = at_s
         else:
@@ -260,7 +260,7 @@ class FactReader:
         for agent_id, heard_s in list(self._held_s.items()):
             if at_s - heard_s > _HELD_SILENT_S:
                 del self._held_s[agent_id]
-                yield Held(heard_s, Teller.VEHICLE, agent_id, False)
+                yield Held(heard_s, Witness.VEHICLE, agent_id, False)
 
     def _packet(self, at_s: float, told: Any) -> Iterator[LoggedFact]:
         if told.medium != RANGE:
@@ -274,32 +274,34 @@ class FactReader:
     # A supervisor of ours.
 
     def _beliefs(self, at_s: float, told: Any) -> Iterator[LoggedFact]:
-        yield BeliefsTold(at_s, told.mission_time_ms, tuple(told.agents))
+        yield BeliefsReport(at_s, told.mission_time_ms, tuple(told.agents))
 
     def _sample(self, at_s: float, told: Any) -> Iterator[LoggedFact]:
-        yield Posed(at_s, Teller.SUPERVISOR, None, _finite(told.north, told.east))
+        yield Posed(at_s, Witness.SUPERVISOR, None, _finite(told.north, told.east))
         if isfinite(told.battery_fraction):
-            yield BatteryTold(at_s, Teller.SUPERVISOR, told.battery_fraction)
+            yield BatteryReading(at_s, Witness.SUPERVISOR, told.battery_fraction)
         held = frozenset(int(it) for it in told.docks if it >= 0)
         for agent_id in sorted(held ^ self._sample_held):
-            yield Held(at_s, Teller.SUPERVISOR, agent_id, agent_id in held)
+            yield Held(at_s, Witness.SUPERVISOR, agent_id, agent_id in held)
         self._sample_held = held
 
     def _event(self, at_s: float, told: Any) -> Iterator[LoggedFact]:
         data = json.loads(told.data)
-        yield EventTold(at_s, told.mission_time_ms, told.kind, data)
+        yield EventReport(at_s, told.mission_time_ms, told.kind, data)
         if told.kind != PrimitiveChanged.kind or (work := _WORK_OF_PRIMITIVE.get(data["name"])) is None:
             return
         name, phase = data["name"], data["phase"]
         if phase == "started":
             self._works += 1
-            self._told_keys[name] = f"{name} {self._works}"
+            self._reported_keys[name] = f"{name} {self._works}"
             goal_m = (data["north_m"], data["east_m"]) if work is Work.GO_TO else None
-            yield WorkBegan(at_s, Teller.SUPERVISOR, self._told_keys[name], work, goal_m, data.get("agent"))
+            yield WorkBegan(
+                at_s, Witness.SUPERVISOR, self._reported_keys[name], work, goal_m, data.get("agent")
+            )
         else:
             missed = phase == "nothing_caught" or "missed" in data.get("reason", "")
-            key = self._told_keys.get(name, name)
-            yield WorkEnded(at_s, Teller.SUPERVISOR, key, phase == "succeeded", missed)
+            key = self._reported_keys.get(name, name)
+            yield WorkEnded(at_s, Witness.SUPERVISOR, key, phase == "succeeded", missed)
 
 
 def facts_of(path: Path, apad: str, namespace: str = "") -> tuple[list[LoggedFact], list[str]]:

@@ -13,13 +13,13 @@ import numpy as np
 import numpy.typing as npt
 
 from apad_bridge.field.field_log.log_facts import (
-    BatteryTold,
+    BatteryReading,
     Held,
     LoggedFact,
     Place,
     Posed,
     SoundEnded,
-    Teller,
+    Witness,
     Work,
     WorkBegan,
     WorkEnded,
@@ -28,7 +28,7 @@ from apad_bridge.field.field_log.log_facts import (
 Floats = npt.NDArray[np.float64]
 _SAME_S = 1.5
 """A supervisor's order and the vehicle's begin lie within a tick and a message."""
-Told = TypeVar("Told", Posed, BatteryTold, Held, WorkBegan, WorkEnded)
+Told = TypeVar("Told", Posed, BatteryReading, Held, WorkBegan, WorkEnded)
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,8 +103,8 @@ class VehicleLog:
 
 def vehicle_log(name: str, facts: Sequence[LoggedFact], missing: Iterable[str] = ()) -> VehicleLog:
     own, told = _works(facts)
-    told_go_tos = [it for it in told if it.work is Work.GO_TO]
-    go_tos = [_with_goal(it, told_go_tos) for it in own if it.work is Work.GO_TO] or told_go_tos
+    reported_go_tos = [it for it in told if it.work is Work.GO_TO]
+    go_tos = [_with_goal(it, reported_go_tos) for it in own if it.work is Work.GO_TO] or reported_go_tos
     # A supervisor's docking is the whole of it, with what the bench waits; the vehicle's is its mechanism's part.
     docks = [it for it in told if it.work is not Work.GO_TO] or [
         it for it in own if it.work is not Work.GO_TO
@@ -112,7 +112,7 @@ def vehicle_log(name: str, facts: Sequence[LoggedFact], missing: Iterable[str] =
     return VehicleLog(
         name,
         _track(_better([it for it in facts if isinstance(it, Posed)])),
-        _battery(_better([it for it in facts if isinstance(it, BatteryTold)])),
+        _battery(_better([it for it in facts if isinstance(it, BatteryReading)])),
         sorted([*go_tos, *docks], key=lambda it: it.began_s),
         # Generation B names no aMussel, and never reports whether it caught one.
         [it for it in own if it.work is Work.DOCK and it.agent_id is not None]
@@ -126,7 +126,7 @@ def vehicle_log(name: str, facts: Sequence[LoggedFact], missing: Iterable[str] =
 
 def _better(told: list[Told]) -> list[Told]:
     """The vehicle's own word, or else that of a supervisor."""
-    return [it for it in told if it.teller is Teller.VEHICLE] or told
+    return [it for it in told if it.witness is Witness.VEHICLE] or told
 
 
 def _track(poses: list[Posed]) -> Track:
@@ -141,7 +141,7 @@ def _track(poses: list[Posed]) -> Track:
     return Track(at_s[order], places[order, 0], places[order, 1])
 
 
-def _battery(told: list[BatteryTold]) -> BatteryReadings:
+def _battery(told: list[BatteryReading]) -> BatteryReadings:
     ordered = sorted(told, key=lambda it: it.at_s)
     return BatteryReadings(np.array([it.at_s for it in ordered]), np.array([it.fraction for it in ordered]))
 
@@ -149,26 +149,26 @@ def _battery(told: list[BatteryTold]) -> BatteryReadings:
 def _works(facts: Iterable[LoggedFact]) -> tuple[list[Done], list[Done]]:
     """The vehicle's works by its own word, and those that a supervisor told.
 
-    A work without a reported end ends when the next one of the same teller begins: a new order pre-empts.
+    A work without a reported end ends when the next one of the same witness begins: a new order pre-empts.
     """
-    done: dict[Teller, list[Done]] = {Teller.VEHICLE: [], Teller.SUPERVISOR: []}
-    running: dict[Teller, WorkBegan] = {}
+    done: dict[Witness, list[Done]] = {Witness.VEHICLE: [], Witness.SUPERVISOR: []}
+    running: dict[Witness, WorkBegan] = {}
 
     def end(began: WorkBegan, at_s: float, *, is_done: bool, missed: bool) -> None:
         work = Done(began.work, began.at_s, at_s, is_done, missed, began.goal_m, began.agent_id)
-        done[began.teller].append(work)
+        done[began.witness].append(work)
 
     for it in facts:
         if isinstance(it, WorkBegan):
-            if (before := running.pop(it.teller, None)) is not None and before.key != it.key:
+            if (before := running.pop(it.witness, None)) is not None and before.key != it.key:
                 end(before, it.at_s, is_done=False, missed=False)
-            running[it.teller] = it
+            running[it.witness] = it
         elif isinstance(it, WorkEnded):
-            began = running.get(it.teller)
+            began = running.get(it.witness)
             if began is not None and began.key == it.key:
-                del running[it.teller]
+                del running[it.witness]
                 end(began, it.at_s, is_done=it.is_done, missed=it.missed)
-    return done[Teller.VEHICLE], done[Teller.SUPERVISOR]
+    return done[Witness.VEHICLE], done[Witness.SUPERVISOR]
 
 
 def _with_goal(done: Done, told: list[Done]) -> Done:

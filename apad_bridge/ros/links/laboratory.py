@@ -54,9 +54,9 @@ class Laboratory:
     @property
     def outlets(self) -> dict[RelayOutcome, Outlet]:
         return {
-            RelayOutcome.TELL_PACKET: self._tell_packet,
-            RelayOutcome.TELL_WIFI: self._tell_wifi,
-            RelayOutcome.TELL_COMMAND: self._tell_command,
+            RelayOutcome.TELL_PACKET: self._publish_packet,
+            RelayOutcome.TELL_WIFI: self._publish_wifi,
+            RelayOutcome.TELL_COMMAND: self._publish_command,
         }
 
     def take(self, now_ms: MissionMs) -> list[RelayedPacket]:
@@ -72,15 +72,15 @@ class Laboratory:
         self.subscribers.close()
         self.publishers.close()
 
-    def _tell_packet(self, packet: RelayedPacket) -> None:
+    def _publish_packet(self, packet: RelayedPacket) -> None:
         self.publishers.publish(MessageKind.PACKET, packet.agent_id, packet.at_ms, data=packet.data)
 
-    def _tell_wifi(self, packet: RelayedPacket) -> None:
+    def _publish_wifi(self, packet: RelayedPacket) -> None:
         if packet.agent_id not in self._on_wifi:
             self.publishers.publish(MessageKind.WIFI, packet.agent_id, packet.at_ms, on=True)
         self._on_wifi[packet.agent_id] = packet.at_ms
 
-    def _tell_command(self, packet: RelayedPacket) -> None:
+    def _publish_command(self, packet: RelayedPacket) -> None:
         command = self._codec.decode(packet.data)
         if isinstance(command, CommandPacket) and (what := _WHATS.get(command.kind)) is not None:
             self.publishers.publish(what, packet.agent_id, packet.at_ms, data=packet.data)

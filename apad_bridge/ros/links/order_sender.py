@@ -210,7 +210,7 @@ class OrderSender:
         while not self._is_closed:
             self._take_what_came()
             self._advance()
-            self._tell_open()
+            self._report_open()
             self._call_readers_back()
             self._look_for_acknowledgements()
             due_ms = self._road.next_due_ms()
@@ -367,7 +367,7 @@ class OrderSender:
             self._responses[name] = response
             self._road.answered(name, error)
 
-    def _tell_open(self) -> None:
+    def _report_open(self) -> None:
         is_open = frozenset(it for it in self._services if self._road.is_open(it))
         if is_open != self._open:
             with self._changed:

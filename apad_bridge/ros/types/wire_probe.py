@@ -23,7 +23,7 @@ _HEADER = struct.Struct("<III")
 
 def topic_md5(graph: Graph, topic: str) -> str:
     """The md5 that the first living publisher of `topic` announces. NotAnnounced after a time-out."""
-    with _errors_as_not_told(), _subscribed(graph, topic) as (_, _, header):
+    with _errors_as_unanswered(), _subscribed(graph, topic) as (_, _, header):
         return _md5_in(header)
 
 
@@ -38,14 +38,14 @@ class Spoken:
 
 def topic_definition(graph: Graph, topic: str) -> Spoken:
     """The announcement of the first living publisher of `topic`. NotAnnounced after a time-out."""
-    with _errors_as_not_told(), _subscribed(graph, topic) as (_, _, header):
+    with _errors_as_unanswered(), _subscribed(graph, topic) as (_, _, header):
         return _spoken(header)
 
 
 def service_md5(graph: Graph, service: str) -> str:
     """The md5 that the server of `service` announces to a probe, which it does not take for a call."""
     service = graph.name_there(service)
-    with _errors_as_not_told(), connect(str(call(graph.uri, "lookupService", service))) as connection:
+    with _errors_as_unanswered(), connect(str(call(graph.uri, "lookupService", service))) as connection:
         request = {"callerid": CALLER, "service": service, "md5sum": "*", "probe": "1"}
         return _md5_in(_handshake(connection, request, io.BytesIO()))
 
@@ -56,7 +56,7 @@ def next_messages(graph: Graph, topic: str, count: int, timeout_s: float) -> lis
     NotAnnounced if they do not come within `timeout_s`.
     """
     messages = []
-    with _errors_as_not_told(), _subscribed(graph, topic) as (connection, rest, _):
+    with _errors_as_unanswered(), _subscribed(graph, topic) as (connection, rest, _):
         stream = _Stream(connection, rest, time.monotonic() + timeout_s)
         for _ in range(count):
             messages.append(stream.read(*_LENGTH.unpack(stream.read(_LENGTH.size))))
@@ -69,7 +69,7 @@ def messages_within(graph: Graph, topic: str, seconds: float) -> tuple[Spoken, l
     NotAnnounced if it cannot be subscribed to; a silent one sends nothing.
     """
     messages: list[tuple[float, bytes]] = []
-    with _errors_as_not_told(), _subscribed(graph, topic) as (connection, rest, header):
+    with _errors_as_unanswered(), _subscribed(graph, topic) as (connection, rest, header):
         spoken = _spoken(header)
         stream = _Stream(connection, rest, time.monotonic() + seconds)
         while True:
@@ -83,7 +83,7 @@ def messages_within(graph: Graph, topic: str, seconds: float) -> tuple[Spoken, l
 def call_without_words(graph: Graph, service: str, md5: str) -> bytes:
     """Calls a service whose request is empty; its serialised answer. NotAnnounced if it refuses, or falls silent."""
     service = graph.name_there(service)
-    with _errors_as_not_told(), connect(str(call(graph.uri, "lookupService", service))) as connection:
+    with _errors_as_unanswered(), connect(str(call(graph.uri, "lookupService", service))) as connection:
         rest = io.BytesIO()
         _md5_in(_handshake(connection, {"callerid": CALLER, "service": service, "md5sum": md5}, rest))
         connection.sendall(_LENGTH.pack(0))
@@ -98,7 +98,7 @@ def call_without_words(graph: Graph, service: str, md5: str) -> bytes:
 def stamp_offset_s(graph: Graph, topic: str, count: int, timeout_s: float) -> list[float]:
     """The next stamps of `topic` minus this machine's clock. NotAnnounced if none comes, or it has no stamp."""
     offsets_s: list[float] = []
-    with _errors_as_not_told(), _subscribed(graph, topic) as (connection, rest, _):
+    with _errors_as_unanswered(), _subscribed(graph, topic) as (connection, rest, _):
         stream = _Stream(connection, rest, time.monotonic() + timeout_s)
         while len(offsets_s) < count:
             try:
@@ -142,7 +142,7 @@ class _Stream:
 
 
 @contextlib.contextmanager
-def _errors_as_not_told() -> Iterator[None]:
+def _errors_as_unanswered() -> Iterator[None]:
     try:
         yield
     except (Unreachable, ROSHandshakeException, OSError) as error:

@@ -206,10 +206,10 @@ class Tasks:
             status, at_ms, answered=answered
         ):
             self._dropped["goto_status: another client sent the aPad away from its hold"] += 1
-            self._tell_of_others(at_ms)
+            self._report_others(at_ms)
         elif self._stop is not None and answered:
             if status is PrimitiveStatus.RUNNING and self._is_quiet:
-                self._tell_of_others(at_ms)
+                self._report_others(at_ms)
             self._is_quiet = status is not PrimitiveStatus.RUNNING
 
     def _receive_external(self, status: PrimitiveStatus, at_ms: int) -> None:
@@ -245,7 +245,7 @@ class Tasks:
             self.calls.forget()
             self._clear()
 
-    def _tell_of_others(self, at_ms: int) -> None:
+    def _report_others(self, at_ms: int) -> None:
         if not self._takes_back:
             self._facts.append(CommandedByOthers(at_ms))
 

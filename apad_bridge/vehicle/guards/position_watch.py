@@ -82,7 +82,7 @@ NOISE_ERRORS = 3.0
 ERRORS_95 = 2.45 / 2
 """95 % of the places lie within so many steps of the noise: 2.45 deviations of one coordinate (Rayleigh), of which a step
 has two."""
-LEAST_TOLD_M = 0.4
+LEAST_REPORTED_M = 0.4
 """A vehicle that starts and turns looks like noise: of 0.3 m (95 %) in a flight of `published-a.yaml`, which has none."""
 ERRORS_ABOVE = 1.5
 """Noise is too great from so many times the error that the clearance counts on, and until it falls below that error: some
@@ -444,7 +444,7 @@ class PositionWatch:
         step_m2 = 2 * (north_m**2 + east_m**2) / (1 + later**2 + (1 - later) ** 2)
         self._noise_m2 = _learned(self._noise_m2, step_m2)
         self._new_noises_m2.append(step_m2)
-        expected_m = max(self.limits.error_m, LEAST_TOLD_M)
+        expected_m = max(self.limits.error_m, LEAST_REPORTED_M)
         least_m = expected_m * (1.0 if self.is_too_noisy else ERRORS_ABOVE)
         self.is_too_noisy = self.noise_error_m > least_m and len(self._new_noises_m2) == _SPEED_NOISES
 

@@ -238,12 +238,12 @@ class Stops:
         stop = StopRecord(
             self._state.next_number, kind, by, reason, now_ms, is_persons=is_persons, stills_arms=stills
         )
-        self._tell(stop, StopState.ORDERED, now_ms, reason)
+        self._emit(stop, StopState.ORDERED, now_ms, reason)
 
     def refuse(self, kind: StopKind, by: str, reason: str, now_ms: int) -> None:
         """Somebody wants a stop, and nothing may be sent, for this reason."""
         stop = StopRecord(self._state.next_number, kind, by, reason, now_ms, is_persons=True)
-        self._tell(stop, StopState.REFUSED, now_ms, reason)
+        self._emit(stop, StopState.REFUSED, now_ms, reason)
 
     def become_off(self, reason: str, now_ms: int) -> None:
         """A HOLD in force becomes OFF, for this reason, under the same number."""
@@ -251,13 +251,13 @@ class Stops:
         self._latch.turn()
         self._is_told = False
         off = replace(self.in_force, kind=StopKind.OFF, place_m=None)
-        self._tell(off, StopState.ORDERED, now_ms, reason)
+        self._emit(off, StopState.ORDERED, now_ms, reason)
 
     def order_again(self, reason: str, now_ms: int) -> None:
         """The vehicle moves in spite of the stop, for this reason: what it had taken it has to take anew."""
         if self.in_force is not None and self.in_force.taken_ms is not None:
             self._is_told = False
-            self._tell(self.in_force, StopState.ORDERED, now_ms, reason)
+            self._emit(self.in_force, StopState.ORDERED, now_ms, reason)
 
     def sent(self, command_id: int, now_ms: int, here_m: Point | None) -> None:
         """The stop in force goes out by this command. A HOLD keeps the place where the vehicle is then."""
@@ -268,7 +268,7 @@ class Stops:
             self._awaited_ms = now_ms
         if stop.sent_ms is None:
             place_m = (stop.place_m or here_m) if stop.kind is StopKind.HOLD else None
-            self._tell(replace(stop, place_m=place_m), StopState.SENT, now_ms)
+            self._emit(replace(stop, place_m=place_m), StopState.SENT, now_ms)
 
     def is_sent_by(self, command_id: int) -> bool:
         return self.in_force is not None and self._command_id == command_id
@@ -276,18 +276,18 @@ class Stops:
     def taken(self, now_ms: int) -> None:
         if self.in_force is not None and self.in_force.taken_ms is None:
             self._awaited_ms = None
-            self._tell(self.in_force, StopState.TAKEN, now_ms)
+            self._emit(self.in_force, StopState.TAKEN, now_ms)
 
     def failed(self, reason: str, now_ms: int) -> None:
         """The vehicle has not taken it, and it is sent again; told once."""
         if self.in_force is not None and self.in_force.taken_ms is None and not self._is_told:
             self._is_told, self._awaited_ms = True, None
-            self._tell(self.in_force, StopState.NOT_TAKEN, now_ms, reason)
+            self._emit(self.in_force, StopState.NOT_TAKEN, now_ms, reason)
 
     def obeyed(self, now_ms: int) -> None:
         """The hull slows, or was slow when the stop was taken."""
         if self.in_force is not None and self.in_force.obeyed_ms is None:
-            self._tell(self.in_force, StopState.OBEYED, now_ms)
+            self._emit(self.in_force, StopState.OBEYED, now_ms)
 
     def blind(self, reason: str) -> None:
         """Nobody can tell if the hull obeys, for this reason; empty where somebody can again. The journal keeps it not."""
@@ -299,12 +299,12 @@ class Stops:
     def disobeyed(self, reason: str, now_ms: int) -> None:
         """The hull goes on in spite of the stop, for this reason; told once."""
         if self.in_force is not None and not self.in_force.not_obeyed:
-            self._tell(self.in_force, StopState.NOT_OBEYED, now_ms, reason)
+            self._emit(self.in_force, StopState.NOT_OBEYED, now_ms, reason)
 
     def at_rest(self, now_ms: int) -> None:
         stop = self.in_force
         if stop is not None and stop.obeyed_ms is not None and stop.rest_ms is None:
-            self._tell(stop, StopState.AT_REST, now_ms)
+            self._emit(stop, StopState.AT_REST, now_ms)
 
     def is_overdue(self, now_ms: int, patience_ms: int = TAKEN_MS) -> bool:
         """The stop in force was sent, and the vehicle has not taken it in time."""
@@ -330,7 +330,7 @@ class Stops:
         self._restored_number = None if restored.in_force is None else restored.in_force.number
         self._latch.turn()
 
-    def _tell(self, stop: StopRecord, state: StopState, now_ms: int, reason: str = "") -> None:
+    def _emit(self, stop: StopRecord, state: StopState, now_ms: int, reason: str = "") -> None:
         """A stop came to a state, for this reason."""
         north_m, east_m = (None, None) if stop.place_m is None else (round(it, 3) for it in stop.place_m)
         changed = StopChanged(

@@ -161,10 +161,10 @@ def serving(fleet: FleetConfig) -> Iterator[tuple[WindowHandler, socket.socket, 
     pair = RecordRing(slots, 0, 7)
     physical = resting_on_bottom(1.0, 2.0, 3.0, 0.5, 1.0)
     pair.initial_state(physical)
-    hearer, teller = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    hearer, witness = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     agent = Agent(fleet.maker().config(7), MusselbedCodec(), physical, 0, ResetCause.POWER_ON)
-    with hearer, teller:
-        yield WindowHandler(agent, pair, teller, NEVER, 0), hearer, pair
+    with hearer, witness:
+        yield WindowHandler(agent, pair, witness, NEVER, 0), hearer, pair
     os.close(slots)
 
 

@@ -10,7 +10,7 @@ from xmlrpc.server import SimpleXMLRPCServer
 import pytest
 
 from apad_bridge.doctor.finding import CheckStatus
-from apad_bridge.doctor.origin_check import ToldPlace, check_origin
+from apad_bridge.doctor.origin_check import ReportedPlace, check_origin
 from apad_bridge.scenario.schema import Origin
 
 BIOGRAD = Origin(latitude_deg=43.9330937, longitude_deg=15.4443468)
@@ -71,21 +71,29 @@ NORTH_DEG = 100 / 111_111
 @pytest.mark.parametrize(
     ("told", "status", "words"),
     [
-        (ToldPlace("its origin", 43.9330937, 15.4443468), CheckStatus.OK, "as the scenario does"),
-        (ToldPlace("its origin", 43.9420937, 15.4443468), CheckStatus.FAIL, "1000 m from the scenario's"),
-        (ToldPlace("its origin", -43.9330937, -15.4443468), CheckStatus.FAIL, "m from the scenario's"),
-        (ToldPlace("its origin", 15.4443468, 43.9330937), CheckStatus.FAIL, "look swapped in area.origin"),
-        (ToldPlace("it", 43.9330937 + NORTH_DEG, 15.4443468, 100.0), CheckStatus.OK, "as the scenario does"),
+        (ReportedPlace("its origin", 43.9330937, 15.4443468), CheckStatus.OK, "as the scenario does"),
+        (ReportedPlace("its origin", 43.9420937, 15.4443468), CheckStatus.FAIL, "1000 m from the scenario's"),
+        (ReportedPlace("its origin", -43.9330937, -15.4443468), CheckStatus.FAIL, "m from the scenario's"),
         (
-            ToldPlace("it", 43.9330937 + NORTH_DEG, 15.4443468, -100.0),
+            ReportedPlace("its origin", 15.4443468, 43.9330937),
+            CheckStatus.FAIL,
+            "look swapped in area.origin",
+        ),
+        (
+            ReportedPlace("it", 43.9330937 + NORTH_DEG, 15.4443468, 100.0),
+            CheckStatus.OK,
+            "as the scenario does",
+        ),
+        (
+            ReportedPlace("it", 43.9330937 + NORTH_DEG, 15.4443468, -100.0),
             CheckStatus.FAIL,
             "north has the wrong sign",
         ),
-        (ToldPlace("it", math.nan, 15.4443468), CheckStatus.FAIL, "no latitude and longitude"),
+        (ReportedPlace("it", math.nan, 15.4443468), CheckStatus.FAIL, "no latitude and longitude"),
     ],
 )
 def test_places_that_the_positions_name_are_compared(
-    parameters: Parameters, told: ToldPlace, status: CheckStatus, words: str
+    parameters: Parameters, told: ReportedPlace, status: CheckStatus, words: str
 ) -> None:
     found = check_origin(parameters.uri, "/apad1", BIOGRAD, [told])
     assert found.status is status and words in found.found
@@ -93,6 +101,6 @@ def test_places_that_the_positions_name_are_compared(
 
 def test_positions_are_compared_even_where_the_parameters_agree(parameters: Parameters) -> None:
     parameters |= {"/LocalOriginLat": BIOGRAD.latitude_deg, "/LocalOriginLon": BIOGRAD.longitude_deg}
-    elsewhere = ToldPlace("its positions' origin", 43.9420937, 15.4443468)
+    elsewhere = ReportedPlace("its positions' origin", 43.9420937, 15.4443468)
     assert check_origin(parameters.uri, "/apad1", BIOGRAD).status is CheckStatus.OK
     assert check_origin(parameters.uri, "/apad1", BIOGRAD, [elsewhere]).status is CheckStatus.FAIL

@@ -21,7 +21,7 @@ from apad_bridge.doctor.positions import (
     check_lag,
     check_loss,
     check_position,
-    told_places,
+    reported_places,
 )
 from apad_bridge.doctor.preflight_checks import (
     CHECKS,
@@ -278,10 +278,10 @@ def test_every_state_that_the_watchdog_describes_is_known() -> None:
 
 
 def test_the_places_in_degrees_come_from_the_newest_sound_position() -> None:
-    origin, place = told_places(changed(origin_deg=(43.9, 15.4), global_deg=(43.9001, 15.4)))
+    origin, place = reported_places(changed(origin_deg=(43.9, 15.4), global_deg=(43.9001, 15.4)))
     assert (origin.latitude_deg, origin.north_m, origin.east_m) == (43.9, 0.0, 0.0)
     assert (place.latitude_deg, place.north_m, place.east_m) == (43.9001, 10.01, 5.0)
-    assert told_places(STEADY) == []
+    assert reported_places(STEADY) == []
 
 
 def test_the_table_measures_by_its_door_and_names_each_finding() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 
-from apad_bridge.field.field_log.log_facts import BatteryTold, PacketLogged
+from apad_bridge.field.field_log.log_facts import BatteryReading, PacketLogged
 from apad_bridge.field.field_log.reader import FactReader
 from apad_bridge.records.bag import RecordedConnection, RecordedMessage
 
@@ -35,7 +35,7 @@ def test_a_text_where_a_number_is_read_is_dropped_and_counted() -> None:
     assert reader.read(RecordedMessage(TEXT, 10**9, struct.pack("<I", 5) + b"hello")) == []
     assert reader.dropped == {"/apad1/battery_level: no sense": 1}
     (told,) = reader.read(percent(55.0))
-    assert isinstance(told, BatteryTold) and told.fraction == 0.55
+    assert isinstance(told, BatteryReading) and told.fraction == 0.55
 
 
 def test_a_publisher_that_lacks_a_field_does_not_hide_another_that_has_it() -> None:

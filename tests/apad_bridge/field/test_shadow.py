@@ -19,7 +19,7 @@ from apad_bridge.field.field_log.log_facts import (
     LoggedFact,
     PacketLogged,
     Posed,
-    Teller,
+    Witness,
     Work,
     WorkBegan,
     WorkEnded,
@@ -133,15 +133,15 @@ def packet(
 
 
 def at(at_s: float, north_m: float = 0.0) -> Posed:
-    return Posed(at_s, Teller.VEHICLE, None, (north_m, 0.0))
+    return Posed(at_s, Witness.VEHICLE, None, (north_m, 0.0))
 
 
-def go_to(at_s: float, north_m: float, teller: Teller = Teller.VEHICLE) -> WorkBegan:
-    return WorkBegan(at_s, teller, f"go {at_s} {teller}", Work.GO_TO, (north_m, 0.0))
+def go_to(at_s: float, north_m: float, witness: Witness = Witness.VEHICLE) -> WorkBegan:
+    return WorkBegan(at_s, witness, f"go {at_s} {witness}", Work.GO_TO, (north_m, 0.0))
 
 
 def perch(at_s: float, agent_id: int) -> WorkBegan:
-    return WorkBegan(at_s, Teller.VEHICLE, f"perch {at_s}", Work.DOCK, None, agent_id)
+    return WorkBegan(at_s, Witness.VEHICLE, f"perch {at_s}", Work.DOCK, None, agent_id)
 
 
 def decided(facts: list[LoggedFact], strategy: str = "greedy", scenario: Scenario = POOL) -> Shadow:
@@ -162,14 +162,14 @@ def test_who_a_go_to_is_for_is_told_by_the_docking_after_it() -> None:
         go_to(1.0, 5.0),
         at(2.0, 4.0),
         perch(3.0, 7),
-        Held(4.0, Teller.VEHICLE, 7, True),
+        Held(4.0, Witness.VEHICLE, 7, True),
     ]
     (decision,) = decided(moved).decisions
     assert (decision.at_s, decision.theirs, decision.ours) == (1.0, COLLECT_7, COLLECT_7)
 
 
 def test_a_docking_without_a_go_to_is_judged_by_the_docks_before_it() -> None:
-    at_once: list[LoggedFact] = [*HEARD, perch(5.0, 7), Held(5.05, Teller.VEHICLE, 7, True), at(6.0)]
+    at_once: list[LoggedFact] = [*HEARD, perch(5.0, 7), Held(5.05, Witness.VEHICLE, 7, True), at(6.0)]
     (decision,) = decided(at_once).decisions
     assert (decision.theirs, decision.ours) == (COLLECT_7, COLLECT_7)
 
@@ -185,13 +185,13 @@ def test_another_try_and_another_teller_are_no_other_decision() -> None:
     facts: list[LoggedFact] = [
         *HEARD,
         go_to(1.0, 5.0),
-        go_to(1.0, 5.0, Teller.SUPERVISOR),
+        go_to(1.0, 5.0, Witness.SUPERVISOR),
         at(5.0, 4.0),
         perch(6.0, 7),
-        WorkEnded(7.0, Teller.VEHICLE, "perch 6.0", False, True),
+        WorkEnded(7.0, Witness.VEHICLE, "perch 6.0", False, True),
         go_to(8.0, 6.2),  # it has drifted
         perch(9.0, 7),
-        Held(9.5, Teller.VEHICLE, 7, True),
+        Held(9.5, Witness.VEHICLE, 7, True),
     ]
     assert [it.theirs for it in decided(facts).decisions] == [COLLECT_7]
 
@@ -201,17 +201,17 @@ def test_a_vehicle_that_falls_silent_about_a_dock_lets_nobody_go_while_a_supervi
 ):
     docked: list[LoggedFact] = [
         *HEARD,
-        Posed(0.5, Teller.SUPERVISOR, None, (0.0, 0.0)),
+        Posed(0.5, Witness.SUPERVISOR, None, (0.0, 0.0)),
         go_to(1.0, 5.0),
         perch(3.0, 7),
-        Held(4.0, Teller.SUPERVISOR, 7, True),
-        Held(6.0, Teller.VEHICLE, 7, False),
-        Held(7.0, Teller.VEHICLE, 7, True),
+        Held(4.0, Witness.SUPERVISOR, 7, True),
+        Held(6.0, Witness.VEHICLE, 7, False),
+        Held(7.0, Witness.VEHICLE, 7, True),
         at(8.0, 5.0),
     ]
     assert [it.theirs for it in decided(docked).decisions] == [COLLECT_7]
-    alone = [it for it in docked if not (isinstance(it, Posed | Held) and it.teller is Teller.SUPERVISOR)]
-    alone.insert(-3, Held(5.0, Teller.VEHICLE, 7, True))
+    alone = [it for it in docked if not (isinstance(it, Posed | Held) and it.witness is Witness.SUPERVISOR)]
+    alone.insert(-3, Held(5.0, Witness.VEHICLE, 7, True))
     found = [it.theirs for it in decided(alone).decisions]
     assert found == [COLLECT_7, TheirMove(StepKind.DEPLOY, 7), COLLECT_7]
 
@@ -219,15 +219,15 @@ def test_a_vehicle_that_falls_silent_about_a_dock_lets_nobody_go_while_a_supervi
 def test_an_amussel_that_a_supervisors_first_sample_shows_docked_is_no_decision_until_it_leaves() -> None:
     facts: list[LoggedFact] = [
         *HEARD,
-        Posed(200.0, Teller.SUPERVISOR, None, (0.0, 0.0)),
-        Held(200.0, Teller.SUPERVISOR, 7, True),
+        Posed(200.0, Witness.SUPERVISOR, None, (0.0, 0.0)),
+        Held(200.0, Witness.SUPERVISOR, 7, True),
         at(230.0),
-        Posed(300.0, Teller.SUPERVISOR, None, (0.0, 0.0)),
-        Held(300.0, Teller.SUPERVISOR, 3, True),
+        Posed(300.0, Witness.SUPERVISOR, None, (0.0, 0.0)),
+        Held(300.0, Witness.SUPERVISOR, 3, True),
         at(330.0),
-        Held(400.0, Teller.SUPERVISOR, 7, False),
+        Held(400.0, Witness.SUPERVISOR, 7, False),
         at(430.0),
-        Held(500.0, Teller.SUPERVISOR, 7, True),
+        Held(500.0, Witness.SUPERVISOR, 7, True),
         at(530.0),
     ]
     found = [it.theirs for it in decided(facts).decisions]
@@ -237,14 +237,14 @@ def test_an_amussel_that_a_supervisors_first_sample_shows_docked_is_no_decision_
 def test_an_amussel_that_is_in_a_dock_as_the_shadow_begins_is_no_decision() -> None:
     """The vehicle's topics of docks come in one after the other; a docking comes after its order."""
     before: list[LoggedFact] = [
-        Held(0.0, Teller.VEHICLE, 3, True),
+        Held(0.0, Witness.VEHICLE, 3, True),
         *HEARD,
-        Held(2.5, Teller.VEHICLE, 7, True),
+        Held(2.5, Witness.VEHICLE, 7, True),
         at(9.0),
     ]
     assert decided(before).decisions == []
-    ordered: list[LoggedFact] = [*HEARD, perch(1.0, 7), Held(2.5, Teller.VEHICLE, 7, True), at(9.0)]
-    late: list[LoggedFact] = [*HEARD, Held(60.0, Teller.VEHICLE, 7, True), at(70.0)]
+    ordered: list[LoggedFact] = [*HEARD, perch(1.0, 7), Held(2.5, Witness.VEHICLE, 7, True), at(9.0)]
+    late: list[LoggedFact] = [*HEARD, Held(60.0, Witness.VEHICLE, 7, True), at(70.0)]
     for facts in (ordered, late):
         assert [it.theirs for it in decided(facts).decisions] == [COLLECT_7]
 
@@ -258,7 +258,7 @@ def test_what_we_would_do_is_judged_by_the_docks_that_were_full_before() -> None
         packet(0.0, 7, 0.6, 5.0),
         go_to(1.0, 9.0),
         at(2.0, 1.0),
-        Held(2.5, Teller.VEHICLE, 7, True),
+        Held(2.5, Witness.VEHICLE, 7, True),
         at(4.0, 3.0),
     ]
     (decision,) = decided(facts, scenario=one_dock).decisions

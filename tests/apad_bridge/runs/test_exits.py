@@ -129,7 +129,7 @@ def test_what_was_told_as_it_happened_is_not_told_again_at_the_end(
     """The flight told the first failure; a quiet display showed nobody, so the end has to."""
     with FlightProgress("pool", 60_000, quiet=is_quiet) as progress:
         progress.print_message("apad1: its records are gone")
-    with pytest.raises(SystemExit) as ended, peers_may_fail(progress.was_told):
+    with pytest.raises(SystemExit) as ended, peers_may_fail(progress.was_shown):
         raise PeerFailed("apad1: its records are gone", "apad2: its node has ended")
     assert ended.value.code == Exit.PEER_FAILED
     told = capsys.readouterr().err

@@ -18,7 +18,7 @@ from apad_bridge.events.vehicle_events import DocksDisagree
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.summary import Ending, FailureCounts
-from apad_bridge.runs.display import told_line
+from apad_bridge.runs.display import line_of
 from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.runs.progress import FlightProgress
 from apad_bridge.runs.several.lockstep import fly_in_step
@@ -83,7 +83,7 @@ def test_aMussels_that_cannot_be_charged_are_left_alone_one_by_one(pool: Scenari
         data["name"] for kind, data in events[last:] if kind == "primitive" and data["phase"] == "started"
     ]
     assert names == ["hold position", "hold position"]  # in idle wait, and at the end
-    line = told_line(1000, event_of(*events[last]))
+    line = line_of(1000, event_of(*events[last]))
     assert line is not None and "is left alone from now on: 2 tries in a row failed" in line
 
 
@@ -139,7 +139,7 @@ DIED = {"id": 7, "agent_ms": 5, "cause": "BROWN_OUT", "reason": "SIGKILL", "gave
     ],
 )
 def test_an_event_is_a_line(kind: str, data: dict[str, Any], line: str | re.Pattern[str] | None) -> None:
-    told = told_line(61_000, event_of(kind, data))
+    told = line_of(61_000, event_of(kind, data))
     if isinstance(line, re.Pattern):
         assert told is not None and told.startswith("01:01  ") and line.search(told)
     else:

@@ -52,6 +52,6 @@ def test_it_is_told_while_it_plans_and_at_its_end(tmp_path: Path, monkeypatch: p
 
 def test_a_quick_one_is_not_told() -> None:
     lines: list[str] = []
-    with flying.told_when_slow("greedy", lines.append):
+    with flying.progress_when_slow("greedy", lines.append):
         pass
     assert lines == []

@@ -37,7 +37,7 @@ from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.supervisor.packet_relay import (
     FLEET_ALONE,
-    FLEET_TOLD_OF_DOCKS,
+    FLEET_WITH_DOCKS,
     MISSION_ALONE,
     Division,
     PacketOrigin,
@@ -229,7 +229,7 @@ class Shared(InProcessVehicle):
         return facts
 
 
-@pytest.mark.parametrize("division", [FLEET_ALONE, FLEET_TOLD_OF_DOCKS])
+@pytest.mark.parametrize("division", [FLEET_ALONE, FLEET_WITH_DOCKS])
 def test_a_fleet_alone_and_a_mission_alone_joined_by_a_relay_serve_aMussels(division: Division) -> None:
     """The fleet learns of docks from its own link to the aPad, or from the mission alone."""
     scenario = short_scenario()

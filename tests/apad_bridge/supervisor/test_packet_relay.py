@@ -18,7 +18,7 @@ from apad_bridge.mission.facts import RangeHeard, Send, SoundHeard, WifiHeard
 from apad_bridge.mission.sources import Allocation
 from apad_bridge.supervisor.packet_relay import (
     FLEET_ALONE,
-    FLEET_TOLD_OF_DOCKS,
+    FLEET_WITH_DOCKS,
     MISSION_ALONE,
     RANGE,
     AMusselStanding,
@@ -134,7 +134,7 @@ def test_a_range_that_is_none_is_dropped_and_the_ping_is_unanswered_after_34_s(d
 
 
 def test_a_fleet_and_a_mission_alone_make_a_flight_together() -> None:
-    fleet, mission = Process(FLEET_TOLD_OF_DOCKS), Process(MISSION_ALONE)
+    fleet, mission = Process(FLEET_WITH_DOCKS), Process(MISSION_ALONE)
     fleet.relay.transmit(Medium.WIFI, 7, b"status", 1_000)
     mission.relay.forward(Send(Medium.SOUND, 7, b"permission"), 1_000)
     mission.relay.forward(Send(Medium.SOUND, EVERYONE, b"beacon"), 1_000)

@@ -17,7 +17,7 @@ from apad_bridge.commands import main
 from apad_bridge.field.calibration.calibration import Calibration, ReadBag, calibrate
 from apad_bridge.field.calibration.intervals import Figure, mean, share
 from apad_bridge.field.calibration.losses import by_range, of_wifi
-from apad_bridge.field.field_log.log_facts import PacketLogged, Posed, Teller
+from apad_bridge.field.field_log.log_facts import PacketLogged, Posed, Witness
 from apad_bridge.field.field_log.reader import FactReader
 from apad_bridge.field.field_log.vehicle_log import vehicle_log
 from apad_bridge.records.bag import RecordedMessage
@@ -303,7 +303,7 @@ def test_wifi_reports_that_were_due_and_did_not_come_are_lost_at_their_range() -
         packet = StatusPacket(7, 0, state, 0.5, 1.0, north_m, 0.0, 0.0, round(1000 * at_s))
         return PacketLogged(at_s, 7, "wifi", codec.encode(packet))
 
-    track = vehicle_log("", [Posed(at_s, Teller.VEHICLE, None, (0.0, 0.0)) for at_s in (0.0, 100.0)]).track
+    track = vehicle_log("", [Posed(at_s, Witness.VEHICLE, None, (0.0, 0.0)) for at_s in (0.0, 100.0)]).track
     near = [heard(float(n), 5.0) for n in range(11)]
     # Every second one of 20 is heard from 30 m; then it sinks, and is silent for a minute.
     far = [heard(10.0 + 2 * n, 30.0) for n in range(1, 11)]

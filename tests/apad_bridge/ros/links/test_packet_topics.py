@@ -16,7 +16,7 @@ from apad_bridge.ros.links import packet_topics
 from apad_bridge.ros.links.packet_topics import AMusselTopics, LegacyOrders, PacketTopics
 from apad_bridge.supervisor.packet_relay import (
     FLEET_ALONE,
-    FLEET_TOLD_OF_DOCKS,
+    FLEET_WITH_DOCKS,
     MISSION_ALONE,
     RANGE,
     PacketOrigin,
@@ -89,7 +89,7 @@ def test_a_contact_of_a_missions_dock_reaches_a_fleet_that_no_aPad_tells(graph: 
     mission = PacketTopics([3, 4], MISSION_ALONE.peers)
     mission.publish(RelayedPacket(PacketOrigin.LOCAL_DOCK, 3, None, b"[5,1,2]", 1_000))
     ((topic, message),) = graph.published
-    fleet = PacketTopics([3, 4], FLEET_TOLD_OF_DOCKS.peers)
+    fleet = PacketTopics([3, 4], FLEET_WITH_DOCKS.peers)
     graph.deliver(topic, agent=message.agent, medium=message.medium, data=message.data)
     assert fleet.take(2_000) == [RelayedPacket(PacketOrigin.REMOTE_DOCK, 3, None, b"[5,1,2]", 2_000)]
 
