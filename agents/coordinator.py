@@ -1,4 +1,8 @@
-"""The one clock authority of the fleet: keeps a heap of due times and grants windows. No agent reads a clock."""
+"""The one clock authority of the fleet: keeps a heap of due times and grants windows. No agent reads a clock.
+
+When an agent's process dies in a window, the coordinator has it restarted and grants the window again, or drops the agent
+for good: `agents/nursery/fleet_file.py` has the rule of restarts.
+"""
 
 from __future__ import annotations
 

@@ -45,7 +45,7 @@ class TwinModel:
     drain_deviation: Deviation
     """Deviation of the drain between aMussels, relative."""
     sensor_noise: Deviation
-    """Deviation of one measured charge."""
+    """Deviation of one measured charge. The shipped scenarios assume it: the paper gives none."""
     bias_deviation: Deviation
     """Deviation of the effect of a load or a charger on a measured charge."""
     unscheduled: Annotated[float, Ge(0), Lt(0.5)]

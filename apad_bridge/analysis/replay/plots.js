@@ -1,21 +1,6 @@
 "use strict";
 // Charts over mission time by uPlot, with one zoom and a mark of the time shown; pictures and bars on canvases of our own.
 
-const STATUSES = ["above", "candidate", "charging", "lost", "unknown", "empty"];
-const css = getComputedStyle(document.documentElement);
-const colour = (name) => css.getPropertyValue("--" + name).trim();
-let STATUS_COLOURS, INK, SOFT, LINE, ACCENT, PAINT;
-// The colours of the chosen theme.
-function readColours() {
-  STATUS_COLOURS = STATUSES.map(colour);
-  [INK, SOFT, LINE, ACCENT] = ["ink", "soft", "line", "accent"].map(colour);
-  PAINT = Object.fromEntries(["card", "bad", "water", "shore", "contour", "fence", "grid", "track", "home", "way", "hull", "hull-line",
-    "pale", "received", "collided", "half-duplex", "missed"].map((name) => [name, colour(name)]));
-}
-readColours();
-const DARK = matchMedia("(prefers-color-scheme: dark)");
-const themeNow = () => document.documentElement.dataset.theme || (DARK.matches ? "dark" : "light");
-DARK.addEventListener("change", () => { readColours(); show(nowMs); });
 const ROW_NAMES = 124;
 const FONT = "11px system-ui, 'DejaVu Sans', sans-serif";
 
