@@ -1,12 +1,17 @@
-"""A run over ROS beside a console that is scripted with an independent IMC codec: it watches, and it orders."""
+"""A run over ROS beside consoles that watch and order: one scripted with an independent IMC codec, and a stranger's."""
 
 from __future__ import annotations
 
 import json
 import math
+import queue
 import socket
+import subprocess
+import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +27,7 @@ pytestmark = pytest.mark.system
 NEPTUS = 0x4001
 USV = 3
 FRAME = LocalFrame(43.9330937, 15.4443468)
+CONSOLE = Path(__file__).parents[1] / "counterparts" / "imc_console" / "console.py"
 START, STOP = 0, 1
 READY, EXECUTING = 1, 3
 SUCCESS, FAILURE = 1, 2
@@ -91,8 +97,8 @@ def console(codec: Codec) -> Iterator[Console]:
     opened.link.close()
 
 
-@pytest.fixture
-def run_dir(tmp_path: Path, console: Console) -> Iterator[Path]:
+@contextmanager
+def run_beside(tmp_path: Path, host: str, port: int) -> Iterator[Path]:
     """Six aMussels in a fenced pool, flown over ROS ten times faster than real time, with a gateway beside the run."""
     path = write_scenario(
         tmp_path / "imc.yaml",
@@ -101,11 +107,16 @@ def run_dir(tmp_path: Path, console: Console) -> Iterator[Path]:
         fleet={"count": 6, "start": {"charge": [0.9, 1.0]}},
         area={"fence": [[-2, -2], [30, -2], [30, 23], [-2, 23]]},
     )
-    host, port = console.link.getsockname()
     fly = (*MUSSELBED, "run", path, "--speed", 10, "--out", tmp_path / "run", "--json")
     with begun(*fly, "--imc", "--imc-port", 0, "--neptus", f"{NEPTUS:#x}@{host}:{port}") as process:
         yield tmp_path / "run"
     assert process.returncode in (0, 130)
+
+
+@pytest.fixture
+def run_dir(tmp_path: Path, console: Console) -> Iterator[Path]:
+    with run_beside(tmp_path, *console.link.getsockname()) as path:
+        yield path
 
 
 def test_a_scripted_console_watches_a_run_moves_the_apad_inside_the_fence_alone_and_aborts(
@@ -174,3 +185,82 @@ def test_a_scripted_console_watches_a_run_moves_the_apad_inside_the_fence_alone_
     assert len(times_s) > 100 and times_s == sorted(times_s)
     assert "not listed" in (run_dir / "imc.log").read_text()
     assert json.loads((run_dir / "summary.json").read_text())["end_reason"] == "a call"
+
+
+class StrangersConsole:
+    """A process of `tests/counterparts/imc_console`: lines in, and a line of JSON for each answer and each event."""
+
+    def __init__(self, *options: str) -> None:
+        self._process = subprocess.Popen(
+            [sys.executable, "-u", CONSOLE, "--port", "0", "--discovery-port", "0", *options],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        self.lines: list[dict[str, Any]] = []
+        self._new: queue.Queue[dict[str, Any]] = queue.Queue()
+        self._reader = threading.Thread(target=self._read)
+        self._reader.start()
+
+    def _read(self) -> None:
+        assert self._process.stdout is not None
+        for line in self._process.stdout:
+            self._new.put(json.loads(line))
+
+    def await_line(self, holds: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
+        deadline_s = time.monotonic() + PATIENCE_S
+        while (left_s := deadline_s - time.monotonic()) > 0:
+            self.lines.append(self._new.get(timeout=left_s))
+            if holds(self.lines[-1]):
+                return self.lines[-1]
+        raise AssertionError(f"no such line came within {PATIENCE_S:g} s")
+
+    def say(self, line: str) -> dict[str, Any]:
+        assert self._process.stdin is not None
+        self._process.stdin.write(line + "\n")
+        self._process.stdin.flush()
+        return self.await_line(lambda it: it.get("answer") == line.split()[0])
+
+    def ask(self, line: str) -> dict[str, Any]:
+        """Gives an order; returns the vehicle's reply to it."""
+        number = self.say(line)["request_id"]
+        return self.await_line(lambda it: it.get("event") == "reply" and it["request_id"] == number)
+
+    def close(self) -> None:
+        with self._process:
+            self._process.terminate()
+            self._reader.join(PATIENCE_S)
+
+
+def test_a_stranger_s_console_flies_the_apad_in_the_other_byte_order_and_what_comes_twice_counts_once(
+    tmp_path: Path,
+) -> None:
+    console = StrangersConsole("--swap", "--duplicate", "1", "--bad-crc", "0.2", "--seed", "1")
+    try:
+        port = console.await_line(lambda it: it.get("event") == "ready")["udp"][1]
+        with run_beside(tmp_path, "127.0.0.1", port) as run_dir:
+            system = console.await_line(lambda it: it.get("event") == "system")["system"]
+            console.await_line(lambda it: it.get("event") == "mode" and it.get("plan_id") == "mission")
+
+            def place(north_m: float, east_m: float) -> str:
+                return "{:.7f} {:.7f}".format(*FRAME.to_geographic(north_m, east_m))
+
+            refused = console.ask(f"goto {system} {place(40.0, 10.0)} 0.5 m/s")
+            assert refused["result"] == "FAILURE" and "fence" in refused["info"]
+            assert console.ask(f"goto {system} {place(5.0, 6.0)} 0.5 m/s")["result"] == "SUCCESS"
+            console.await_line(
+                lambda it: (
+                    it.get("event") == "state"
+                    and it["system"] == system
+                    and math.dist(FRAME.to_local(it["lat_deg"], it["lon_deg"]), (5.0, 6.0)) < 1.0
+                )
+            )
+            assert console.ask(f"stop {system}")["result"] == "SUCCESS"
+            console.say(f"abort {system}")
+            console.await_line(lambda it: it.get("event") == "mode" and it["mode"] == "BLOCKED")
+            wait_until(lambda: (run_dir / "summary.json").exists())
+            orders = [it["order"] for it in lines_of(run_dir, "operator")]
+            assert orders == ["go to", "stop", "abort"]
+        assert not [it for it in console.lines if it.get("event") in ("bad_datagram", "warning", "conflict")]
+    finally:
+        console.close()
