@@ -67,6 +67,18 @@ def test_taken_over_it_does_as_it_is_told_and_given_back_it_plans_again(flying: 
     assert second["what"] == "collect"
 
 
+def test_by_hand_it_holds_where_it_is_told_and_sends_no_command_while_it_is_paused(flying: Flying) -> None:
+    flying.seconds(5)
+    flying.call_mission(lambda mission: mission.take_over())
+    flying.call(lambda hand: hand.hold(18.0, 6.0))
+    flying.seconds(60)
+    pose = flying.flight.supervisor.pose
+    assert pose is not None and math.dist((pose.north_m, pose.east_m), (18.0, 6.0)) < 1
+    flying.call(lambda hand: hand.pause())
+    with pytest.raises(Refused, match="the aPad was stopped: continue first"):
+        flying.call(lambda hand: hand.send_command(Kind.PERMISSION, 3))
+
+
 def test_it_is_not_given_back_in_the_middle_of_a_docking(flying: Flying) -> None:
     flying.seconds(5)
     flying.call_mission(lambda mission: mission.take_over())

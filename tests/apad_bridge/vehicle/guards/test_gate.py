@@ -38,6 +38,7 @@ from apad_bridge.vehicle.commands import (
     GoTo,
     Hold,
     MoveArm,
+    PilotLeft,
     PilotReported,
     PoseReported,
     Stop,
@@ -288,6 +289,17 @@ def test_while_a_pilot_steers_nothing_goes_out_and_a_stop_is_refused(bench: Guar
     assert "the pilot has it" in bench.vehicle.gate.why_not_continue(None, bench.now_ms)
     bench.at(5.0, 5.0, PilotReported(bench.now_ms, False))
     assert bench.command(GoTo(2, 6.0, 5.0, 0.5, 0.5)) == []  # a pilot who lets go gives no word
+
+
+def test_the_vehicle_hears_of_a_pilot_who_left_only_by_the_word_of_a_person_who_says_so(
+    bench: Guarded,
+) -> None:
+    bench.at(5.0, 5.0, PilotReported(bench.now_ms, True))
+    bench.wire.out = []
+    bench.vehicle.allow_motion("Anna", bench.now_ms)
+    assert bench.wire.out == []
+    bench.vehicle.allow_motion("Anna", bench.now_ms, pilot_left=True)
+    assert [type(it) for it in bench.wire.out] == [PilotLeft]
 
 
 def test_where_nobody_can_tell_of_a_pilot_nothing_moves_and_off_still_goes_out(bench: Guarded) -> None:

@@ -321,6 +321,16 @@ def test_positions_that_waited_for_a_bench_that_slept_are_a_fault_though_the_new
             assert ("came 60.0 s late" in gate.watch.fault(heard_ms)) is is_late
 
 
+def test_a_vehicle_that_is_at_two_places_in_turn_is_believed_at_neither() -> None:
+    """Two receivers under one node's name, 3 m apart, two seconds each."""
+    watch = PositionWatch(PositionLimits(settled_ms=None))
+    for at_ms in range(0, 20_000, 100):
+        pose = PoseReported(at_ms, 3.0 * (at_ms // 2_000 % 2), 0.0, 0.0, at_ms)
+        watch.look_at(pose)
+        watch.take(pose)
+    assert "alternates between two places 3.0 m apart" in watch.fault(20_000)
+
+
 @pytest.mark.parametrize("late_ms", [1_200, 4_000, 60_000])
 def test_a_tick_of_ours_that_is_late_is_no_step_of_the_vehicles_stamps(late_ms: int) -> None:
     """Our machine is busy for a while, so that a late tick takes a position that is newer than its own time."""
