@@ -328,7 +328,7 @@ class Flight:
         """Applies requests to make aMussels simulated, real or retired; begins and ends faults."""
         beliefs, is_simulated = self.supervisor.beliefs, self._world.roster.is_simulated
         held = frozenset(dict(self.supervisor.mission.state.docked).values())
-        asked = self._world.roster.advance(beliefs, now_ms, held)
+        asked = self._world.roster.advance(beliefs, now_ms, held, self.supervisor.allocation.served_elsewhere)
         for action in [*asked, *self._world.faults.advance(now_ms, beliefs, is_simulated)]:
             if isinstance(action, Event):
                 self._recorder.event(now_ms, action)

@@ -173,17 +173,20 @@ class Presences:
         beliefs: FleetBeliefs,
         now_ms: MissionMs,
         held: frozenset[int] = frozenset(),
+        lent: frozenset[int] = frozenset(),
     ) -> list[Action] | str:
         """Returns the aMussels' stimuli and the note for the journal; or the reason for a refusal, without a change.
 
         `held` are the aMussels in the mission's docks. The reports of a simulated one count, too: a hand may have docked
-        it. Those of a real one may be of long ago.
+        it. Those of a real one may be of long ago. `lent` are those that another aPad serves.
         """
         if (before := self._now.get(request.agent_id)) is None:
             return f"aMussel {request.agent_id} is not of this fleet"
         reports_docked = before is Presence.SIMULATED and is_docked(beliefs, request.agent_id)
         if request.agent_id in held or reports_docked:
             return f"aMussel {request.agent_id} is in a dock: undock it first"
+        if request.agent_id in lent:
+            return f"another aPad serves aMussel {request.agent_id} and would not know of the change"
         if (after := TABLE.get((before, request.trigger))) is None:
             return f"aMussel {request.agent_id} is {before}: it cannot {request.trigger}"
         if request.trigger is PresenceTrigger.SPAWN and (why := _no_spawn(request)) is not None:
@@ -262,18 +265,22 @@ class Roster:
         return self.presences.of(agent_id) in (Presence.REAL, Presence.RETIRED)
 
     def advance(
-        self, beliefs: FleetBeliefs, now_ms: MissionMs, held: frozenset[int] = frozenset()
+        self,
+        beliefs: FleetBeliefs,
+        now_ms: MissionMs,
+        held: frozenset[int] = frozenset(),
+        lent: frozenset[int] = frozenset(),
     ) -> list[Action]:
         """Applies the requests since the last tick. No caller gets an answer before `answer`.
 
-        `held` are the aMussels in the mission's docks.
+        `held` are the aMussels in the mission's docks, `lent` those that another aPad serves.
         """
         actions: list[Action] = []
         for request in self._requests.take():
             outcome = (
                 self._cause(request, beliefs, now_ms)
                 if isinstance(request, FaultRequest)
-                else self.presences.do(request, self._coordinator, beliefs, now_ms, held)
+                else self.presences.do(request, self._coordinator, beliefs, now_ms, held, lent)
             )
             refusal = outcome if isinstance(outcome, str) else None
             actions += outcome if not isinstance(outcome, str) else ()
@@ -320,7 +327,11 @@ class NoRoster:
         return False
 
     def advance(
-        self, beliefs: FleetBeliefs, now_ms: MissionMs, held: frozenset[int] = frozenset()
+        self,
+        beliefs: FleetBeliefs,
+        now_ms: MissionMs,
+        held: frozenset[int] = frozenset(),
+        lent: frozenset[int] = frozenset(),
     ) -> list[Action]:
         return []
 

@@ -369,6 +369,16 @@ def test_one_in_a_dock_is_left_alone() -> None:
     assert refusal == f"aMussel {docked} is in a dock: undock it first"
 
 
+def test_one_that_another_aPad_serves_changes_its_presence_only_when_it_is_back(bench: Bench) -> None:
+    bench.ticks(2)
+    bench.flight.supervisor.allocation.give(THE_ONE)
+    asked = PresenceRequest(THE_ONE, PresenceTrigger.HAND_OVER, "a test")
+    (refusal,) = bench.ask(asked)
+    assert refusal is not None and "another aPad serves" in refusal
+    bench.flight.supervisor.allocation.take(THE_ONE)
+    assert bench.ask(asked) == [None]
+
+
 def test_of_a_real_one_the_mission_s_docks_decide_and_not_its_last_report(bench: Bench) -> None:
     bench.ticks(2)
     bench.ask(PresenceRequest(THE_ONE, PresenceTrigger.HAND_OVER, "a test"))
