@@ -51,24 +51,26 @@ class StampChecker:
 
     def judge(self, packet: StatusPacket, at_ms: int) -> StampVerdict:
         """Judges a packet received at mission time `at_ms`; the caller calls `accept` if it believes the packet."""
-        newest, stamp = self.newest.get(packet.agent_id), Stamp(packet.agent_ms, at_ms)
-        if newest is None:
+        if (newest := self.newest.get(packet.agent_id)) is None:
             return StampVerdict.IN_TIME
+        stamp = Stamp(packet.agent_ms, at_ms)
         off, is_older = self._off(newest, stamp), stamp.agent_ms < newest.agent_ms
-        just_on = self._scale is not None and stamp.agent_ms <= self._scale.agent_span(_JUST_ON_MS)
-        if (off == 0 and not (is_older and just_on)) or (off < 0 and not is_older):
+        if off <= 0 and not is_older:  # in sequence, with a delay at most
             self._doubted.pop(packet.agent_id, None)
-            return StampVerdict.OVERTAKEN if is_older else StampVerdict.IN_TIME
+            return StampVerdict.IN_TIME
+        just_on = self._scale is not None and stamp.agent_ms <= self._scale.agent_span(_JUST_ON_MS)
+        if off == 0 and not just_on:
+            self._doubted.pop(packet.agent_id, None)
+            return StampVerdict.OVERTAKEN
         if off < 0 and just_on:
             return StampVerdict.CLOCK_SET
-        refused = StampVerdict.OVERTAKEN if off == 0 else StampVerdict.IMPOSSIBLE
+        # A clock that was set is believed once a second packet agrees with the first; a repetition of it is none.
         before = self._doubted.get(packet.agent_id)
-        if before is not None and before[0] == packet.sequence and before[1].agent_ms == stamp.agent_ms:
-            return refused  # a repetition of the same packet is no confirmation
-        self._doubted[packet.agent_id] = packet.sequence, stamp
-        if before is None or stamp.agent_ms < before[1].agent_ms or self._off(before[1], stamp):
-            return refused
-        return refused if off == 0 and not self._keeps_pace(before[1], stamp) else StampVerdict.CLOCK_SET
+        if before is None or before[0] != packet.sequence or before[1].agent_ms != stamp.agent_ms:
+            self._doubted[packet.agent_id] = packet.sequence, stamp
+            if before is not None and self._agree(before[1], stamp, is_just_on=off == 0):
+                return StampVerdict.CLOCK_SET
+        return StampVerdict.OVERTAKEN if off == 0 else StampVerdict.IMPOSSIBLE
 
     def accept(self, packet: StatusPacket, at_ms: int) -> None:
         """Accepts the stamp, whatever the verdict. A delayed packet in sequence carries no information about the clock."""
@@ -88,7 +90,12 @@ class StampChecker:
         self.newest.pop(agent_id, None)
         self._doubted.pop(agent_id, None)
 
-    def _keeps_pace(self, before: Stamp, after: Stamp) -> bool:
+    def _agree(self, before: Stamp, after: Stamp, *, is_just_on: bool) -> bool:
+        """True if one clock may have shown both. One that has just begun keeps pace with mission time, too."""
+        if after.agent_ms < before.agent_ms or self._off(before, after):
+            return False
+        if not is_just_on:
+            return True
         assert self._scale is not None, "without a scale no clock is known to have just begun"
         due_ms = self._scale.agent_span(after.at_ms - before.at_ms)
         return due_ms / _PACE <= after.agent_ms - before.agent_ms <= due_ms * _PACE

@@ -304,9 +304,9 @@ class Supervisor:
 
     def _doubt_dock(self, status: StatusPacket) -> list[SupervisorAction]:
         """Tells once that an aMussel reports to lie on the bottom while, by the vehicle's report, a dock holds it."""
-        agent_id = status.agent_id
-        holding = [dock_index for dock_index, held in self.mission.state.docked if held == agent_id]
-        if not holding or status.state not in ON_BOTTOM:
+        agent_id, docked = status.agent_id, self.mission.state.docked
+        holding = [it for it, held in docked if held == agent_id] if status.state in ON_BOTTOM else []
+        if not holding:
             self._doubted.discard(agent_id)
             return []
         if agent_id in self._doubted:
