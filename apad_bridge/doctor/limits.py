@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 from apad_bridge.doctor.finding import Finding, cannot_tell, fail, ok, warn
@@ -86,37 +85,25 @@ def check_fence(
     place_m: tuple[float, float] | None,
     fence: Fence | None,
     clearance_m: float,
-    starts_m: Iterable[tuple[float, float]],
-) -> list[Finding]:
-    """The aPad lies inside the fence with its clearance; and so do the aMussels' starts, or they are never served."""
+) -> Finding:
+    """The aPad lies inside the fence with its clearance."""
     if fence is None:
-        return [fail("the scenario has none", "area.fence: the corners of your waters")]
+        return fail("the scenario has none", "area.fence: the corners of your waters")
     if place_m is None:
-        return [fail("without a position it cannot be checked", "see the line of the position")]
+        return fail("without a position it cannot be checked", "see the line of the position")
     import shapely
 
-    waters = fence.waters()
-    clear = waters.buffer(-clearance_m)
-    place = shapely.Point(place_m)
+    waters, place = fence.waters(), shapely.Point(place_m)
     where = f"({place_m[0]:.1f} m north, {place_m[1]:.1f} m east)"
     if not waters.covers(place):
-        return [
-            fail(
-                f"the aPad at {where} lies {waters.distance(place):.1f} m outside",
-                "bring it inside by hand, or see area.fence and area.origin: is it the right water?",
-            )
-        ]
-    found = f"the aPad at {where} lies inside, {waters.boundary.distance(place):.1f} m from its edge"
-    findings = [ok(found)]
-    if not clear.covers(place):
-        mend = f"bring it farther in by hand: guards.clearance_m is {clearance_m:g} m"
-        findings = [fail(found, mend)]
-    if outside := sum(not clear.covers(shapely.Point(it)) for it in starts_m):
-        mend = "move them by fleet.start, or widen the fence: they are neither called up nor fetched"
-        findings.append(
-            warn(f"{outside} aMussels lie outside the fence or too near to it", mend, check="starts")
+        return fail(
+            f"the aPad at {where} lies {waters.distance(place):.1f} m outside",
+            "bring it inside by hand, or see area.fence and area.origin: is it the right water?",
         )
-    return findings
+    found = f"the aPad at {where} lies inside, {waters.boundary.distance(place):.1f} m from its edge"
+    if not waters.buffer(-clearance_m).covers(place):
+        return fail(found, f"bring it farther in by hand: guards.clearance_m is {clearance_m:g} m")
+    return ok(found)
 
 
 def check_reaction(guards: GuardOptions) -> Finding:

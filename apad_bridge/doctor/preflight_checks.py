@@ -313,8 +313,11 @@ def _check_position(apad: WatchedAPad) -> Finding:
 
 
 def _check_fence(apad: WatchedAPad) -> list[Finding]:
-    starts_m = [(it.north_m, it.east_m) for it in apad.starts]
-    return check_fence(apad.place_m, fence_of(apad.scenario.area), apad.guards.clearance_m, starts_m)
+    from apad_bridge.assembly.safety import unreachable_starts
+
+    apads_place = check_fence(apad.place_m, fence_of(apad.scenario.area), apad.guards.clearance_m)
+    starts = unreachable_starts(apad.scenario, apad.starts)
+    return [apads_place, *(warn(happens, mend, check="starts") for happens, mend in starts)]
 
 
 def _check_clearance(apad: WatchedAPad) -> Finding:

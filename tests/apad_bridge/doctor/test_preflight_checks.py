@@ -97,9 +97,8 @@ MEASURED = GuardOptions(
 )
 
 
-def fence(place_m: tuple[float, float] | None, *starts_m: tuple[float, float]) -> Finding:
-    """The last finding: of the aPad's place, or of the aMussels' starts where there are any."""
-    return check_fence(place_m, FENCE, 2.0, list(starts_m))[-1]
+def fence(place_m: tuple[float, float] | None) -> Finding:
+    return check_fence(place_m, FENCE, 2.0)
 
 
 def reaction(**guards: float) -> Finding:
@@ -232,8 +231,7 @@ CHECKED: dict[str, list[tuple[Callable[[], Finding], str, str]]] = {
         (lambda: fence((-5.0, 10.0)), "FAIL", "5.0 m outside"),
         (lambda: fence((21.0, 19.0)), "FAIL", "outside"),  # in the zone to keep out of
         (lambda: fence(None), "FAIL", "without a position"),
-        (lambda: fence((10.0, 10.0), (5.0, 5.0), (1.0, 5.0), (50.0, 5.0)), "WARN", "2 aMussels"),
-        (lambda: check_fence((10.0, 10.0), None, 2.0, [])[0], "FAIL", ""),
+        (lambda: check_fence((10.0, 10.0), None, 2.0), "FAIL", ""),
     ],
     "limits that notice a bad position too late": [
         (lambda: reaction(position_age_s=5.0, frozen_s=10.0), "WARN", SLOW),
