@@ -12,7 +12,7 @@ from agents.time_scale import MissionMs
 from apad_bridge.acoustics.least_squares import Floats, NoFix, PlaceSolution, mirrored, solve
 from apad_bridge.beliefs.input_ranges import out_of_range
 from apad_bridge.events.sound_events import PlaceFixed
-from apad_bridge.scenario.water.options import Localisation
+from apad_bridge.scenario.water.water_options import Localisation
 
 AMBIGUOUS = 9.0
 """Ranges do not separate two places whose weighted squared residuals differ by less: three standard deviations."""

@@ -24,7 +24,7 @@ from agents.time_scale import AgentMs, MissionMs, TimeScale
 from agents.water.apad_modem import ANSWER_TIMEOUT_MS
 from apad_bridge.events.sound_events import Asked, NoAnswer
 from apad_bridge.mission.facts import Ping, Send, SupervisorAction
-from apad_bridge.scenario.water.options import Water
+from apad_bridge.scenario.water.water_options import Water
 from firmware_model.config import Timeslots, timeslots_of
 from firmware_model.packets import EVERYONE, Beacon, CommandPacket, Kind, SlotAssignment
 from firmware_model.packets.codec import Codec

@@ -28,7 +28,7 @@ def members(scenario: Scenario, starts: Sequence[Start]) -> tuple[Member, ...]:
     if not scenario.apads:
         return (Member(scenario.apad.name, scenario, tuple(starts)),)
     # Imported here, because it computes with numpy, and most fleets have one aPad.
-    from apad_bridge.planning.allocation import allocate
+    from apad_bridge.planning.fleet_shares import allocate
 
     places_m = {start.agent_id: (start.north_m, start.east_m) for start in starts}
     return divided(scenario, starts, allocate([apad.start_m for apad in _apads(scenario)], places_m))

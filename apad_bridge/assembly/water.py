@@ -12,7 +12,7 @@ from apad_bridge.assembly.estimator import readings_apart_ms
 from apad_bridge.beliefs.pings import PingForCharge, PingForPlace, PingSuspects
 from apad_bridge.beliefs.questions import candidate_below
 from apad_bridge.scenario.schema import Scenario, Suspects
-from apad_bridge.scenario.water.options import Fields, Water
+from apad_bridge.scenario.water.water_options import Fields, Water
 from firmware_model.config import FullFirmware
 from firmware_model.power.charge import FULL
 from firmware_model.power.rails import Rail, bits, rails_of

@@ -10,8 +10,8 @@ import math
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-from apad_bridge.beliefs import charge_state as charge
-from apad_bridge.beliefs.charge_state import PRIMARY, SECONDARY, SENSOR, Anchor, Array
+from apad_bridge.beliefs import charge_filter as charge
+from apad_bridge.beliefs.charge_filter import PRIMARY, SECONDARY, SENSOR, Anchor, Array
 from apad_bridge.beliefs.modes import DOCKED, SUBMERGED, Mode, mode_of
 from apad_bridge.beliefs.spent_charge import Load, Spent
 from apad_bridge.beliefs.twin_parameters import NO_OFFSETS, Schedule, TwinParameters

@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 
 from agents.time_scale import MissionMs
-from apad_bridge.beliefs import charge_state as charge
+from apad_bridge.beliefs import charge_filter as charge
 from apad_bridge.beliefs import clock_filter as clocks
 from apad_bridge.beliefs.belief import Belief, ClockBelief, Source, Suspicion
 from apad_bridge.beliefs.charge_checker import ChargeChecker, Stated, extended
-from apad_bridge.beliefs.charge_state import Anchor
+from apad_bridge.beliefs.charge_filter import Anchor
 from apad_bridge.beliefs.measurement import (
     ClockSet,
     Docked,

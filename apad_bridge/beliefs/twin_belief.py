@@ -6,7 +6,7 @@ import math
 
 from agents.time_scale import MissionMs
 from apad_bridge.beliefs.belief import Belief, CapacityLeft, Source
-from apad_bridge.beliefs.charge_state import PRIMARY, RATE, SECONDARY
+from apad_bridge.beliefs.charge_filter import PRIMARY, RATE, SECONDARY
 from apad_bridge.beliefs.mixture import Gaussian, below, clamped
 from apad_bridge.beliefs.modes import FULL_CHARGE, SUBMERGED, Mode
 from apad_bridge.beliefs.twin_parameters import TwinParameters

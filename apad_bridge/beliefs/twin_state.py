@@ -11,11 +11,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from apad_bridge.beliefs import charge_state as charge
+from apad_bridge.beliefs import charge_filter as charge
 from apad_bridge.beliefs import charging, spent_charge
 from apad_bridge.beliefs.belief import ClockBelief, Suspicion
 from apad_bridge.beliefs.charge_checker import ReadingTrack, StandingReading
-from apad_bridge.beliefs.charge_state import DRAIN, PRIMARY, RATE, SECONDARY, Anchor, Array
+from apad_bridge.beliefs.charge_filter import DRAIN, PRIMARY, RATE, SECONDARY, Anchor, Array
 from apad_bridge.beliefs.mixture import Gaussian, below
 from apad_bridge.beliefs.modes import SUBMERGED, Mode
 from apad_bridge.beliefs.place_filter import Place

@@ -13,7 +13,7 @@ import numpy as np
 
 from apad_bridge.beliefs.belief import ClockBelief, Suspicion
 from apad_bridge.beliefs.charge_checker import ReadingTrack, StandingReading, Stated
-from apad_bridge.beliefs.charge_state import SIZES, Anchor, Array
+from apad_bridge.beliefs.charge_filter import SIZES, Anchor, Array
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.beliefs.place_filter import Place
 from apad_bridge.beliefs.spent_charge import Load, Spent

@@ -46,6 +46,6 @@ def trust_of_looked_at(arguments: argparse.Namespace, *typed: str) -> Trust | No
 def trust_of_run(arguments: argparse.Namespace, directory: RunDirectory, *typed: str) -> Trust | None:
     """The same, of a command that continues a run. Of a run that this user began here all code is trusted."""
     from apad_bridge.planning.registry import Trust
-    from apad_bridge.runs.own_runs import is_own
+    from apad_bridge.runs.trusted_runs import is_own
 
     return Trust() if is_own(directory) else trust_of_looked_at(arguments, *typed)

@@ -1,7 +1,7 @@
 """Lets several aPads agree by themselves which of them serves which aMussel, over a network that loses messages.
 
 Each aPad gossips the newest state of every aPad that it knows of. Of two states of one aPad the later stamp wins, so the
-states may arrive in any order, repeatedly, or not at all. The shares are a function of these states (`allocation.py`), and
+states may arrive in any order, repeatedly, or not at all. The shares are a function of these states (`fleet_shares.py`), and
 aPads that know the same compute the same.
 
 Shares differ for a while after a change, so a share alone permits nothing. An aPad serves an aMussel while its claim is
@@ -20,7 +20,7 @@ from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from math import dist
 
-from apad_bridge.planning.allocation import Point, allocate
+from apad_bridge.planning.fleet_shares import Point, allocate
 
 MOVED_M = 5.0
 """An aMussel's place is told anew when it lies so far from the place that was told: drift alone changes no share."""

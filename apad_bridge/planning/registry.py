@@ -20,15 +20,15 @@ from pathlib import Path
 from types import ModuleType
 from typing import NamedTuple, TypeVar
 
-from apad_bridge.planning.by_route import BestOfPool, Blend, Exact, ShortestOrder
-from apad_bridge.planning.charge_groups import ChargeGroups
 from apad_bridge.planning.costs import CostScales, Scales
-from apad_bridge.planning.on_demand import EarliestDeadline, NearestJobNext
-from apad_bridge.planning.paper_strategies import Cautious, Greedy, GreedyRedeploy, NoCollection
-from apad_bridge.planning.rollout import FairRollout, Rollout
 from apad_bridge.planning.solution import StepKind
+from apad_bridge.planning.strategies.by_route import BestOfPool, Blend, Exact, ShortestOrder
+from apad_bridge.planning.strategies.charge_groups import ChargeGroups
+from apad_bridge.planning.strategies.on_demand import EarliestDeadline, NearestJobNext
+from apad_bridge.planning.strategies.paper_strategies import Cautious, Greedy, GreedyRedeploy, NoCollection
+from apad_bridge.planning.strategies.rollout import FairRollout, Rollout
+from apad_bridge.planning.strategies.triage import ByLoad, Core, Triage
 from apad_bridge.planning.strategy import CollectionStrategy, RedeploymentStrategy
-from apad_bridge.planning.triage import ByLoad, Core, Triage
 from firmware_model.entry_points import EntryPoint, entry_points, in_one_line
 
 GROUP = "musselbed.strategies"

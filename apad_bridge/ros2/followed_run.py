@@ -13,7 +13,7 @@ from apad_bridge.records.journal import Entry, JournalTail
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.run_state import RunState
 from apad_bridge.records.samples import TruthExtrapolator
-from apad_bridge.ros_names.shown import APadTrack, PlaceM, ShownAMussel
+from apad_bridge.ros_names.shown_fleet import APadTrack, PlaceM, ShownAMussel
 from apad_bridge.scenario.run_options import RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
 

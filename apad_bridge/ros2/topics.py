@@ -36,7 +36,7 @@ from apad_bridge.ros_names.frames import (
     yaw,
 )
 from apad_bridge.ros_names.names import AMUSSEL, in_full, plain
-from apad_bridge.ros_names.shown import (
+from apad_bridge.ros_names.shown_fleet import (
     LIPO,
     DiagnosticLevel,
     MarkerShape,

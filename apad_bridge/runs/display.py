@@ -9,7 +9,7 @@ from typing import Protocol
 from agents.hosting.started import outlive_starter
 from apad_bridge.events.event import Category, Event
 from apad_bridge.runs.parent_protocol import say, write
-from apad_bridge.runs.status import RunStatus
+from apad_bridge.runs.progress_status import RunStatus
 
 MakeStatus = Callable[[], RunStatus]
 """Makes the newest status. It takes longer than many a tick, so a display calls it for a status that it shows."""

@@ -35,10 +35,10 @@ from apad_bridge.records.journal import FORMAT_VERSION
 from apad_bridge.records.recorder import Recorder, RecordsFailed
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.summary import Ending
-from apad_bridge.runs.children import supervising
 from apad_bridge.runs.display import ProgressDisplay, line_of
 from apad_bridge.runs.nurseries import FOLDER, begin_nursery
-from apad_bridge.runs.status import RunStatus
+from apad_bridge.runs.progress_status import RunStatus
+from apad_bridge.runs.supervisor_lock import supervising
 from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts_table import Start

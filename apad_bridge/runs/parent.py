@@ -35,15 +35,14 @@ from apad_bridge.runs.children import (
     OrderlyEnd,
     not_suspended,
     read_children,
-    signal_supervisor,
-    supervisor_of,
 )
 from apad_bridge.runs.display import JointDisplay, ProgressDisplay
 from apad_bridge.runs.exits import Exit
 from apad_bridge.runs.nurseries import end_fleet, start_nursery
 from apad_bridge.runs.parent_protocol import APadView, Failed, Gave, Kept, ParentMessage, Said, Summary
+from apad_bridge.runs.progress_status import RunStatus
 from apad_bridge.runs.several.joint_summary import Flown
-from apad_bridge.runs.status import RunStatus
+from apad_bridge.runs.supervisor_lock import signal_supervisor, supervisor_of
 from apad_bridge.scenario.another_apad import Sharing
 from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource
 from apad_bridge.vehicle.link_errors import PeerFailed

@@ -20,8 +20,8 @@ from rich.progress import (
 )
 
 from apad_bridge.runs.display import MakeStatus, clock_text
+from apad_bridge.runs.progress_status import RunStatus
 from apad_bridge.runs.rich_console import Console
-from apad_bridge.runs.status import RunStatus
 from apad_bridge.supervisor.forecast import Forecast
 
 _LINE_EVERY_MS = 300_000

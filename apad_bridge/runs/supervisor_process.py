@@ -38,7 +38,6 @@ from apad_bridge.ros.system.ros_pace import StampedByMaster
 from apad_bridge.ros.system.ros_time import await_master, stamp_ms
 from apad_bridge.ros.system.route import why_gone
 from apad_bridge.runs import flying
-from apad_bridge.runs.children import supervising
 from apad_bridge.runs.display import ParentDisplay
 from apad_bridge.runs.dry_run import without_commands
 from apad_bridge.runs.exits import Exit, shortage
@@ -46,6 +45,7 @@ from apad_bridge.runs.nurseries import adopt
 from apad_bridge.runs.parent_protocol import Failed, Summary, say, write
 from apad_bridge.runs.several.member import join_others
 from apad_bridge.runs.start_state import StartState, begin_run, ongoing_faults, resume_run
+from apad_bridge.runs.supervisor_lock import supervising
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.run_options import BenchPart, RunOptions
 from apad_bridge.scenario.schema import Scenario

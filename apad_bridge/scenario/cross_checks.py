@@ -39,7 +39,7 @@ from apad_bridge.scenario.surface import doubt_about_legs
 from apad_bridge.scenario.timed_faults import TimedFault
 from apad_bridge.scenario.water.currents import read_current
 from apad_bridge.scenario.water.links import read_links
-from apad_bridge.scenario.water.options import Current, Water
+from apad_bridge.scenario.water.water_options import Current, Water
 from firmware_model.power.rails import Rail
 from firmware_model.sampling.sensors import BROUGHT
 

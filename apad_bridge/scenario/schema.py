@@ -42,7 +42,7 @@ from apad_bridge.scenario.quantities import (
 )
 from apad_bridge.scenario.starts_table import MAX_AGENT_ID
 from apad_bridge.scenario.timed_faults import Faults
-from apad_bridge.scenario.water.options import Water
+from apad_bridge.scenario.water.water_options import Water
 from firmware_model.sampling.sensors import BROUGHT
 
 AgentId = Annotated[int, Ge(1), Le(MAX_AGENT_ID)]

@@ -16,7 +16,7 @@ from agents.water.stream import CurrentConfig, Stream, TideConstituent
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.schema import APad, Scenario
 from apad_bridge.scenario.water.currents import current_text, steady_text
-from apad_bridge.scenario.water.options import Current
+from apad_bridge.scenario.water.water_options import Current
 
 Vector = tuple[float, float]
 LEAST_M_S = 0.5 / 60

@@ -36,10 +36,10 @@ from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.run_state import RunState
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.records.uptime import UptimeMeter
-from apad_bridge.runs.children import supervisor_of
 from apad_bridge.runs.in_memory import MemoryRecorder, mission_figures, open_lockstep
 from apad_bridge.runs.several.lockstep import Exchange, LockstepRunner, MemberFlight
 from apad_bridge.runs.start_state import find_resume_point, with_apad_as_seen
+from apad_bridge.runs.supervisor_lock import supervisor_of
 from apad_bridge.scenario.cross_checks import check_code
 from apad_bridge.scenario.errors import ScenarioError, UserError
 from apad_bridge.scenario.firmware_config import takes_samples

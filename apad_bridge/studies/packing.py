@@ -21,7 +21,7 @@ from packaging.requirements import Requirement
 
 from apad_bridge.planning.registry import GROUP as STRATEGIES
 from apad_bridge.records.run_directory import RunDirectory, versions
-from apad_bridge.runs.children import supervisor_of
+from apad_bridge.runs.supervisor_lock import supervisor_of
 from apad_bridge.scenario.errors import UserError
 from apad_bridge.scenario.loader import launch_scripts, write_with_files
 from apad_bridge.scenario.run_options import RunOptions, TimeSource

@@ -70,7 +70,7 @@ READ = {"runs", "replay", "report", "beliefs", "check", "export", "pack", "new",
 CODE = """\
 from pathlib import Path
 
-from apad_bridge.planning.paper_strategies import Greedy, GreedyRedeploy
+from apad_bridge.planning.strategies.paper_strategies import Greedy, GreedyRedeploy
 from firmware_model.packets.codec import MusselbedCodec
 
 Path({marks!r}, {name!r}).write_text("")

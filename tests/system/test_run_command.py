@@ -186,7 +186,7 @@ def test_kill_9_of_the_supervisor_and_resume_goes_on_with_the_docks_as_they_were
     fly: Fly, tmp_path: Path
 ) -> None:
     strategy = tmp_path / "mine.py"
-    strategy.write_text("from apad_bridge.planning.paper_strategies import Cautious as Mine\n")
+    strategy.write_text("from apad_bridge.planning.strategies.paper_strategies import Cautious as Mine\n")
     # In a namespace that the shell of `resume` is told nothing of.
     process, run = fly(20, "__ns:=basin", "--strategy", f"{strategy}:Mine")
     wait_until(lambda: len(docked(run)) >= 2, process)

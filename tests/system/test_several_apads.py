@@ -20,8 +20,8 @@ from programs import MUSSELBED, begun, left_full, lines_of, processes_of, wait_u
 from scenario_files import SOUND_FILE, write_scenario
 
 from apad_bridge.assembly.division import members
-from apad_bridge.runs.children import supervisor_of
 from apad_bridge.runs.in_memory import open_lockstep
+from apad_bridge.runs.supervisor_lock import supervisor_of
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.viewers.layouts.kinds import KINDS

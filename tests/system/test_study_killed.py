@@ -16,7 +16,7 @@ pytestmark = pytest.mark.system
 
 STRATEGY = """
 import os, signal
-from apad_bridge.planning.paper_strategies import Greedy
+from apad_bridge.planning.strategies.paper_strategies import Greedy
 
 class Waits(Greedy):
     plans_of_process = 0

@@ -184,7 +184,7 @@ def _write_inputs(
 
 def _mark_own(whole: RunDirectory, all_members: Sequence[Member]) -> None:
     """Marks the runs that name code as begun here, so that they can be continued. A flight needs no mark."""
-    from apad_bridge.runs.own_runs import mark
+    from apad_bridge.runs.trusted_runs import mark
 
     try:
         for member in all_members:

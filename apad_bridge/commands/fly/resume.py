@@ -44,9 +44,9 @@ def run(arguments: argparse.Namespace) -> int:
     from apad_bridge.records.journal import FORMAT_VERSION, format_of
     from apad_bridge.records.run_directory import RunDirectory
     from apad_bridge.runs import resuming
-    from apad_bridge.runs.children import supervisor_of
-    from apad_bridge.runs.own_runs import code_of
     from apad_bridge.runs.progress import FlightProgress
+    from apad_bridge.runs.supervisor_lock import supervisor_of
+    from apad_bridge.runs.trusted_runs import code_of
     from apad_bridge.scenario.cross_checks import check_code
     from apad_bridge.scenario.loader import load
 

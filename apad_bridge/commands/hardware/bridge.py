@@ -60,7 +60,7 @@ def add_parser(commands: Any) -> None:
 def run(arguments: argparse.Namespace) -> int:
     from apad_bridge.scenario.firmware_config import codec_of
     from apad_bridge.scenario.loader import load
-    from apad_bridge.scenario.water.options import Water
+    from apad_bridge.scenario.water.water_options import Water
     from firmware_model.packets.codec import load_codec
 
     run_dir: Path | None = arguments.scenario if arguments.scenario.is_dir() else None

@@ -13,8 +13,8 @@ from typing import Any
 
 from apad_bridge.commands.help_text import ending
 from apad_bridge.records.run_directory import RUNS, RunDirectory
-from apad_bridge.runs.children import supervisor_of
 from apad_bridge.runs.exits import Exit
+from apad_bridge.runs.supervisor_lock import supervisor_of
 from apad_bridge.scenario.errors import UserError
 
 FLIES = "flies"

@@ -14,7 +14,7 @@ from visualization_msgs.msg import Marker
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.ros.system.ros_time import stamp
 from apad_bridge.ros_names.frames import UPRIGHT, Quaternion, Vector, enu
-from apad_bridge.ros_names.shown import LIPO, MarkerShape, ShownAMussel, SupplyStatus, place_matrix
+from apad_bridge.ros_names.shown_fleet import LIPO, MarkerShape, ShownAMussel, SupplyStatus, place_matrix
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.vehicle.commands import BatteryReported
 from firmware_model.state_groups import DOCKED

@@ -31,7 +31,7 @@ from apad_bridge.ros.gateway.fleet_diagnostics import diagnose
 from apad_bridge.ros.gateway.never_blocking import Stalls, never_blocking_publisher
 from apad_bridge.ros_names.frames import NED_IN_ENU, UPRIGHT, Frames, enu, yaw
 from apad_bridge.ros_names.names import DIAGNOSTICS, TF, TF_STATIC, is_one_of_several, of_amussel, ours
-from apad_bridge.ros_names.shown import APadTrack, apad_shape, ball_size_m
+from apad_bridge.ros_names.shown_fleet import APadTrack, apad_shape, ball_size_m
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.context import Watcher

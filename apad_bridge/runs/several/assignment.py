@@ -17,7 +17,7 @@ from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.modes import LIKELY, SUBMERGED, Mode
 from apad_bridge.events.mission_events import MissionState, Phase
 from apad_bridge.mission.pool import floats
-from apad_bridge.planning.allocation import Point, allocate
+from apad_bridge.planning.fleet_shares import Point, allocate
 from apad_bridge.runs.parent_protocol import APadView
 from apad_bridge.supervisor.supervisor import Supervisor
 from firmware_model.state_groups import AT_WORK, BEYOND_HELP, STRANDED

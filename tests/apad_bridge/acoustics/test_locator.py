@@ -8,7 +8,7 @@ import pytest
 
 from apad_bridge.acoustics.locator import Locator, RangeTaken
 from apad_bridge.events.sound_events import PlaceFixed
-from apad_bridge.scenario.water.options import Localisation
+from apad_bridge.scenario.water.water_options import Localisation
 
 CONFIG = Localisation(deviation_m=0.1, memory_s=600.0, apart_m=2.0)
 TRUE = (30.0, 40.0, 10.0)

@@ -16,7 +16,7 @@ from apad_bridge.beliefs.measurement import Fixed, Measurement, Ranged
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.events.sound_events import Asked, PlaceFixed
 from apad_bridge.mission.facts import Ping, RangeHeard, Send
-from apad_bridge.scenario.water.options import Localisation, Talk, Water
+from apad_bridge.scenario.water.water_options import Localisation, Talk, Water
 from apad_bridge.vehicle.commands import PoseReported
 from firmware_model.packets import StatusPacket
 from firmware_model.packets.codec import MusselbedCodec

@@ -16,7 +16,7 @@ from apad_bridge.acoustics.schedule import AcousticScheduler, ScheduleConfig
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.mission.facts import RangeHeard
-from apad_bridge.scenario.water.options import Localisation, Talk, Water
+from apad_bridge.scenario.water.water_options import Localisation, Talk, Water
 from apad_bridge.vehicle.commands import PoseReported
 from firmware_model.config import Timeslots
 from firmware_model.packets import StatusPacket

@@ -14,7 +14,7 @@ from agents.water.sound import Sound
 from apad_bridge.acoustics.schedule import AcousticScheduler, ScheduleConfig
 from apad_bridge.events.sound_events import Asked, NoAnswer
 from apad_bridge.mission.facts import Ping, Send
-from apad_bridge.scenario.water.options import Talk, Water
+from apad_bridge.scenario.water.water_options import Talk, Water
 from firmware_model.config import Timeslots
 from firmware_model.packets import EVERYONE, Beacon, CommandPacket, Kind, SlotAssignment
 from firmware_model.packets.codec import MusselbedCodec

@@ -10,9 +10,9 @@ import pytest
 from scenario_files import POOL_FILE
 
 from apad_bridge.assembly.flight_config import flight_config
-from apad_bridge.beliefs import charge_state as charge
+from apad_bridge.beliefs import charge_filter as charge
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.beliefs.charge_state import PRIMARY, SIZE, Anchor
+from apad_bridge.beliefs.charge_filter import PRIMARY, SIZE, Anchor
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.beliefs.packet_weighing import HypothesisWeigher, Reading
 from apad_bridge.beliefs.twin import Twin

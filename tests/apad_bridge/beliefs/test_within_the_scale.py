@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from apad_bridge.beliefs.charge_state import ASLEEP, CHARGING, PRIMARY, SECONDARY, SIZE, bounded, measured
-from apad_bridge.beliefs.charge_state import SENSOR as SENSOR_BIAS
+from apad_bridge.beliefs.charge_filter import ASLEEP, CHARGING, PRIMARY, SECONDARY, SIZE, bounded, measured
+from apad_bridge.beliefs.charge_filter import SENSOR as SENSOR_BIAS
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.beliefs.twin_parameters import SensorParameters
 

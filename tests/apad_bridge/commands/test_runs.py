@@ -9,7 +9,7 @@ from scenario_files import POOL_FILE
 
 from apad_bridge.commands.look.runs import RunRow, lines_of
 from apad_bridge.commands.main import main
-from apad_bridge.runs.children import supervising
+from apad_bridge.runs.supervisor_lock import supervising
 
 
 @pytest.fixture

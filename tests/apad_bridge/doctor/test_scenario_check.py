@@ -55,7 +55,7 @@ def test_a_strategy_in_a_file_is_left_out_and_told_and_the_others_are_checked(tm
     marks = tmp_path / "executed"
     (tmp_path / "mine.py").write_text(
         f"open({str(marks)!r}, 'w').close()\n"
-        "from apad_bridge.planning.paper_strategies import Greedy as Mine\n"
+        "from apad_bridge.planning.strategies.paper_strategies import Greedy as Mine\n"
     )
     path = changed(tmp_path, "collection: cautious", "collection: mine.py:Mine")
     scenario, findings = scenario_check.read(path)

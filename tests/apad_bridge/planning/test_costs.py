@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import pytest
 
-from apad_bridge.planning.by_route import BestOfPool, Blend, Exact
 from apad_bridge.planning.candidates import Candidate, Situation
 from apad_bridge.planning.costs import CostBreakdown, CostScales, cost_of
-from apad_bridge.planning.paper_strategies import Greedy
 from apad_bridge.planning.solution import Solution, Step, StepKind
+from apad_bridge.planning.strategies.by_route import BestOfPool, Blend, Exact
+from apad_bridge.planning.strategies.paper_strategies import Greedy
 from apad_bridge.planning.strategy import CollectionStrategy
 from apad_bridge.scenario.schema import Costs
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from apad_bridge.planning.allocation import Point, allocate
+from apad_bridge.planning.fleet_shares import Point, allocate
 from apad_bridge.planning.jurisdiction import Jurisdiction, OwnSight, PeerState, Terms, Vote
 
 NAMES = ("a", "b", "c", "d", "e")

@@ -13,14 +13,14 @@ from scenario_files import POOL_FILE
 
 from apad_bridge.assembly.scenario_energy_model import energy_model
 from apad_bridge.planning import registry
-from apad_bridge.planning.by_route import Blend
 from apad_bridge.planning.candidates import Candidate, Situation
 from apad_bridge.planning.costs import CostScales
-from apad_bridge.planning.paper_strategies import Cautious
 from apad_bridge.planning.projection import Projection
-from apad_bridge.planning.rollout import HORIZON_DISCHARGES, MOST_PROJECTED, Rollout
 from apad_bridge.planning.solution import StepKind, check_solution
-from apad_bridge.planning.triage import ByLoad, Core, Triage, is_overloaded
+from apad_bridge.planning.strategies.by_route import Blend
+from apad_bridge.planning.strategies.paper_strategies import Cautious
+from apad_bridge.planning.strategies.rollout import HORIZON_DISCHARGES, MOST_PROJECTED, Rollout
+from apad_bridge.planning.strategies.triage import ByLoad, Core, Triage, is_overloaded
 from apad_bridge.scenario.loader import load
 from firmware_model.power.charge import FULL, Battery, ChargeModel, Flow, grains
 

@@ -12,13 +12,13 @@ from scenario_files import POOL_FILE
 
 from apad_bridge.assembly.scenario_energy_model import energy_model
 from apad_bridge.planning import registry
-from apad_bridge.planning.by_route import BestOfPool, Blend, Exact, ShortestOrder
 from apad_bridge.planning.candidates import Candidate, Situation
 from apad_bridge.planning.costs import CostScales, charging_demand, distance_m
-from apad_bridge.planning.on_demand import EarliestDeadline, NearestJobNext
-from apad_bridge.planning.paper_strategies import Cautious, Greedy
 from apad_bridge.planning.routes import MOST_AT_ONCE, cheapest_choice
 from apad_bridge.planning.solution import Solution, StepKind, check_solution
+from apad_bridge.planning.strategies.by_route import BestOfPool, Blend, Exact, ShortestOrder
+from apad_bridge.planning.strategies.on_demand import EarliestDeadline, NearestJobNext
+from apad_bridge.planning.strategies.paper_strategies import Cautious, Greedy
 from apad_bridge.scenario.loader import load
 
 MODEL = energy_model(load(POOL_FILE))

@@ -8,7 +8,6 @@ import pytest
 from doc_blocks import install_template
 
 from apad_bridge.planning.candidates import Candidate, Situation
-from apad_bridge.planning.paper_strategies import Cautious, Greedy, GreedyRedeploy, NoCollection
 from apad_bridge.planning.registry import (
     NotTrusted,
     Trust,
@@ -18,6 +17,7 @@ from apad_bridge.planning.registry import (
     label,
     redeployment,
 )
+from apad_bridge.planning.strategies.paper_strategies import Cautious, Greedy, GreedyRedeploy, NoCollection
 
 
 def install(site: Path, distribution: str, entries: str, module: str, code: str) -> None:
@@ -104,7 +104,7 @@ def test_a_package_s_strategy_that_cannot_be_flown_is_named(
 FILE = """\
 from dataclasses import dataclass
 
-from apad_bridge.planning.paper_strategies import Greedy, GreedyRedeploy
+from apad_bridge.planning.strategies.paper_strategies import Greedy, GreedyRedeploy
 from apad_bridge.planning.solution import StepKind
 
 
@@ -233,7 +233,7 @@ def test_a_file_is_executed_with_a_trust_that_covers_it_alone(
     executed = tmp_path / "executed"
     (tmp_path / "stranger.py").write_text(
         f"open({str(executed)!r}, 'w').close()\n"
-        "from apad_bridge.planning.paper_strategies import Greedy, GreedyRedeploy\n"
+        "from apad_bridge.planning.strategies.paper_strategies import Greedy, GreedyRedeploy\n"
     )
     name = f"{tmp_path}/stranger.py"
     for trust in (None, Trust(frozenset()), Trust(frozenset({f"{tmp_path}/mine.py"}))):

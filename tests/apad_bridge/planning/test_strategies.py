@@ -13,8 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from apad_bridge.planning.candidates import Candidate, Situation
-from apad_bridge.planning.paper_strategies import Cautious, Greedy, GreedyRedeploy, NoCollection
 from apad_bridge.planning.solution import Solution, Step, StepKind, check_solution
+from apad_bridge.planning.strategies.paper_strategies import Cautious, Greedy, GreedyRedeploy, NoCollection
 
 metres = st.floats(-100, 100)
 

@@ -8,8 +8,8 @@ from datetime import UTC, datetime
 import pytest
 from scenario_files import POOL_FILE
 
-from apad_bridge.planning.paper_strategies import Greedy
 from apad_bridge.planning.registry import Trust, collection
+from apad_bridge.planning.strategies.paper_strategies import Greedy
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.scenario.loader import load, with_overrides
 from apad_bridge.scenario.schema import FirmwareProgram
@@ -114,7 +114,7 @@ def test_a_run_names_the_hash_of_its_firmware(tmp_path):
 def test_a_run_keeps_the_file_of_its_strategy_and_names_its_hash(tmp_path, monkeypatch):
     file = tmp_path / "mine.py"
     file.write_text(
-        "from apad_bridge.planning.paper_strategies import Greedy\n\n\nclass Mine(Greedy):\n    pass\n"
+        "from apad_bridge.planning.strategies.paper_strategies import Greedy\n\n\nclass Mine(Greedy):\n    pass\n"
     )
     digest = hashlib.sha256(file.read_bytes()).hexdigest()
     monkeypatch.chdir(tmp_path)

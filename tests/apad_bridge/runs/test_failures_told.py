@@ -21,8 +21,8 @@ from apad_bridge.records.summary import Ending, FailureCounts
 from apad_bridge.runs.display import line_of
 from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.runs.progress import FlightProgress
+from apad_bridge.runs.progress_status import RunStatus
 from apad_bridge.runs.several.lockstep import fly_in_step
-from apad_bridge.runs.status import RunStatus
 from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.guard_options import GuardOptions
 from apad_bridge.scenario.schema import Scenario

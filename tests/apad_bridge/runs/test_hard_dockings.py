@@ -11,7 +11,7 @@ from scenario_files import SOUND_FILE
 from apad_bridge.runs.in_memory import fly_in_memory
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.scenario.water.options import Wind
+from apad_bridge.scenario.water.water_options import Wind
 from apad_bridge.world.apad.dock_mechanisms import MISSED
 
 

@@ -20,7 +20,7 @@ from apad_bridge.runs.parent_protocol import (
     from_line,
     to_line,
 )
-from apad_bridge.runs.status import RunStatus
+from apad_bridge.runs.progress_status import RunStatus
 
 IDS, NUMBERS = st.integers(1, 65535), st.floats(allow_nan=False)
 PLACES = st.tuples(NUMBERS, NUMBERS)

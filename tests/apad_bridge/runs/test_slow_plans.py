@@ -11,7 +11,7 @@ from scenario_files import POOL_FILE
 
 from apad_bridge.assembly.division import members
 from apad_bridge.planning import registry
-from apad_bridge.planning.paper_strategies import Cautious
+from apad_bridge.planning.strategies.paper_strategies import Cautious
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs import flying
 from apad_bridge.runs.progress import FlightProgress

@@ -21,9 +21,9 @@ from apad_bridge.runs.children import Child, OrderlyEnd
 from apad_bridge.runs.display import MakeStatus
 from apad_bridge.runs.parent import Run, SupervisorWatch
 from apad_bridge.runs.parent_protocol import Failed, ParentMessage, Said, Summary, to_line
+from apad_bridge.runs.progress_status import RunStatus
 from apad_bridge.runs.several.joint_summary import Flown
 from apad_bridge.runs.several.reassignment import Reassigner
-from apad_bridge.runs.status import RunStatus
 from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource
 
 OPTIONS = RunOptions(BenchPart.WHOLE, APadKind.SIM, TimeSource.WALL, 1.0, OnDeath.WAIT)
@@ -303,7 +303,7 @@ def test_records_that_grow_put_the_kill_off_up_to_a_bound(tmp_path: Path) -> Non
 
 RESUMED = """
 import pathlib, signal, sys
-from apad_bridge.runs.children import supervising
+from apad_bridge.runs.supervisor_lock import supervising
 signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGTERM])
 path = pathlib.Path(sys.argv[1])
 with supervising(path):

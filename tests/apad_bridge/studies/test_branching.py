@@ -16,7 +16,7 @@ from scenario_files import POOL_FILE
 from apad_bridge.commands.main import main
 from apad_bridge.planning.registry import Trust
 from apad_bridge.records.run_directory import RunDirectory
-from apad_bridge.runs.children import supervising
+from apad_bridge.runs.supervisor_lock import supervising
 from apad_bridge.scenario.errors import UserError
 from apad_bridge.scenario.loader import load, resolve
 from apad_bridge.scenario.run_options import RunOptions, TimeSource
@@ -173,7 +173,9 @@ def test_a_run_begun_here_branches_with_its_own_strategy_and_a_copy_with_trust_a
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
-    (tmp_path / "mine.py").write_text("from apad_bridge.planning.paper_strategies import Greedy as Mine\n")
+    (tmp_path / "mine.py").write_text(
+        "from apad_bridge.planning.strategies.paper_strategies import Greedy as Mine\n"
+    )
     mission = resolve(load(POOL_FILE))["mission"]
     mine = flown(tmp_path, mission={**mission, "collection": f"{tmp_path}/mine.py:Mine"})
     changes = ["--at", "100", "--set", "charge_to=0.85", "--json"]

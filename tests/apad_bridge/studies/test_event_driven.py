@@ -467,7 +467,7 @@ def test_a_strategy_that_fails_fails_the_study(monkeypatch: pytest.MonkeyPatch) 
     def broken(*_: object) -> None:
         raise RuntimeError("no idea")
 
-    monkeypatch.setattr("apad_bridge.planning.paper_strategies.Cautious.plan", broken)
+    monkeypatch.setattr("apad_bridge.planning.strategies.paper_strategies.Cautious.plan", broken)
     with pytest.raises(StrategyFailed, match="no idea"):
         fly(changed(seed=1), Model.EVENT_DRIVEN)
 

@@ -395,7 +395,7 @@ def test_a_strategy_of_a_package_is_flown_by_its_name(
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: lab\nVersion: 1\n")
     (info / "entry_points.txt").write_text("[musselbed.strategies]\nlast = lab:Last\n")
     (tmp_path / "lab.py").write_text(
-        "from apad_bridge.planning.paper_strategies import Greedy\n\n\nclass Last(Greedy):\n    pass\n"
+        "from apad_bridge.planning.strategies.paper_strategies import Greedy\n\n\nclass Last(Greedy):\n    pass\n"
     )
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
@@ -409,7 +409,7 @@ def test_a_strategy_of_a_package_is_flown_by_its_name(
 def test_a_strategy_of_a_file_is_flown_and_goes_on_only_as_it_was(tmp_path: Path) -> None:
     file = tmp_path / "lab.py"
     file.write_text(
-        "from apad_bridge.planning.paper_strategies import Greedy\n\n\nclass Mine(Greedy):\n    pass\n"
+        "from apad_bridge.planning.strategies.paper_strategies import Greedy\n\n\nclass Mine(Greedy):\n    pass\n"
     )
     mine = plan_of({**STUDY, "strategies": ["lab.py:Mine", "greedy"], "seeds": 2}, "test", tmp_path, Trust())
     rows = fly_study(mine, tmp_path / "out", 2)

@@ -18,7 +18,7 @@ from apad_bridge.events.mission_events import MissionState, Phase
 from apad_bridge.planning.solution import Step, StepKind
 from apad_bridge.runs.parent_protocol import from_line, to_line
 from apad_bridge.runs.progress import FlightProgress
-from apad_bridge.runs.status import RunStatus
+from apad_bridge.runs.progress_status import RunStatus
 from apad_bridge.scenario.schema import Dispatch, Scenario
 from apad_bridge.supervisor.forecast import Forecast, Forecaster
 from firmware_model.states import State

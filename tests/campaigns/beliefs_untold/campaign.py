@@ -40,7 +40,7 @@ from agents.time_scale import MissionMs, TimeScale
 from apad_bridge.assembly import fleet_parts, flight_parts
 from apad_bridge.assembly.flight_config import FlightConfig, flight_config
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.beliefs.charge_state import RATE
+from apad_bridge.beliefs.charge_filter import RATE
 from apad_bridge.beliefs.twin_parameters import CallParameters
 from apad_bridge.beliefs.twin_state import TwinState
 from apad_bridge.runs.flying import in_process_context

@@ -26,7 +26,7 @@ from apad_bridge.analysis.replay.series import (
 from apad_bridge.records.sample_file import KeptSample
 from apad_bridge.records.truth_lines import truth_event, truth_of
 from apad_bridge.scenario.loader import load
-from apad_bridge.scenario.water.options import Patch
+from apad_bridge.scenario.water.water_options import Patch
 from firmware_model.actions import Buoyancy
 from firmware_model.power.charge import Battery, Flow, grains
 from firmware_model.power.rails import Rail, bits

@@ -16,7 +16,7 @@ from apad_bridge.beliefs.modes import Mode
 from apad_bridge.events.mission_events import MissionState
 from apad_bridge.ros.gateway.fleet_diagnostics import diagnose
 from apad_bridge.ros_names.frames import ellipse_95
-from apad_bridge.ros_names.shown import ball_size_m
+from apad_bridge.ros_names.shown_fleet import ball_size_m
 from apad_bridge.scenario.loader import load
 from firmware_model.states import State
 

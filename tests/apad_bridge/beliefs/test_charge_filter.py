@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from scenario_files import SOUND_FILE
 
 from apad_bridge.assembly.flight_config import flight_config
-from apad_bridge.beliefs import charge_state as charge
-from apad_bridge.beliefs.charge_state import ASLEEP, CHARGING, DRAIN, PRIMARY, RATE, SECONDARY, SIZE, SWING
-from apad_bridge.beliefs.charge_state import SENSOR as BIAS
+from apad_bridge.beliefs import charge_filter as charge
+from apad_bridge.beliefs.charge_filter import ASLEEP, CHARGING, DRAIN, PRIMARY, RATE, SECONDARY, SIZE, SWING
+from apad_bridge.beliefs.charge_filter import SENSOR as BIAS
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.beliefs.spent_charge import Spent
 from apad_bridge.beliefs.twin_parameters import SensorParameters, TwinParameters, UntoldParameters

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from apad_bridge.planning.allocation import allocate, min_cost_assignment
+from apad_bridge.planning.fleet_shares import allocate, min_cost_assignment
 
 METRES = st.integers(-40, 40).map(float)
 POINTS = st.tuples(METRES, METRES)

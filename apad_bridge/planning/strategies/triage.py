@@ -25,12 +25,12 @@ from __future__ import annotations
 from math import dist, fsum
 from typing import NamedTuple
 
-from apad_bridge.planning.by_route import Blend
 from apad_bridge.planning.candidates import Candidate, Situation
 from apad_bridge.planning.costs import Scales
 from apad_bridge.planning.energy_model import EnergyModel
-from apad_bridge.planning.paper_strategies import Cautious
 from apad_bridge.planning.solution import Solution
+from apad_bridge.planning.strategies.by_route import Blend
+from apad_bridge.planning.strategies.paper_strategies import Cautious
 from apad_bridge.planning.strategy import CollectionStrategy, collect_in_order, docks_to_fill
 
 FLOOR_DISCHARGES = 4.0

@@ -18,9 +18,9 @@ from math import fsum
 from apad_bridge.planning.candidates import Candidate, Situation
 from apad_bridge.planning.costs import CostScales, Scales
 from apad_bridge.planning.explanation import Option, way_m, with_exchanges
-from apad_bridge.planning.paper_strategies import Cautious
 from apad_bridge.planning.routes import cheapest_choice
 from apad_bridge.planning.solution import Solution
+from apad_bridge.planning.strategies.paper_strategies import Cautious
 from apad_bridge.planning.strategy import CollectionStrategy, collect_in_order, docks_to_fill
 
 _MOST_EXACT = 6

@@ -19,7 +19,7 @@ from apad_bridge.commands.main import main
 from apad_bridge.planning.registry import Trust
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.nurseries import FOLDER
-from apad_bridge.runs.own_runs import code_of, is_own, mark
+from apad_bridge.runs.trusted_runs import code_of, is_own, mark
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource
 from apad_bridge.scenario.starts import starts_of
@@ -27,7 +27,7 @@ from apad_bridge.scenario.starts import starts_of
 STRATEGY = """\
 from pathlib import Path
 
-from apad_bridge.planning.paper_strategies import Greedy
+from apad_bridge.planning.strategies.paper_strategies import Greedy
 
 Path(__file__).with_name("executed").write_text("")
 

@@ -8,7 +8,7 @@ import pytest
 from scenario_files import POOL_FILE
 
 from apad_bridge.beliefs.modes import Mode
-from apad_bridge.ros_names.shown import APadTrack, ShownAMussel, apad_shape, condition_of, place_matrix
+from apad_bridge.ros_names.shown_fleet import APadTrack, ShownAMussel, apad_shape, condition_of, place_matrix
 from apad_bridge.scenario.loader import load
 from firmware_model.states import State
 

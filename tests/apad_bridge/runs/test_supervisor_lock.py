@@ -11,9 +11,9 @@ from scenario_files import POOL_FILE
 from apad_bridge.assembly.division import Member
 from apad_bridge.commands.main import main
 from apad_bridge.records.run_directory import RunDirectory
-from apad_bridge.runs.children import supervising, supervisor_of
 from apad_bridge.runs.display import MakeStatus
 from apad_bridge.runs.several.lockstep import fly_in_step
+from apad_bridge.runs.supervisor_lock import supervising, supervisor_of
 from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.starts import starts_of
@@ -37,7 +37,7 @@ def test_a_pid_that_names_another_process_now_names_nobody(tmp_path: Path) -> No
 
 def test_one_that_died_and_was_not_reaped_is_no_supervisor(tmp_path: Path) -> None:
     code = (
-        "import sys, os; from pathlib import Path; from apad_bridge.runs.children import supervising\n"
+        "import sys, os; from pathlib import Path; from apad_bridge.runs.supervisor_lock import supervising\n"
         "with supervising(Path(sys.argv[1])):\n    print('in', flush=True); os.read(0, 1); os._exit(9)"
     )
     child = subprocess.Popen(
@@ -58,7 +58,7 @@ def test_a_run_has_one_supervisor_and_the_second_leaves_the_first_one_s_name(tmp
     with supervising(tmp_path):
         named = (tmp_path / "supervisor.pid").read_text()
         code = (
-            "import sys; from pathlib import Path; from apad_bridge.runs.children import supervising\n"
+            "import sys; from pathlib import Path; from apad_bridge.runs.supervisor_lock import supervising\n"
             "with supervising(Path(sys.argv[1])):\n    print('in')"
         )
         second = subprocess.run([sys.executable, "-c", code, str(tmp_path)], capture_output=True, text=True)

@@ -6,8 +6,8 @@ from math import fsum
 
 from apad_bridge.planning.candidates import Situation
 from apad_bridge.planning.explanation import Option, with_exchanges
-from apad_bridge.planning.paper_strategies import Greedy
 from apad_bridge.planning.solution import Solution
+from apad_bridge.planning.strategies.paper_strategies import Greedy
 from apad_bridge.planning.strategy import CollectionStrategy, collect_in_order, docks_to_fill
 
 

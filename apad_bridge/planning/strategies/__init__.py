@@ -1,0 +1,1 @@
+"""The strategies that musselbed has: each chooses whom to collect, or in which order the docked ones are released."""
