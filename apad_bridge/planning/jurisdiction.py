@@ -1,8 +1,8 @@
 """Lets several aPads agree by themselves which of them serves which aMussel, over a network that loses messages.
 
 Each aPad gossips the newest state of every aPad that it knows of. Of two states of one aPad the later stamp wins, so the
-states may arrive in any order, repeatedly, or not at all. The shares are a function of these states (`fleet_shares.py`), and
-aPads that know the same compute the same.
+states may arrive in any order, repeatedly, or not at all. The shares are a function of these states (`fleet_shares.py`),
+and aPads that know the same compute the same.
 
 Shares differ for a while after a change, so a share alone permits nothing. An aPad serves an aMussel while its claim is
 granted, by the votes of a majority. A voter has one vote for each aMussel, and is bound to it until the claimer drops the
