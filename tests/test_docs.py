@@ -226,6 +226,17 @@ def test_every_key_of_a_scenario_has_its_row_with_a_meaning() -> None:
         assert found and all(it[name] for it in found for name in declared if name in it), schema
 
 
+def test_the_page_of_keys_has_their_units_and_each_module_with_a_meaning() -> None:
+    page = (ROOT / "docs/reference/scenario-keys.md").read_text()
+    # A spectral density of noise, a power for each dock, and a profile by depth: no ending alone says so.
+    assert "| `noise_db_per_hz` | dB re 1 uPa^2/Hz, " in page
+    assert "| `charging_w_per_dock` | watts a dock, " in page
+    assert "| `turbidity_ntu` | list of `[depth in metres, NTU]` |" in page
+    _, _, modules = page.partition("## board.whole.power.loads_mw\n")
+    rows = re.findall(r"^\| `\w+` \| (.*?) \|.*\| (.*?) ?\|$", modules.partition("\n## ")[0], re.MULTILINE)
+    assert len(rows) == 14 and all(values.startswith("milliwatts") and text for values, text in rows)
+
+
 def parsers(of: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:
     yield of
     for action in of._actions:

@@ -16,6 +16,8 @@ Path = Sequence[str | int]
 # Endings that name a unit, longest first, so that `_m_s` is not read as `_s`: the schema's own and common others.
 _UNITS = {
     "n_per_m2_s2": "newtons at 1 m/s",
+    "db_per_hz": "dB re 1 uPa^2/Hz",
+    "w_per_dock": "watts a dock",
     "db_per_km": "dB a kilometre",
     "w_per_n": "watts a newton",
     "m_s2": "m/s2",

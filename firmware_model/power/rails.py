@@ -26,19 +26,33 @@ class Rail(IntEnum):
     """
 
     MU_ASLEEP = 0
+    """The microcontroller asleep, with its clock."""
     MU_ACTIVE = 1
+    """The microcontroller awake, in every state that does not sleep."""
     OXYGEN = 2
+    """The oxygen sensor, on while the board samples or reports."""
     PRESSURE = 3
+    """The pressure sensor, likewise."""
     TEMPERATURE = 4
+    """The temperature sensor, likewise."""
     TURBIDITY = 5
+    """The turbidity sensor, likewise."""
     PI = 6
+    """The Raspberry Pi, on while it processes samples."""
     MODEM_LISTENING = 7
+    """The acoustic modem, ready for a packet, also of a sleeping board."""
     MODEM_RECEIVING = 8
+    """The acoustic modem for `receive_ms` of each packet that arrives, in place of listening."""
     MODEM_TRANSMITTING = 9
+    """The acoustic modem while it sends; it then receives nothing."""
     WIFI = 10
+    """The Wi-Fi, on while the board floats, reports in a dock, or waits for its release."""
     GSM = 11
+    """The mobile radio, on while the board floats."""
     BLUETOOTH = 12
+    """The Bluetooth radio, on while the board floats."""
     MOTORS = 13
+    """The motors of the buoyancy, for `motor_run_s` of each run."""
     vars().update(_further(vars()))
 
 

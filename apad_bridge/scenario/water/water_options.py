@@ -130,6 +130,8 @@ class CalmFields:
 
 @frozen
 class Fields(CalmFields):
+    """The quantities that the sensors measure, by rising depth and linear between, and patches in which they differ."""
+
     patches: tuple[Patch, ...] = ()
     """Local events in the water."""
 

@@ -313,6 +313,11 @@ def test_a_scenario_of_searched_starts_differs_in_its_starts_and_seed_alone(name
         ),
         (
             "theta: 30",
+            "theta: 30\nwater: {sound: {noise_db: 50}}",
+            "water.sound.noise_db: unknown key: did you mean noise_db_per_hz? (it is in dB re 1 uPa^2/Hz, not dB)",
+        ),
+        (
+            "theta: 30",
             "theta: 30\nwater: {wifi: {transmit_dbm: '20'}}",
             "water.wifi.transmit_dbm: must be a valid number, not '20'",
         ),
