@@ -152,6 +152,10 @@ def test_a_search_is_measured_from_the_chosen_rule_on_the_same_configurations(
         ("more", 1): 51.0,
         ("more", 2): 63.0,
         ("once", 2): 59.0,
+        # Its trial chose it, so the judged configuration counts alone.
+        ("kept", 1): 59.0,
+        ("kept", 3001): 64.0,
+        ("from 0.3", 3001): 60.0,
     }
     rows = [
         {"setting": "a cell, 80 h", "strategy": name, "seed": seed, make.UPTIME: uptime}
@@ -159,5 +163,9 @@ def test_a_search_is_measured_from_the_chosen_rule_on_the_same_configurations(
     ]
     monkeypatch.setattr(make, "archived", lambda name: rows if name == make.SEARCH else [])
     cell = judged(make, {})
-    assert {name: it.mean for name, it in make.searched(cell).items()} == {"more": 2.0, "once": -1.0}
+    assert {name: it.mean for name, it in make.searched(cell).items()} == {
+        "more": 2.0,
+        "once": -1.0,
+        "kept": 4.0,
+    }
     assert make.searched(judged(make, {}, 240)) == {}
