@@ -17,7 +17,8 @@ from apad_bridge.scenario.errors import UserError
 from apad_bridge.scenario.text_file import write_atomically
 
 _SCENARIO = """\
-# Lengths are metres north and east of the origin, durations are seconds of the mission. Every key: docs/scenarios.md
+# Lengths are metres north and east of the origin, durations are seconds of the mission.
+# Every key: docs/reference/scenario-keys.md
 name: {name}
 seed: 1
 duration_s: 1800
