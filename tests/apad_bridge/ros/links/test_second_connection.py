@@ -38,7 +38,7 @@ class Publisher:
         self._server = SimpleXMLRPCServer(("127.0.0.1", 0), logRequests=False)
         self._server.register_function(self._request_topic, "requestTopic")
         self.uri = f"http://127.0.0.1:{self._server.server_address[1]}/"
-        threading.Thread(target=self._server.serve_forever, daemon=True).start()
+        threading.Thread(target=self._server.serve_forever, args=(0.02,), daemon=True).start()
         threading.Thread(target=self._accept, daemon=True).start()
 
     def _request_topic(self, caller: str, topic: str, protocols: list[list[str]]) -> tuple[int, str, Any]:

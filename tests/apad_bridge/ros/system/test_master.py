@@ -108,7 +108,7 @@ def test_a_program_that_is_no_master_has_the_port_of_one_that_is_gone(tmp_path: 
             self.wfile.write(answer)
 
     with socketserver.ThreadingTCPServer(("127.0.0.1", 0), OtherProgram) as server:
-        threading.Thread(target=server.serve_forever).start()
+        threading.Thread(target=server.serve_forever, args=(0.02,)).start()
         uri = f"http://127.0.0.1:{server.server_address[1]}/"
         why = why_gone_of(tmp_path / "ros", uri)
         server.shutdown()
