@@ -17,8 +17,7 @@ from apad_bridge.scenario.errors import UserError
 from apad_bridge.scenario.text_file import write_atomically
 
 _SCENARIO = """\
-# Lengths are metres north and east of the origin, durations are seconds of the mission.
-# Every key: docs/reference/scenario-keys.md
+# Metres north and east of the origin, and seconds of the mission. Every key: docs/reference/scenario-keys.md
 name: {name}
 seed: 1
 duration_s: 1800
