@@ -39,6 +39,7 @@ _FINE: Floats = np.asarray(np.linspace(-0.27, 0.27, 13), np.float64)
 _NOISY_M = 0.1
 """Positions that scatter by more do not tell a stop from the begin of a motion back: there any sign of one is enough."""
 _REST_S, _LATER_S, _BACK_M = 1.0, 2.5, 0.02
+_SMALL: Floats = np.asarray(1e-9 * np.eye(4), np.float64)
 _SHAPE_LEVEL = 0.01
 """Level of the test by which one shape is told from the other."""
 _SURE, _DOUBTED = 0.001, 0.05
@@ -248,7 +249,7 @@ def _errors_at(
         columns += [after_s**2, after_s**3]
     rows = np.stack(columns, axis=-1)
     # Of a return that no position shows nothing is known: the small term keeps its part at 0.
-    products = np.swapaxes(rows, 1, 2) @ rows + 1e-9 * np.eye(len(columns))
+    products = np.swapaxes(rows, 1, 2) @ rows + _SMALL[: len(columns), : len(columns)]
     targets = np.swapaxes(rows, 1, 2) @ along_m
     slopes = np.linalg.solve(products, targets[..., None])[..., 0]
     residuals = along_m[None, :] - (rows @ slopes[..., None])[..., 0]
