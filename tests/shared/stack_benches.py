@@ -10,6 +10,7 @@ import math
 import random
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -89,6 +90,7 @@ def truly(pose: Pose, at_ms: int) -> PoseReported | None:
 GUARDS = GuardOptions(clearance_m=2.0, battery_reserve=0.1, leg_s=240.0)
 
 
+@cache
 def real_limits() -> GuardOptions:
     """The guards of the shipped scenario for a real aPad."""
     guards = load(ROOT / "launch_scripts" / "scenarios" / "real-apad.yaml").guards
@@ -96,6 +98,7 @@ def real_limits() -> GuardOptions:
     return replace(guards, clearance_m=2.0)  # its own is for wider waters than these 60 m
 
 
+@cache
 def scenario(
     generation: Generation, drift_m_s: Place = (0.0, 0.0), guards: GuardOptions = GUARDS
 ) -> Scenario:

@@ -7,9 +7,11 @@ width, and the positions go back and forth between them. The vehicle's steady mo
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from collections import deque
 from itertools import pairwise
-from statistics import fmean, linear_regression, pstdev
+from operator import mul, sub
+from statistics import fmean, pstdev
 
 from apad_bridge.vehicle.guards.guarded_orders import Point
 
@@ -50,30 +52,30 @@ def apart_m(positions: list[Position]) -> float:
     """The distance of the two places between which the positions alternate; 0 where they do not."""
     along = _along(positions)
     ordered = sorted(along)
-    _, cut = max(
-        ((after - before, (after + before) / 2) for before, after in pairwise(ordered)), default=(0.0, 0.0)
-    )
-    low, high = [it for it in along if it <= cut], [it for it in along if it > cut]
-    if min(len(low), len(high)) < LEAST_CLUSTER:
+    _, cut = max(zip(map(sub, ordered[1:], ordered), ordered, strict=False))
+    count = bisect_right(ordered, cut)
+    low, high = ordered[:count], ordered[count:]
+    if min(len(low), len(high)) < LEAST_CLUSTER or (distance_m := fmean(high) - fmean(low)) < LEAST_M:
         return 0.0
     changes = sum((one > cut) != (other > cut) for one, other in pairwise(along))
-    distance_m = fmean(high) - fmean(low)
-    width_m = max(pstdev(low), pstdev(high))
-    is_apart = distance_m >= LEAST_M and distance_m > WIDTHS * width_m
-    return distance_m if is_apart and changes >= LEAST_CHANGES else 0.0
+    is_apart = changes >= LEAST_CHANGES and distance_m > WIDTHS * max(pstdev(low), pstdev(high))
+    return distance_m if is_apart else 0.0
 
 
 def _along(positions: list[Position]) -> list[float]:
     """The positions without their steady motion, along the direction in which they scatter most."""
     seconds = [(at_ms - positions[0][0]) / 1000 for at_ms, _ in positions]
     north, east = (_without_motion(seconds, [place[axis] for _, place in positions]) for axis in (0, 1))
-    nn, ee = (math.fsum(it * it for it in one) for one in (north, east))
-    ne = math.fsum(a * b for a, b in zip(north, east, strict=True))
+    nn, ee, ne = (math.fsum(map(mul, *them)) for them in ((north, north), (east, east), (north, east)))
     angle = 0.5 * math.atan2(2 * ne, nn - ee)
-    return [a * math.cos(angle) + b * math.sin(angle) for a, b in zip(north, east, strict=True)]
+    cos, sin = math.cos(angle), math.sin(angle)
+    return [a * cos + b * sin for a, b in zip(north, east, strict=True)]
 
 
 def _without_motion(seconds: list[float], values: list[float]) -> list[float]:
     """The residuals of a line by least squares."""
-    slope, intercept = linear_regression(seconds, values)
+    mean_s, mean = math.fsum(seconds) / len(seconds), math.fsum(values) / len(values)
+    apart_s = [it - mean_s for it in seconds]
+    slope = math.fsum(map(mul, apart_s, [it - mean for it in values])) / math.fsum(map(mul, apart_s, apart_s))
+    intercept = mean - slope * mean_s
     return [v - intercept - slope * s for s, v in zip(seconds, values, strict=True)]
