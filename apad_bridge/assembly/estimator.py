@@ -1,4 +1,7 @@
-"""Builds the configuration of a scenario's estimator: the kind of board, the water, and the trust in both."""
+"""Builds the configuration of a scenario's estimator: the kind of board, the water, and the trust in both.
+
+The numbers come from the scenario's block `beliefs.twin`. Those that no scenario gives stand here; all of them are assumed.
+"""
 
 from __future__ import annotations
 
@@ -56,7 +59,9 @@ receives none, assumes that the aMussel stayed below, and repeats the permission
 _CAPACITY_DEVIATION = 0.1
 """Relative, between aMussels: a battery that holds less drains and charges faster."""
 _AGEING_PER_DAY = 0.001
+"""Relative: a drain that was learnt may be off by so much more after each day."""
 _STEADY_CURRENT_S = 3600.0
+"""The time after which a current may have turned."""
 
 
 @dataclass(frozen=True, slots=True)

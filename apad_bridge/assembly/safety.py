@@ -1,7 +1,8 @@
 """Builds the guards and the monitor of a flight's vehicle from its scenario.
 
 A guard whose limit the scenario leaves out is absent. Without a block `guards` and without a fence, only numbers are
-guarded, and that the position is known; nothing is watched between orders.
+guarded, and that the position is known; nothing is watched between orders. By the same waters it names the aMussels that
+cannot be served from where they start.
 """
 
 from __future__ import annotations
