@@ -31,13 +31,9 @@ from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.run_state import RunState
 from apad_bridge.records.sample_file import SAMPLE_KEYS, SampleFile, sample_figures
 from apad_bridge.records.samples import TruthExtrapolator, TruthSample, apad_sample, belief_sample
-from apad_bridge.records.summary import (
-    Ending,
-    amussel_figures,
-    apad_energy,
-    uptime_figures,
-)
+from apad_bridge.records.summary import Ending, apad_energy
 from apad_bridge.records.truth_lines import truth_event
+from apad_bridge.records.uptime_figures import amussel_figures, uptime_figures
 from apad_bridge.scenario.firmware_config import takes_samples
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import save_starts

@@ -33,8 +33,8 @@ from apad_bridge.events.mission_events import (
 from apad_bridge.events.person_events import Overridden, Steering
 from apad_bridge.events.run_events import RunEnded
 from apad_bridge.events.vehicle_events import APadMoved
+from apad_bridge.records.failure_counts import FailureCounts, Interruptions
 from apad_bridge.records.journal import Entry, JournalContents
-from apad_bridge.records.summary import FailureCounts, Interruptions
 from apad_bridge.records.truth_lines import truth_of
 from apad_bridge.records.uptime import UptimeMeter
 from apad_bridge.scenario.schema import Scenario

@@ -23,8 +23,8 @@ from apad_bridge.events.mission_events import MissionState
 from apad_bridge.mission.facts import PlacedSample
 from apad_bridge.planning.registry import Trust
 from apad_bridge.records.journal import Entry, JournalContents
-from apad_bridge.records.summary import uptime_figures
 from apad_bridge.records.uptime import UptimeMeter
+from apad_bridge.records.uptime_figures import uptime_figures
 from apad_bridge.runs.flying import in_process_context
 from apad_bridge.runs.several.lockstep import Join, LockstepRunner, MemberFlight
 from apad_bridge.scenario.another_apad import Sharing

@@ -34,8 +34,8 @@ from apad_bridge.planning import registry
 from apad_bridge.records.journal import JournalContents, read_journal
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.run_state import RunState
-from apad_bridge.records.summary import uptime_figures
 from apad_bridge.records.uptime import UptimeMeter
+from apad_bridge.records.uptime_figures import uptime_figures
 from apad_bridge.runs.in_memory import MemoryRecorder, mission_figures, open_lockstep
 from apad_bridge.runs.several.lockstep import Exchange, LockstepRunner, MemberFlight
 from apad_bridge.runs.start_state import find_resume_point, with_apad_as_seen

@@ -9,8 +9,8 @@ from agents.time_scale import MissionMs
 from apad_bridge.assembly.capacity_bounds import battery_worth_min
 from apad_bridge.events.mission_events import MissionState
 from apad_bridge.events.run_events import EndReason
-from apad_bridge.records.summary import uptime_figures
 from apad_bridge.records.uptime import UptimeMeter
+from apad_bridge.records.uptime_figures import uptime_figures
 from apad_bridge.scenario.firmware_config import takes_samples
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.world.apad.power import Ledger

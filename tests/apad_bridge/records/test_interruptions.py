@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from apad_bridge.events.all_events import event_of
-from apad_bridge.records.summary import Interruptions
+from apad_bridge.records.failure_counts import Interruptions
 
 STOP, CONTINUE = ("operator", {"order": "stop", "by": "x"}), ("operator", {"order": "continue", "by": "x"})
 TAKEN, BACK = ("override", {"taken": True, "by": "person"}), ("override", {"taken": False, "by": "person"})

@@ -30,7 +30,8 @@ from apad_bridge.records.journal import read_journal
 from apad_bridge.records.recorder import DAY_MS, Recorder, RecordsFailed
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.sample_file import SampleFile
-from apad_bridge.records.summary import AMUSSEL, SUMMARY, Ending
+from apad_bridge.records.summary import SUMMARY, Ending
+from apad_bridge.records.uptime_figures import AMUSSEL
 from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.starts import read_starts

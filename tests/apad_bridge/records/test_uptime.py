@@ -11,8 +11,8 @@ from agents.mussel.physical import Physical
 from agents.time_scale import TimeScale
 from apad_bridge.events.fleet_events import Presence
 from apad_bridge.records.sample_file import sample_figures
-from apad_bridge.records.summary import uptime_figures
 from apad_bridge.records.uptime import AgentUptime, UptimeMeter
+from apad_bridge.records.uptime_figures import uptime_figures
 from firmware_model.actions import Buoyancy
 from firmware_model.power.charge import FULL, Battery, ChargeModel, Flow, grains
 from firmware_model.states import State

@@ -15,9 +15,10 @@ from apad_bridge.events.all_events import event_of
 from apad_bridge.events.mission_events import MissionEnd, StepGivenUp, Stuck
 from apad_bridge.events.run_events import EndReason
 from apad_bridge.events.vehicle_events import DocksDisagree
+from apad_bridge.records.failure_counts import FailureCounts
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
-from apad_bridge.records.summary import Ending, FailureCounts
+from apad_bridge.records.summary import Ending
 from apad_bridge.runs.display import line_of
 from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.runs.progress import FlightProgress

@@ -11,7 +11,7 @@ from journals import facts_of
 
 from apad_bridge.assembly import flight_parts
 from apad_bridge.assembly.safety import LegEnergy, safety_of
-from apad_bridge.records.summary import FailureCounts
+from apad_bridge.records.failure_counts import FailureCounts
 from apad_bridge.runs.in_memory import MemoryRecorder, open_flight
 from apad_bridge.scenario.cross_checks import contradictions, warnings
 from apad_bridge.scenario.guard_options import GuardOptions

@@ -14,7 +14,7 @@ from agents.mussel.outputs import Truth
 from apad_bridge.assembly import fleet_parts, flight_parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.records.samples import TruthExtrapolator
-from apad_bridge.records.summary import uptime_figures
+from apad_bridge.records.uptime_figures import uptime_figures
 from apad_bridge.runs.in_memory import MemoryRecorder
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario

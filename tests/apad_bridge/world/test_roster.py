@@ -25,7 +25,7 @@ from apad_bridge.events.fleet_events import Presence, PresenceChanged
 from apad_bridge.events.mission_events import MissionChanged, Phase
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
-from apad_bridge.records.summary import uptime_figures
+from apad_bridge.records.uptime_figures import uptime_figures
 from apad_bridge.runs.in_memory import MemoryRecorder
 from apad_bridge.runs.start_state import StartState
 from apad_bridge.scenario.loader import from_data, load, resolve

@@ -49,8 +49,8 @@ from apad_bridge.assembly import fleet_parts, flight_parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.field.battery_fit.battery_fit import BatteryFit, along, fit_log
 from apad_bridge.field.battery_fit.battery_log import LogFormat, read_log
-from apad_bridge.records.summary import uptime_figures
 from apad_bridge.records.uptime import UptimeMeter
+from apad_bridge.records.uptime_figures import uptime_figures
 from apad_bridge.runs.flying import in_process_context
 from apad_bridge.runs.in_memory import mission_figures
 from apad_bridge.scenario.loader import from_data, load, resolve

@@ -7,7 +7,7 @@ from random import Random
 from typing import Any
 
 from apad_bridge.mission.script_values import Refused
-from apad_bridge.records.summary import uptime_figures
+from apad_bridge.records.uptime_figures import uptime_figures
 from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.scenario.loader import from_data, resolve
 from apad_bridge.scenario.schema import Scenario
