@@ -303,41 +303,50 @@ def files_of_at_most(size):
 
 ROOM_IN_INDEX = 200
 """More bytes than the index at the end of a bag has for a chunk."""
-LARGE_FLEET = range(300)
+LARGE_FLEET = 300
 """So many aMussels that a chunk is longer than a file's buffer, and a full disk shows while the chunk is written."""
 
 
+def write_fleet(bag, count):
+    truths = [TRUTH._replace(agent_id=it, primary=1 / (it + 1), north_m=1 / (it + 2)) for it in range(count)]
+    for tick in range(250):
+        bag.sample(1000 * tick, truths, [BELIEF], APAD)
+
+
+@pytest.fixture(scope="module")
+def references(tmp_path_factory):
+    """Whole bags and what they hold, by the sizes of their fleets."""
+    written = {}
+    for count in (1, LARGE_FLEET):
+        bag = BagWriter(tmp_path_factory.mktemp("whole") / "run.bag", TimeScale(30))
+        write_fleet(bag, count)
+        bag.close()
+        written[count] = bag.path, read(bag.path)
+    return written
+
+
 @settings(max_examples=20, deadline=None)
-@given(percent=st.integers(0, 100), fleet=st.sampled_from([range(1), LARGE_FLEET]))
+@given(percent=st.integers(0, 100), count=st.sampled_from([1, LARGE_FLEET]))
 def test_a_full_disk_leaves_a_bag_that_opens_with_all_chunks_for_which_there_is_room(
-    tmp_path_factory, percent, fleet
+    tmp_path_factory, references, percent, count
 ):
-    truths = [TRUTH._replace(agent_id=it, primary=1 / (it + 1), north_m=1 / (it + 2)) for it in fleet]
-
-    def write(bag):
-        for tick in range(250):
-            bag.sample(1000 * tick, truths, [BELIEF], APAD)
-
-    tmp_path = tmp_path_factory.mktemp("full")
-    reference = BagWriter(tmp_path / "whole.bag", TimeScale(30))
-    write(reference)
-    reference.close()
-    bag = BagWriter(tmp_path / "run.bag", TimeScale(30))
+    reference, whole = references[count]
+    bag = BagWriter(tmp_path_factory.mktemp("full") / "run.bag", TimeScale(30))
     smallest = bag.path.stat().st_size + 20_000  # the header, and an index without chunks
-    limit = smallest + (reference.path.stat().st_size - smallest) * percent // 100
+    limit = smallest + (reference.stat().st_size - smallest) * percent // 100
     with files_of_at_most(limit):
         try:
-            write(bag)
+            write_fleet(bag, count)
             bag.close()
             failed = False
         except OSError:
             failed = True
         with suppress(OSError):
             bag.close()
-    kept, whole = read(bag.path), read(reference.path)
+    kept = read(bag.path)
     assert [(topic, stamp) for topic, stamp, _ in kept] == [it[:2] for it in whole[: len(kept)]]
     assert failed is (len(kept) < len(whole))
-    with Reader(reference.path) as reader:
+    with Reader(reference) as reader:
         places = [chunk.pos for chunk in reader.chunk_infos]
     longest = max(end - begin for begin, end in pairwise(places))
     assert not failed or bag.path.stat().st_size > limit - longest - ROOM_IN_INDEX
