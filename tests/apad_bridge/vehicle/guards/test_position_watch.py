@@ -346,7 +346,7 @@ def test_a_tick_of_ours_that_is_late_is_no_step_of_the_vehicles_stamps(late_ms: 
     assert "its stamps went ahead by 4.0 s" in watch.fault(60_000)
 
 
-@pytest.mark.parametrize("creep_ppm", [-50, 0, 50])
+@pytest.mark.parametrize("creep_ppm", [-50, 50])
 def test_a_link_that_loses_packets_is_no_growing_delay(creep_ppm: int) -> None:
     """Ten hours at 10 Hz: one packet in 20 is lost, each of its repetitions too, after 0.2, 0.4, 0.8 s, and order is kept.
 
