@@ -67,13 +67,13 @@ class Locator:
             self.dropped[f"no fix: {reason}"] += 1
             return None
         return PlaceFixed(
-            taken.agent_id,
-            solution.north_m,
-            solution.east_m,
-            list(solution.covariance),
-            solution.hdop,
-            math.sqrt(math.fsum(it * it for it in solution.residuals_m) / used),
-            used,
+            id=taken.agent_id,
+            north_m=solution.north_m,
+            east_m=solution.east_m,
+            covariance=list(solution.covariance),
+            hdop=solution.hdop,
+            residual_m=math.sqrt(math.fsum(it * it for it in solution.residuals_m) / used),
+            ranges=used,
         )
 
     def remember(self, taken: RangeTaken) -> None:

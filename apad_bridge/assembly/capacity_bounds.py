@@ -150,7 +150,19 @@ def bounds_of(
     mission_s = scenario.duration_s if duration_s is None else duration_s
     minutes = scenario.time_scale.agent_time(mission_s) / 60
     if not amussels or not minutes:
-        return Bounds(amussels, docks, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, None, None, None)
+        return Bounds(
+            amussels=amussels,
+            docks=docks,
+            uptime_percent=0.0,
+            active=0.0,
+            samples=0.0,
+            sustained=0.0,
+            sustained_from_empty=0.0,
+            uptime_for_ever_percent=0.0,
+            timed_uptime_percent=None,
+            timed_uptime_for_ever_percent=None,
+            cycles_per_apad_charge=None,
+        )
     active = fmean(active_minutes(fleet, minutes, docks) for fleet in fleets) / minutes
     each = [rates for fleet in fleets for rates in fleet]
     timed = timed_for_ever = None
@@ -159,19 +171,21 @@ def bounds_of(
         timed = 100 * fmean(active_minutes(it, minutes, docks) for it in asleep) / minutes / amussels
         timed_for_ever = _for_ever_percent(asleep[0], docks)
     return Bounds(
-        amussels,
-        docks,
-        100 * active / amussels,
-        active,
-        _samples(
+        amussels=amussels,
+        docks=docks,
+        uptime_percent=100 * active / amussels,
+        active=active,
+        samples=_samples(
             scenario, min(active, fmean(_sampling_minutes(it, minutes) for it in fleets) / minutes), mission_s
         ),
-        docks / fmean(it.drain / (it.charge + it.drain) for it in each),
-        docks / fmean(it.drain / (1 / it.full_charge_min + it.drain) for it in each),
-        _for_ever_percent(fleets[0], docks),
-        timed,
-        timed_for_ever,
-        _cycles_per_apad_charge(scenario, fmean(it.full_charge_min for it in each), amussels),
+        sustained=docks / fmean(it.drain / (it.charge + it.drain) for it in each),
+        sustained_from_empty=docks / fmean(it.drain / (1 / it.full_charge_min + it.drain) for it in each),
+        uptime_for_ever_percent=_for_ever_percent(fleets[0], docks),
+        timed_uptime_percent=timed,
+        timed_uptime_for_ever_percent=timed_for_ever,
+        cycles_per_apad_charge=_cycles_per_apad_charge(
+            scenario, fmean(it.full_charge_min for it in each), amussels
+        ),
     )
 
 
@@ -258,7 +272,15 @@ def rates_of(scenario: Scenario, *, skips_wakes: bool = False) -> list[Rates]:
             _gain_from_empty(board, docked, sinking_cost + drain * down_min, away_min),
         )
         found.append(
-            Rates(start.primary + unspent, drain, gain, _full_min(per_min), gain_away, down_min, gain_held)
+            Rates(
+                start=start.primary + unspent,
+                drain=drain,
+                charge=gain,
+                full_charge_min=_full_min(per_min),
+                charge_away=gain_away,
+                down_min=down_min,
+                charge_held=gain_held,
+            )
         )
     return found
 

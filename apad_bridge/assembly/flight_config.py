@@ -70,14 +70,16 @@ def flight_config(scenario: Scenario, trust: Trust | None = None) -> FlightConfi
         modem=modems,
     )
     return FlightConfig(
-        scenario,
-        board,
-        body,
-        reports,
-        None if water is None else SeaConfig(scenario.seed, water.sound, water.wifi, body.sinking, modems),
-        None if water is None else acoustics_config(scenario, water, board.whole),
-        twin_config(scenario, board, body, reports),
-        trust,
+        scenario=scenario,
+        board=board,
+        body=body,
+        reports=reports,
+        sea=None
+        if water is None
+        else SeaConfig(scenario.seed, water.sound, water.wifi, body.sinking, modems),
+        acoustics=None if water is None else acoustics_config(scenario, water, board.whole),
+        twin=twin_config(scenario, board, body, reports),
+        trust=trust,
     )
 
 

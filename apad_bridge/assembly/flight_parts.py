@@ -129,15 +129,15 @@ def ranging_service(config: FlightConfig) -> RangingService | None:
         return None
     codec, localisation = codec_of(config.scenario), water.localisation
     return RangingService(
-        AcousticScheduler(
+        scheduler=AcousticScheduler(
             acoustics.schedule, codec, config.timeslots, config.scenario.fleet.all_ids, served=config.ids
         ),
-        None if localisation is None else Locator(localisation, depth_m),
-        water.sound.keel_m,
-        depth_m,
-        1.0 if localisation is None else localisation.deviation_m,
-        acoustics.places,
-        acoustics.charges,
+        locator=None if localisation is None else Locator(localisation, depth_m),
+        keel_m=water.sound.keel_m,
+        depth_m=depth_m,
+        deviation_m=1.0 if localisation is None else localisation.deviation_m,
+        places=acoustics.places,
+        charges=acoustics.charges,
     )
 
 
@@ -196,14 +196,14 @@ def supervisor(
         first_failure=None if point is None else point.first_failure,
     )
     return Supervisor(
-        scenario,
-        learned,
-        mission,
-        port,
-        codec_of(scenario),
-        samples or NoSampleCollection(),
-        context.stands_down,
-        context.safety.gate,
+        scenario=scenario,
+        learned=learned,
+        mission=mission,
+        port=port,
+        codec=codec_of(scenario),
+        samples=samples or NoSampleCollection(),
+        stands_down=context.stands_down,
+        gate=context.safety.gate,
     )
 
 

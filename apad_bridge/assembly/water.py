@@ -131,15 +131,15 @@ def _waters(fields: Fields, key: str) -> QuantityWater:
     layers = tuple((round(depth_m * 1e6), value) for depth_m, value in getattr(fields, key))
     patches = tuple(
         WaterPatch(
-            core,
-            round(patch.begins_s * 1000),
-            round(patch.growing_s * 1000),
-            round(patch.place_m[0] * 1e6),
-            round(patch.place_m[1] * 1e6),
-            round(patch.drift_m_s[0] * 1e6),
-            round(patch.drift_m_s[1] * 1e6),
-            round(patch.radius_m * 1e6),
-            round(patch.from_depth_m * 1e6),
+            core=core,
+            begins_ms=round(patch.begins_s * 1000),
+            growing_ms=round(patch.growing_s * 1000),
+            north_um=round(patch.place_m[0] * 1e6),
+            east_um=round(patch.place_m[1] * 1e6),
+            north_um_s=round(patch.drift_m_s[0] * 1e6),
+            east_um_s=round(patch.drift_m_s[1] * 1e6),
+            radius_um=round(patch.radius_m * 1e6),
+            from_depth_um=round(patch.from_depth_m * 1e6),
         )
         for patch in fields.patches
         if (core := getattr(patch, key)) is not None

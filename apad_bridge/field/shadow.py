@@ -279,7 +279,9 @@ class Shadow:
         if is_due and place_m is not None and charge is not None:
             state = State.CHARGING if agent_id in self._docked else State.FLOATING
             stamp_ms = self._scale.agent_ms(self._now_ms)
-            self._hear(StatusPacket(agent_id, 0, state, charge, 1.0, *place_m, 0.0, stamp_ms))
+            self._hear(
+                StatusPacket(agent_id, 0, state, charge, 1.0, *place_m, depth_m=0.0, agent_ms=stamp_ms)
+            )
 
     def _of_others(self, told: BeliefsReport) -> None:
         """A supervisor's fresh belief is what the packet said; nothing else of it counts here."""
@@ -290,7 +292,11 @@ class Shadow:
             stamp_ms = round(self._scale.agent_time(told.mission_ms - 1000 * float(row.age_s)))
             charge, secondary = (min(1.0, max(0.0, float(it))) for it in (row.charge, row.secondary))
             place_m = row.north, row.east
-            self._hear(StatusPacket(row.id, 0, State(row.state), charge, secondary, *place_m, 0.0, stamp_ms))
+            self._hear(
+                StatusPacket(
+                    row.id, 0, State(row.state), charge, secondary, *place_m, depth_m=0.0, agent_ms=stamp_ms
+                )
+            )
 
     # What they do.
 
@@ -434,7 +440,9 @@ class Shadow:
     ) -> Situation:
         rules, now_ms = self._mission, self._now_ms
         sea = self._legs.at(now_ms, rules.speed_m_s) if rules.costs.flow else None
-        return situation_of(self._state, place_m, beliefs, now_ms, others, self._model, leaving, sea)
+        return situation_of(
+            self._state, place_m, beliefs, now_ms, others, self._model, leaving=leaving, sea=sea
+        )
 
     def _collection_steps(
         self, place_m: Place, pool: Sequence[Belief], count: int, leaving: Sequence[Belief] = ()

@@ -154,13 +154,13 @@ class RunPicture:
             low, high = belief.low, belief.high
             views.append(
                 AMusselView(
-                    agent_id,
-                    place.north_m,
-                    place.east_m,
-                    belief.state,
-                    is_docked,
-                    belief.charge,
-                    None if low is None or high is None else high - low,
+                    agent_id=agent_id,
+                    north_m=place.north_m,
+                    east_m=place.east_m,
+                    state=belief.state,
+                    is_docked=is_docked,
+                    fraction=belief.charge,
+                    spread=None if low is None or high is None else high - low,
                 )
             )
         return views

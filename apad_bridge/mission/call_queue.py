@@ -131,13 +131,13 @@ class CallQueue:
             Snapshot()
             if manual is None
             else Snapshot(
-                manual.goto,
-                manual.docking,
-                manual.goto_orders,
-                manual.docking_orders,
-                manual.metres_to_go,
-                manual.failure,
-                manual.paused,
+                goto=manual.goto,
+                docking=manual.docking,
+                goto_order=manual.goto_orders,
+                docking_order=manual.docking_orders,
+                goto_m=manual.metres_to_go,
+                failure=manual.failure,
+                paused=manual.paused,
             )
         )
         with self._lock:

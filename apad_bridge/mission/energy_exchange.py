@@ -87,7 +87,13 @@ class EnergyExchange(OrderBook):
         self._sink_reminders = SinkReminders(round(config.permission_repeat_s * 1000))
         self._breakdown = Breakdown(STUCK_AFTER)
         self._collecting = Collecting(
-            self, beliefs, self._planner, self._reach, self.docking_routine, self._finish_step, self._give_up
+            self,
+            beliefs,
+            self._planner,
+            self._reach,
+            self.docking_routine,
+            self._finish_step,
+            give_up=self._give_up,
         )
         self._home = GoingHome(self, self._planner, home, end_by, self._next_step, self._end)
         self._behaviours = {

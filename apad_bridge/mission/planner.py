@@ -214,7 +214,7 @@ class Planner:
                 situation,
                 self.config.costs,
                 self._rules.collection,
-                pairs + taken,
+                exchanged=pairs + taken,
             )
         )
         self._book.set(plan=flown.steps)
@@ -232,7 +232,9 @@ class Planner:
         name, strategy = self.config.redeployment, self._rules.redeployment
         with self._planning(name):
             solution = checked_plan(name, lambda: strategy.plan(situation), situation, StepKind.DEPLOY)
-        self._book.emit(plan_event("redeploy", name, solution, situation, self.config.costs, strategy, taken))
+        self._book.emit(
+            plan_event("redeploy", name, solution, situation, self.config.costs, strategy, exchanged=taken)
+        )
         self._book.set(plan=solution.steps)
 
     def settle_places(self) -> None:
@@ -276,7 +278,9 @@ class Planner:
         leaving: Iterable[Belief] = (),
     ) -> Situation:
         sea, model = self._reach.sea(self.config, now_ms), self._rules.model
-        return situation_of(self._state, self._book.here, beliefs, now_ms, others, model, leaving, sea)
+        return situation_of(
+            self._state, self._book.here, beliefs, now_ms, others, model, leaving=leaving, sea=sea
+        )
 
     def _others_than(self, known: Iterable[Belief]) -> list[Belief]:
         """The beliefs about the rest of the fleet that may be served some time; the docked ones too."""

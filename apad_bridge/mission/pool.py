@@ -142,8 +142,8 @@ def situation_of(
             it.primary,
             it.secondary,
             *home_m,
-            held.get(it.agent_id),
-            unserved_s,
+            dock_index=held.get(it.agent_id),
+            unserved_s=unserved_s,
             is_served=it.agent_id in released_ms,
             reported=it.reported,
         )
@@ -152,10 +152,10 @@ def situation_of(
     taken = set(held.values()) - {held[it.agent_id] for it in leaving}
     return Situation(
         *place_m,
-        tuple(map(candidate, beliefs)),
-        tuple(dock_index for dock_index in range(state.dock_count) if dock_index not in taken),
-        tuple(candidate(it) for it in others if it.state not in BEYOND_HELP),
-        model,
-        tuple(map(candidate, leaving)),
-        sea,
+        candidates=tuple(map(candidate, beliefs)),
+        free_docks=tuple(dock_index for dock_index in range(state.dock_count) if dock_index not in taken),
+        others=tuple(candidate(it) for it in others if it.state not in BEYOND_HELP),
+        model=model,
+        leaving=tuple(map(candidate, leaving)),
+        sea=sea,
     )

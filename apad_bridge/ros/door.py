@@ -50,18 +50,18 @@ def _sample(at_s: float, wall_s: float, message: Any) -> PositionSample:
         return float(value)
 
     return PositionSample(
-        at_s,
-        message.header.seq,
-        message.position.north,
-        message.position.east,
-        getattr(message, "status", 0),
-        number("position_variance.north"),
-        number("position_variance.east"),
-        number("orientation.yaw"),
-        message.header.stamp.to_sec(),
-        wall_s,
-        (number("origin.latitude"), number("origin.longitude")),
-        (number("global_position.latitude"), number("global_position.longitude")),
+        at_s=at_s,
+        sequence=message.header.seq,
+        north_m=message.position.north,
+        east_m=message.position.east,
+        status=getattr(message, "status", 0),
+        north_variance_m2=number("position_variance.north"),
+        east_variance_m2=number("position_variance.east"),
+        yaw_rad=number("orientation.yaw"),
+        stamp_s=message.header.stamp.to_sec(),
+        wall_s=wall_s,
+        origin_deg=(number("origin.latitude"), number("origin.longitude")),
+        global_deg=(number("global_position.latitude"), number("global_position.longitude")),
     )
 
 

@@ -119,17 +119,17 @@ class FollowedRun:
         """A docked aMussel is where the aPad is."""
         is_docked = event.id in self.state.docks
         return ShownAMussel(
-            event.id,
-            event.state,
-            event.likely_mode,
-            event.charge,
-            event.secondary,
-            self._place_of_docked(is_docked) or (event.north_m, event.east_m),
-            0.0 if is_docked else (event.reported or {}).get("depth_m", 0.0),
-            event.place_cov,
-            event.heard,
-            self._believed_ms[event.id],
-            is_docked,
+            agent_id=event.id,
+            state=event.state,
+            mode=event.likely_mode,
+            charge=event.charge,
+            secondary=event.secondary,
+            place_m=self._place_of_docked(is_docked) or (event.north_m, event.east_m),
+            depth_m=0.0 if is_docked else (event.reported or {}).get("depth_m", 0.0),
+            place_cov=event.place_cov,
+            heard_ms=event.heard,
+            at_ms=self._believed_ms[event.id],
+            is_docked=is_docked,
         )
 
     def _place_of_docked(self, is_docked: bool) -> PlaceM | None:

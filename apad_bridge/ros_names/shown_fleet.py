@@ -158,7 +158,13 @@ class ShownAMussel:
             size_m = (max(disc.length_m, _DISC_M), max(disc.width_m, _DISC_M), _DISC_M)
             clear = (*colour[:3], _DISC_ALPHA)
             yield MarkerShape(
-                "place_95", self.agent_id, MarkerKind.CYLINDER, at, size_m, clear, disc.attitude
+                group="place_95",
+                number=self.agent_id,
+                kind=MarkerKind.CYLINDER,
+                at=at,
+                size_m=size_m,
+                colour=clear,
+                attitude=disc.attitude,
             )
 
 
@@ -170,7 +176,9 @@ def condition_of(it: ShownAMussel | None, now_ms: int, rules: Mission) -> tuple[
 def apad_shape(at: Vector, attitude: Quaternion, ball_m: float) -> MarkerShape:
     """An arrow along its heading, three balls long."""
     size_m = (3 * ball_m, 0.6 * ball_m, 0.6 * ball_m)
-    return MarkerShape("apad", 0, MarkerKind.ARROW, at, size_m, _AMBER, attitude)
+    return MarkerShape(
+        group="apad", number=0, kind=MarkerKind.ARROW, at=at, size_m=size_m, colour=_AMBER, attitude=attitude
+    )
 
 
 def ball_size_m(area: Area) -> float:

@@ -41,18 +41,18 @@ class RunStatus:
         beliefs = [it for it in supervisor.beliefs.all() if it.agent_id not in allocation.served_elsewhere]
         state = supervisor.mission.state
         return cls(
-            now_ms,
-            state.phase_text(supervisor.mission.unheard),
-            supervisor.primitive,
-            len(beliefs),
-            sum(b.state not in DOCKED and b.primary > 0 for b in beliefs),
-            tuple(agent_id for _, agent_id in sorted(state.docked)),
-            state.services,
-            state.cost_m,
-            None if supervisor.battery is None else supervisor.battery.fraction,
-            behind_s,
-            forecast,
-            "" if supervisor.stop is None else f"{supervisor.stop.kind} by {supervisor.stop.by}",
+            now_ms=now_ms,
+            phase=state.phase_text(supervisor.mission.unheard),
+            primitive=supervisor.primitive,
+            agents=len(beliefs),
+            active=sum(b.state not in DOCKED and b.primary > 0 for b in beliefs),
+            docked=tuple(agent_id for _, agent_id in sorted(state.docked)),
+            services=state.services,
+            cost_m=state.cost_m,
+            apad_fraction=None if supervisor.battery is None else supervisor.battery.fraction,
+            behind_s=behind_s,
+            forecast=forecast,
+            stopped="" if supervisor.stop is None else f"{supervisor.stop.kind} by {supervisor.stop.by}",
         )
 
     @classmethod
@@ -61,15 +61,15 @@ class RunStatus:
         if apads == 1:
             return each[0]
         return cls(
-            min(it.now_ms for it in each),
-            f"{apads} aPads",
-            "",
-            sum(it.agents for it in each),
-            sum(it.active for it in each),
-            tuple(agent_id for it in each for agent_id in it.docked),
-            sum(it.services for it in each),
-            fsum(it.cost_m for it in each),
-            None,
-            max(it.behind_s for it in each),
+            now_ms=min(it.now_ms for it in each),
+            phase=f"{apads} aPads",
+            primitive="",
+            agents=sum(it.agents for it in each),
+            active=sum(it.active for it in each),
+            docked=tuple(agent_id for it in each for agent_id in it.docked),
+            services=sum(it.services for it in each),
+            cost_m=fsum(it.cost_m for it in each),
+            apad_fraction=None,
+            behind_s=max(it.behind_s for it in each),
             stopped=", ".join(it.stopped for it in each if it.stopped),
         )

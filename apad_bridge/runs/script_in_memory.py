@@ -45,11 +45,11 @@ def fly_script(
     end = flight.run()
     command_source.join()
     return ScriptFlight(
-        str(end),
-        end.reason,
-        flight.now_ms / 1000,
-        tuple(messages),
-        tuple(recorder.journal.entries),
-        flight.supervisor.mission.state,
-        command_source.error,
+        ended_by=str(end),
+        end_reason=end.reason,
+        mission_s=flight.now_ms / 1000,
+        said=tuple(messages),
+        events=tuple(recorder.journal.entries),
+        state=flight.supervisor.mission.state,
+        error=command_source.error,
     )

@@ -58,13 +58,13 @@ def find_resume_point(state: RunState, epoch: int, gap_ms: int) -> ResumePoint:
         raise PeerFailed("this run has ended: nothing to resume")
     return ResumePoint(
         # The journal's last line may lie between two ticks.
-        MissionMs((state.last_ms + gap_ms) // TICK_MS * TICK_MS),
-        state.mission,
-        epoch,
-        state.battery_at_start,
-        state.first_failure,
-        state.stops,
-        state.steering,
+        now_ms=MissionMs((state.last_ms + gap_ms) // TICK_MS * TICK_MS),
+        state=state.mission,
+        epoch=epoch,
+        apad_fraction_at_start=state.battery_at_start,
+        first_failure=state.first_failure,
+        stops=state.stops,
+        steering=state.steering,
     )
 
 

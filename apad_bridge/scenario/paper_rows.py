@@ -39,10 +39,50 @@ class PaperRow:
 
 
 PAPER = (
-    PaperRow("Cautious", "pool-12", "cautious", 12, 74.37, 87.38, 59.88, 307.1746, 8.9243),
-    PaperRow("Greedy", "pool-12", "greedy", 12, 72.27, 87.16, 42.84, 247.8026, 8.9495),
-    PaperRow("Greedy (bay)", "bay-24", "greedy", 24, 71.98, 90.31, 31.18, 186.4318, 16.2368),
-    PaperRow("No charging", "pool-12", "none", 12, 67.36, 79.56, 56.64, 0.0, 8.0837),
+    PaperRow(
+        name="Cautious",
+        scenario="pool-12",
+        collection="cautious",
+        amussels=12,
+        mean=74.37,
+        max=87.38,
+        min=59.88,
+        cost_m=307.1746,
+        active_mean=8.9243,
+    ),
+    PaperRow(
+        name="Greedy",
+        scenario="pool-12",
+        collection="greedy",
+        amussels=12,
+        mean=72.27,
+        max=87.16,
+        min=42.84,
+        cost_m=247.8026,
+        active_mean=8.9495,
+    ),
+    PaperRow(
+        name="Greedy (bay)",
+        scenario="bay-24",
+        collection="greedy",
+        amussels=24,
+        mean=71.98,
+        max=90.31,
+        min=31.18,
+        cost_m=186.4318,
+        active_mean=16.2368,
+    ),
+    PaperRow(
+        name="No charging",
+        scenario="pool-12",
+        collection="none",
+        amussels=12,
+        mean=67.36,
+        max=79.56,
+        min=56.64,
+        cost_m=0.0,
+        active_mean=8.0837,
+    ),
 )
 _ALSO = {("demo", "cautious"): "pool-12", ("no-charging", "none"): "pool-12"}
 """Other scenarios that fly a row."""

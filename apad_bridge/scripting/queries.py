@@ -329,13 +329,13 @@ class Queries:
         belief = self._belief(mission, id)
         dock_index = mission.docks.index(id) if id in mission.docks else None
         return Agent(
-            id,
-            belief.state.name,
-            belief.primary,
-            belief.secondary,
-            self._located(belief.north_m, belief.east_m),
-            (mission.now_ms - belief.heard_ms) / 1000,
-            None if dock_index is None else dock_of(dock_index),
+            id=id,
+            state=belief.state.name,
+            battery=belief.primary,
+            secondary=belief.secondary,
+            location=self._located(belief.north_m, belief.east_m),
+            age_s=(mission.now_ms - belief.heard_ms) / 1000,
+            dock=None if dock_index is None else dock_of(dock_index),
         )
 
 

@@ -98,13 +98,13 @@ def phases_of(plan: StudyPlan, rows: Sequence[Row]) -> list[SizedFlights]:
             values: dict[str, Any] = dict(setting.parameters)
             found.append(
                 SizedFlights(
-                    strategy,
-                    values["fleet.count"],
-                    round(fmean(values["fleet.start"]["charge"]), 6),
-                    len(own),
-                    sum(row["dead_late_h"] == 0 for row in own),
-                    fmean(row["uptime_paper_mean"] for row in own),
-                    fmean(row["dead_late_h"] for row in own),
+                    strategy=strategy,
+                    amussels=values["fleet.count"],
+                    start_charge=round(fmean(values["fleet.start"]["charge"]), 6),
+                    flown=len(own),
+                    held=sum(row["dead_late_h"] == 0 for row in own),
+                    uptime_percent=fmean(row["uptime_paper_mean"] for row in own),
+                    dead_late_h=fmean(row["dead_late_h"] for row in own),
                 )
             )
     return found
@@ -149,13 +149,13 @@ def diagram_of(scenario: Scenario, seeds: Sequence[int], trust: Trust | None = N
             flights.append(fly(seeded, Model.EVENT_DRIVEN, trust))
         found.append(
             SizedFlights(
-                scenario.mission.collection,
-                len(scenario.fleet.ids),
-                mean,
-                len(flights),
-                sum(it.dead_late_h == 0 for it in flights),
-                fmean(it.uptime_paper_mean for it in flights),
-                fmean(it.dead_late_h for it in flights),
+                strategy=scenario.mission.collection,
+                amussels=len(scenario.fleet.ids),
+                start_charge=mean,
+                flown=len(flights),
+                held=sum(it.dead_late_h == 0 for it in flights),
+                uptime_percent=fmean(it.uptime_paper_mean for it in flights),
+                dead_late_h=fmean(it.dead_late_h for it in flights),
             )
         )
     return found

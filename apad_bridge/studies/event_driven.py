@@ -187,13 +187,13 @@ class TruthfulReports(HoldLast):
             north_um += north_to - north_from
             east_um += east_to - east_from
         return Belief(
-            truth.agent_id,
-            now_ms,
-            truth.state,
-            _as_sent(charge.charge_at(physical.primary, agent_ms)),
-            _as_sent(charge.charge_at(physical.secondary, agent_ms)),
-            round(north_um / 1e6 * 100) / 100,
-            round(east_um / 1e6 * 100) / 100,
+            agent_id=truth.agent_id,
+            heard_ms=now_ms,
+            state=truth.state,
+            primary=_as_sent(charge.charge_at(physical.primary, agent_ms)),
+            secondary=_as_sent(charge.charge_at(physical.secondary, agent_ms)),
+            north_m=round(north_um / 1e6 * 100) / 100,
+            east_m=round(east_um / 1e6 * 100) / 100,
         )
 
 

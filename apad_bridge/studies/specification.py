@@ -251,7 +251,15 @@ def plan_of(data: Any, source: str, directory: Path, trust: registry.Trust | Non
     if len(set(labels)) < len(labels):
         raise ScenarioError([f"{source}: scenarios: two of them have the same name: rename one"])
     seeds = tuple(range(1, study.seeds + 1)) if isinstance(study.seeds, int) else study.seeds
-    return StudyPlan(study, tuple(settings), names, tuple(rows), seeds, tuple(scenarios), trust)
+    return StudyPlan(
+        study=study,
+        settings=tuple(settings),
+        strategies=names,
+        scenarios=tuple(rows),
+        seeds=seeds,
+        named=tuple(scenarios),
+        trust=trust,
+    )
 
 
 def with_seeds(plan: StudyPlan, seeds: int) -> StudyPlan:

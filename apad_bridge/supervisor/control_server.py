@@ -168,7 +168,15 @@ def _told(stop: StopRecord, steers: str) -> Answer:
     after_s = {state.value: (at - stop.ordered_ms) / 1000 for state, at in times_ms.items() if at is not None}
     is_done = stop.obeyed_ms is not None
     message = "" if is_done else _why_not_done(stop)
-    return Answer(is_done, message, stop.number, stop.kind.value, stop.state.value, after_s, steers)
+    return Answer(
+        accepted=is_done,
+        message=message,
+        stop=stop.number,
+        mode=stop.kind.value,
+        state=stop.state.value,
+        after_s=after_s,
+        steers=steers,
+    )
 
 
 def _why_not_done(stop: StopRecord) -> str:

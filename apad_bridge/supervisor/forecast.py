@@ -175,7 +175,7 @@ class Forecaster:
         leaving = [known[it] for it, kind in steps.items() if kind is StepKind.DEPLOY and it in held]
         rest = known.keys() - {it.agent_id for it in (*targets, *leaving)}
         others = [known[it] for it in sorted(rest) if it in held or can_be_fetched(known[it])]
-        situation = situation_of(state, here_m, targets, now_ms, others, self._model, leaving)
+        situation = situation_of(state, here_m, targets, now_ms, others, self._model, leaving=leaving)
         agents = (*situation.candidates, *situation.others, *situation.leaving)
         rates = [self._model_of(it.agent_id) for it in agents]
         projection = Projection(situation, self._model, left_s, 0.0, rates)

@@ -322,7 +322,9 @@ class ModemQueue:
     ) -> list[NanomodemAction]:
         self._number += 1
         self._waiting.append(
-            _Waiting(priority, self._number, self._now_ms, packet, command, acceptance_bytes, lasting_ms)
+            _Waiting(
+                priority, self._number, self._now_ms, packet, command, acceptance_bytes, lasting_ms=lasting_ms
+            )
         )
         self._waiting.sort(key=lambda it: (it.priority, it.number))
         is_full = len(self._waiting) > MAX_WAITING

@@ -129,22 +129,24 @@ def _in_bag_at(instant: Instant) -> Iterator[BeliefComparison]:
 def compared(belief: BeliefSample, truth: TruthSample, at_ms: int, scale: TimeScale) -> BeliefComparison:
     """Compares the samples of one aMussel at mission time `at_ms`."""
     return BeliefComparison(
-        belief.agent_id,
-        at_ms,
-        scale.agent_time(belief.age_s) / 3600,
-        (mode := _true_mode(truth)),
-        truth.state == State.RELEASED,
-        _believed_mode(belief) is mode,
-        _charge_compared(
+        agent_id=belief.agent_id,
+        at_ms=at_ms,
+        age_h=scale.agent_time(belief.age_s) / 3600,
+        mode=(mode := _true_mode(truth)),
+        is_released=truth.state == State.RELEASED,
+        mode_right=_believed_mode(belief) is mode,
+        primary=_charge_compared(
             belief.charge,
             truth.primary,
             _or_none(belief.charge_deviation),
             (belief.charge_low, belief.charge_high),
             [Gaussian._make(part) for part in zip(*[iter(belief.charge_parts)] * 3, strict=True)],
         ),
-        _secondary_compared(belief, truth),
-        None if truth.docked else math.hypot(belief.north_m - truth.north_m, belief.east_m - truth.east_m),
-        None if truth.docked else _place_square(belief, truth),
+        secondary=_secondary_compared(belief, truth),
+        place_error_m=None
+        if truth.docked
+        else math.hypot(belief.north_m - truth.north_m, belief.east_m - truth.east_m),
+        place_square=None if truth.docked else _place_square(belief, truth),
     )
 
 
@@ -221,15 +223,15 @@ def _in_journal_at(
         mode = _true_mode(sample)
         interval = _or_nan(belief.low), _or_nan(belief.high)
         yield BeliefComparison(
-            agent_id,
-            now_ms,
-            scenario.time_scale.agent_span(now_ms - belief.heard) / 3_600_000,
-            mode,
-            sample.state == State.RELEASED,
-            belief.likely_mode is mode,
-            _charge_compared(belief.charge, sample.primary, belief.sd, interval),
-            None,
-            None
+            agent_id=agent_id,
+            at_ms=now_ms,
+            age_h=scenario.time_scale.agent_span(now_ms - belief.heard) / 3_600_000,
+            mode=mode,
+            is_released=sample.state == State.RELEASED,
+            mode_right=belief.likely_mode is mode,
+            primary=_charge_compared(belief.charge, sample.primary, belief.sd, interval),
+            secondary=None,
+            place_error_m=None
             if sample.docked
             else math.hypot(belief.north_m - sample.north_m, belief.east_m - sample.east_m),
         )

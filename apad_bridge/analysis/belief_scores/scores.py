@@ -123,15 +123,15 @@ def _score_of_charges(rows: list[BeliefComparison], charges: list[ChargeComparis
     squares = [row.place_square for row in rows if row.place_square is not None]
     count = len(rows)
     return Score(
-        count,
-        math.sqrt(math.fsum(charge.error**2 for charge in charges) / count),
-        math.fsum(charge.error for charge in charges) / count,
-        sum(covered) / len(covered) if covered else None,
-        math.fsum(widths) / len(widths) if widths else None,
-        math.fsum(unclamped) / len(unclamped) if unclamped else None,
-        math.fsum(charge.crps for charge in charges) / count,
-        sum(row.mode_right for row in rows) / count,
-        math.sqrt(math.fsum(places) / len(places)) if places else None,
-        sum(square <= _ELLIPSE_95 for square in squares) / len(squares) if squares else None,
-        math.fsum(squares) / (2 * len(squares)) if squares else None,
+        samples=count,
+        rmse=math.sqrt(math.fsum(charge.error**2 for charge in charges) / count),
+        bias=math.fsum(charge.error for charge in charges) / count,
+        coverage=sum(covered) / len(covered) if covered else None,
+        width=math.fsum(widths) / len(widths) if widths else None,
+        nees=math.fsum(unclamped) / len(unclamped) if unclamped else None,
+        crps=math.fsum(charge.crps for charge in charges) / count,
+        mode_right=sum(row.mode_right for row in rows) / count,
+        place_rmse_m=math.sqrt(math.fsum(places) / len(places)) if places else None,
+        place_coverage=sum(square <= _ELLIPSE_95 for square in squares) / len(squares) if squares else None,
+        place_nees=math.fsum(squares) / (2 * len(squares)) if squares else None,
     )

@@ -141,13 +141,13 @@ def _packet_view(packet: PacketPassed, scale: TimeScale) -> PacketView:
     heard = [(listener, outcome) for listener, outcome, *_ in packet.heard]
     near = tuple((listener, outcome) for listener, outcome in heard if outcome not in _TOO_FAR)
     return PacketView(
-        scale.mission_span(packet.began_ms),
-        packet.lasted_ms,
-        packet.from_,
-        packet.what,
-        packet.address,
-        packet.unsent,
-        near,
-        len(heard) - len(near),
-        packet.timeslot,
+        at_ms=scale.mission_span(packet.began_ms),
+        lasted_ms=packet.lasted_ms,
+        sender=packet.from_,
+        what=packet.what,
+        address=packet.address,
+        unsent=packet.unsent,
+        heard=near,
+        far=len(heard) - len(near),
+        timeslot=packet.timeslot,
     )

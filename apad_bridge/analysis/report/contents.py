@@ -69,19 +69,19 @@ def contents_of(directory: RunDirectory) -> RunReport:
     record, why_journal = best_record(directory.path)
     energy, why_no_energy = _energy(directory) if data["has_truth"] else ([], None)
     return RunReport(
-        directory.path.resolve().name,
-        datetime.fromtimestamp(directory.scenario.stat().st_mtime, UTC).date().isoformat(),
-        _versions(directory),
-        data,
-        summary,
-        charge_models(scenario)(0),
-        energy,
-        why_no_energy,
-        scores_of(comparisons_in(directory.path, _PERIOD_MS, record)),
-        why_journal,
-        troubles[:_MOST_FAULTS],
-        max(0, len(troubles) - _MOST_FAULTS),
-        state.interruptions.spans_ms(journal.last_ms),
+        name=directory.path.resolve().name,
+        flown_on=datetime.fromtimestamp(directory.scenario.stat().st_mtime, UTC).date().isoformat(),
+        versions=_versions(directory),
+        data=data,
+        summary=summary,
+        charge_model=charge_models(scenario)(0),
+        energy=energy,
+        why_no_energy=why_no_energy,
+        scores=scores_of(comparisons_in(directory.path, _PERIOD_MS, record)),
+        why_scored_by_journal=why_journal,
+        troubles=troubles[:_MOST_FAULTS],
+        more_troubles=max(0, len(troubles) - _MOST_FAULTS),
+        stopped_ms=state.interruptions.spans_ms(journal.last_ms),
     )
 
 

@@ -190,13 +190,13 @@ def _of_script(script: str, boards: list[Case], is_whole: bool) -> Case:
 
 def _judged(program: Path, case: Case, waivers: dict[str, str], cost_ms: int, seed: int) -> CaseResult:
     return judged(
-        case,
-        our_rig,
-        lambda it: rig_of(program, it, cost_ms, seed),
-        FirmwareFailed,
-        waivers,
-        2 * cost_ms,
-        (AT_THE_EDGE,),
+        case=case,
+        ours=our_rig,
+        theirs=lambda it: rig_of(program, it, cost_ms, seed),
+        failures=FirmwareFailed,
+        waivers=waivers,
+        late_ms=2 * cost_ms,
+        readings=(AT_THE_EDGE,),
     )
 
 

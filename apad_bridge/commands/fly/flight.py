@@ -122,7 +122,7 @@ def fly(
             tell = progress.print_message
             for service in live:
                 tell(service.title + stack.enter_context(service.beside(whole.path, tell)))
-            flown = _fly(options, scenario, all_members, whole, progress, trust, script)
+            flown = _fly(options, scenario, all_members, whole, progress, trust, script=script)
         if not flown.summaries:
             raise PeerFailed(*failure_lines(flown.failures, is_alone=not scenario.apads))
         if options.dry_run:
@@ -134,7 +134,7 @@ def fly(
         )
         is_virtual = options.time is TimeSource.ASAP
         code = report(
-            scenario, flown_by, whole, summary, as_json, progress.messages, bags, is_virtual=is_virtual
+            scenario, flown_by, whole, summary, as_json, progress.messages, bags=bags, is_virtual=is_virtual
         )
         if flown.failures:
             raise PeerFailed(*failure_lines(flown.failures, is_alone=not scenario.apads))
@@ -225,7 +225,7 @@ def _fly(
             sources = (
                 program.ScriptSource(scenario, script.program, script.file.name, progress.print_message),
             )
-        flown = fly_in_step(all_members, scenario.sharing, whole, progress, sources, nurseries, trust)
+        flown = fly_in_step(all_members, scenario.sharing, whole, progress, sources, nurseries, trust=trust)
     for source in sources or ():
         source.join()
         source.print_error()

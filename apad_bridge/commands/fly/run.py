@@ -242,4 +242,6 @@ def run(arguments: argparse.Namespace) -> int:
     trust = trust_of_typed()
     scenario, starts = read_scenario(arguments, trust)
     live = [service for asked in arguments.beside if (service := asked(arguments)) is not None]
-    return fly(options, scenario, starts, arguments.out, arguments.json, trust, live, check=arguments.check)
+    return fly(
+        options, scenario, starts, arguments.out, arguments.json, trust, live=live, check=arguments.check
+    )

@@ -91,14 +91,14 @@ def _row(directory: RunDirectory) -> RunRow:
         summary = json.loads(directory.summary.read_text(encoding="utf-8"))
         return RunRow(
             *named,
-            summary["ended_by"],
-            summary["agents"],
-            summary["mission_s"],
-            None if summary["uptime_paper"] is None else round(summary["uptime_paper"]["mean"], 2),
-            round(summary["planned_m"], 2),
-            summary["services"],
-            summary["amussels_lost"],
-            summary.get("stopped_s"),
+            state=summary["ended_by"],
+            agents=summary["agents"],
+            mission_s=summary["mission_s"],
+            uptime=None if summary["uptime_paper"] is None else round(summary["uptime_paper"]["mean"], 2),
+            planned_m=round(summary["planned_m"], 2),
+            services=summary["services"],
+            lost=summary["amussels_lost"],
+            stopped_s=summary.get("stopped_s"),
         )
     except FileNotFoundError:
         members = [directory.path, *(it.parent for it in directory.path.glob("*/scenario.yaml"))]

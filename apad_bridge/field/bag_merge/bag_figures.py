@@ -107,16 +107,16 @@ def figures_of(path: Path) -> RunFigures | None:
     shares = [100 * counts.up[it] / seen for it, seen in counts.seen.items()]
     total = counts.seen.total()
     return RunFigures(
-        name,
-        len(counts.times_ms),
-        _missing(counts.times_ms),
-        100 * counts.up.total() / total if total else None,
-        max(shares, default=None),
-        min(shares, default=None),
-        events.cost_m,
-        events.services,
-        len(events.events),
-        events.ended_by,
+        samples=name,
+        ticks=len(counts.times_ms),
+        ticks_missing=_missing(counts.times_ms),
+        uptime_paper_mean=100 * counts.up.total() / total if total else None,
+        uptime_paper_max=max(shares, default=None),
+        uptime_paper_min=min(shares, default=None),
+        cost_m=events.cost_m,
+        services=events.services,
+        events=len(events.events),
+        ended_by=events.ended_by,
     )
 
 

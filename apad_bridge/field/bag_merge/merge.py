@@ -118,13 +118,13 @@ def merge(first: Path, second: Path, out: Path) -> Merge:
     finally:
         fresh.unlink(missing_ok=True)
     return Merge(
-        matching,
-        _topics(matching),
-        tuple(_gaps(matching)),
-        merged,
-        figures_of(first),
-        figures_of(second),
-        figures_of(out),
+        matching=matching,
+        topics=_topics(matching),
+        gaps=tuple(_gaps(matching)),
+        merged_messages=merged,
+        figures_of_first=figures_of(first),
+        figures_of_second=figures_of(second),
+        figures_of_merged=figures_of(out),
     )
 
 

@@ -110,17 +110,17 @@ def vehicle_log(name: str, facts: Sequence[LoggedFact], missing: Iterable[str] =
         it for it in own if it.work is not Work.GO_TO
     ]
     return VehicleLog(
-        name,
-        _track(_better([it for it in facts if isinstance(it, Posed)])),
-        _battery(_better([it for it in facts if isinstance(it, BatteryReading)])),
-        sorted([*go_tos, *docks], key=lambda it: it.began_s),
+        name=name,
+        track=_track(_better([it for it in facts if isinstance(it, Posed)])),
+        battery=_battery(_better([it for it in facts if isinstance(it, BatteryReading)])),
+        works=sorted([*go_tos, *docks], key=lambda it: it.began_s),
         # Generation B names no aMussel, and never reports whether it caught one.
-        [it for it in own if it.work is Work.DOCK and it.agent_id is not None]
+        tries=[it for it in own if it.work is Work.DOCK and it.agent_id is not None]
         or [it for it in told if it.work is Work.DOCK],
-        [it for it in own if it.work is not Work.GO_TO and it.agent_id is None],
-        _held(_better([it for it in facts if isinstance(it, Held)])),
-        [it for it in facts if isinstance(it, SoundEnded)],
-        list(missing),
+        servos=[it for it in own if it.work is not Work.GO_TO and it.agent_id is None],
+        held=_held(_better([it for it in facts if isinstance(it, Held)])),
+        sounds=[it for it in facts if isinstance(it, SoundEnded)],
+        missing=list(missing),
     )
 
 
@@ -155,7 +155,15 @@ def _works(facts: Iterable[LoggedFact]) -> tuple[list[Done], list[Done]]:
     running: dict[Witness, WorkBegan] = {}
 
     def end(began: WorkBegan, at_s: float, *, is_done: bool, missed: bool) -> None:
-        work = Done(began.work, began.at_s, at_s, is_done, missed, began.goal_m, began.agent_id)
+        work = Done(
+            work=began.work,
+            began_s=began.at_s,
+            ended_s=at_s,
+            is_done=is_done,
+            missed=missed,
+            goal_m=began.goal_m,
+            agent_id=began.agent_id,
+        )
         done[began.witness].append(work)
 
     for it in facts:

@@ -29,17 +29,17 @@ def header(now_ms: int, frame: str) -> Header:
 
 def shown(belief: Belief) -> ShownAMussel:
     return ShownAMussel(
-        belief.agent_id,
-        belief.state,
-        belief.mode,
-        belief.primary,
-        belief.secondary,
-        (belief.north_m, belief.east_m),
-        belief.reported.depth_m or 0.0,
-        belief.place_cov if belief.is_predicted else None,
-        belief.heard_ms,
-        belief.at_ms,
-        belief.state in DOCKED,
+        agent_id=belief.agent_id,
+        state=belief.state,
+        mode=belief.mode,
+        charge=belief.primary,
+        secondary=belief.secondary,
+        place_m=(belief.north_m, belief.east_m),
+        depth_m=belief.reported.depth_m or 0.0,
+        place_cov=belief.place_cov if belief.is_predicted else None,
+        heard_ms=belief.heard_ms,
+        at_ms=belief.at_ms,
+        is_docked=belief.state in DOCKED,
     )
 
 

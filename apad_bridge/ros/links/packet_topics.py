@@ -287,7 +287,15 @@ class AMusselTopics(Listening[tuple[int, PublishedPlace | PublishedCharge]]):
         north_m, east_m = self._places[agent_id]
         charge = self._charges[agent_id]
         packet = StatusPacket(
-            agent_id, 0, state, charge, 1.0, north_m, east_m, 0.0, self._scale.agent_ms(now_ms)
+            agent_id=agent_id,
+            sequence=0,
+            state=state,
+            primary=charge,
+            secondary=1.0,
+            north_m=north_m,
+            east_m=east_m,
+            depth_m=0.0,
+            agent_ms=self._scale.agent_ms(now_ms),
         )
         data = self._codec.encode(packet)
         return RelayedPacket(PacketOrigin.REMOTE_AMUSSEL, agent_id, Medium.WIFI, data, now_ms)

@@ -230,13 +230,15 @@ class ServoTask:
     def _docking_order(self) -> DockingOrder:
         config, manoeuvre = self._config, self.command.manoeuvre
         return DockingOrder(
-            isinstance(self.command, CloseDock),
-            self.command.dock_index,
-            config.search_yaw_rate_rad_s,
-            config.max_yaw_rate_rad_s if manoeuvre.yaw_rate_rad_s is None else manoeuvre.yaw_rate_rad_s,
-            config.max_surge_m_s if manoeuvre.surge_m_s is None else manoeuvre.surge_m_s,
-            config.surge_stdev,
-            self.command.agent_id,
+            docks=isinstance(self.command, CloseDock),
+            dock_index=self.command.dock_index,
+            search_yaw_rate_rad_s=config.search_yaw_rate_rad_s,
+            max_yaw_rate_rad_s=config.max_yaw_rate_rad_s
+            if manoeuvre.yaw_rate_rad_s is None
+            else manoeuvre.yaw_rate_rad_s,
+            max_surge_m_s=config.max_surge_m_s if manoeuvre.surge_m_s is None else manoeuvre.surge_m_s,
+            surge_stdev=config.surge_stdev,
+            agent_id=self.command.agent_id,
         )
 
 

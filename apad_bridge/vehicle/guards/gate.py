@@ -201,16 +201,16 @@ class Gate:
 
     def situation(self, now_ms: int) -> VehicleSituation:
         return VehicleSituation(
-            self.watch.place_m,
-            self.watch.velocity_m_s,
-            self.watch.least_speed_m_s,
-            self.watch.fault(now_ms),
-            self._outside(),
-            self.battery.fraction(now_ms),
-            self._bodies,
-            self.awaits_person,
-            now_ms,
-            self.watchdog.fault,
+            place_m=self.watch.place_m,
+            velocity_m_s=self.watch.velocity_m_s,
+            least_speed_m_s=self.watch.least_speed_m_s,
+            position_fault=self.watch.fault(now_ms),
+            outside=self._outside(),
+            battery_fraction=self.battery.fraction(now_ms),
+            bodies=self._bodies,
+            awaits_person=self.awaits_person,
+            at_ms=now_ms,
+            watchdog_fault=self.watchdog.fault,
         )
 
     def _outside(self) -> str:

@@ -145,7 +145,7 @@ def test_twins_of_whole_boards_cover_what_is_so(scenario: str) -> None:
         take(batch)
         newest.update((truth.agent_id, truth) for truth in batch)
 
-    def tick(now_ms: int, beliefs: list[Belief], *_: object) -> None:
+    def tick(now_ms: int, beliefs: list[Belief], *_: object, **__: object) -> None:
         for belief in beliefs if now_ms % 10_000 == 0 else ():
             truth = water.sample(newest[belief.agent_id], flown.theta * now_ms)
             low, high = belief.charge_interval()

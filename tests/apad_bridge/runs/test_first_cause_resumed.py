@@ -27,7 +27,7 @@ def test_the_first_cause_is_the_same_after_a_kill_at_any_tick() -> None:
     flight, recorder = open_flight(replace(scenario, apad=apad, duration_s=600.0))
     ticks: list[tuple[int, str | None]] = []
 
-    def tick(*_: Any) -> None:
+    def tick(*_: Any, **__: Any) -> None:
         latched = flight.supervisor.port.first_failure
         ticks.append((len(facts_of(recorder)), None if latched is None else latched.reason))
 
