@@ -29,7 +29,7 @@ import yaml
 from rich.console import Console
 
 from apad_bridge.ros.system.master import loopback_environment, start_master
-from apad_bridge.supervisor.control_client import listens
+from apad_bridge.supervisor.control_protocol import listens
 from benchmarks.gateway import NODES, TIMEOUT_S, Node, flown
 from benchmarks.rows import told
 

@@ -27,7 +27,7 @@ from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.records.sample_file import SampleTail
 from apad_bridge.scenario.run_options import BenchPart, RunOptions, TimeSource
 from apad_bridge.scenario.timed_faults import TABLE
-from apad_bridge.supervisor.control_client import listens
+from apad_bridge.supervisor.control_protocol import listens
 
 _FAULTS = [
     {

@@ -42,7 +42,7 @@ from apad_bridge.console.feed import Feed
 from apad_bridge.records.journal import await_beginning
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.supervisor import control_server
-from apad_bridge.supervisor.control_client import LONGEST_LINE, answer_of
+from apad_bridge.supervisor.control_protocol import LONGEST_LINE, answer_of
 
 _POLL_S = 0.25
 _BEAT_S = 1.0

@@ -39,7 +39,7 @@ from apad_bridge.mission.plans import checked_plan
 from apad_bridge.mission.pool import ChargingPool, placeholder_belief, situation_of
 from apad_bridge.planning import registry
 from apad_bridge.planning.candidates import Situation
-from apad_bridge.planning.exchange import tour
+from apad_bridge.planning.exchange_of_places import tour
 from apad_bridge.planning.solution import Step, StepKind
 from apad_bridge.scenario.firmware_config import codec_of
 from apad_bridge.scenario.schema import Dispatch, Places, Scenario

@@ -14,7 +14,7 @@ from apad_bridge.imc import protocol as imc
 from apad_bridge.imc.imc_messages import MISSION_PLAN, plain, plan_information, plan_list
 from apad_bridge.imc.protocol import Message
 from apad_bridge.scenario.area.local_frame import LocalFrame
-from apad_bridge.supervisor.control_client import Answer, Request
+from apad_bridge.supervisor.control_protocol import Answer, Request
 
 MOST_PLANS = 64
 _DB, _CONTROL = imc.PlanDB, imc.PlanControl

@@ -27,7 +27,7 @@ from apad_bridge.records.run_directory import RunDirectory, new_folder
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.supervisor import control_client
+from apad_bridge.supervisor import control_protocol
 
 # A log as the toolchain's own vehicles write it: `Data.lsf`, the packets that were sent and received, one after the other.
 #
@@ -95,7 +95,7 @@ class GatewaySettings:
 @dataclass(frozen=True, slots=True)
 class _Answered:
     order: ConsoleOrder
-    answer: control_client.Answer
+    answer: control_protocol.Answer
     console: Address
 
 
@@ -183,7 +183,7 @@ class ImcGateway:
                 self._show_samples(picture)
             if now_s >= next_beat_s:
                 next_beat_s = now_s + HEARTBEAT_S
-                self._takes_orders = control_client.listens(self._run_dir)
+                self._takes_orders = control_protocol.listens(self._run_dir)
                 if now_s >= next_announce_s:
                     next_announce_s = now_s + ANNOUNCE_S
                     self._announce(picture)
@@ -292,13 +292,13 @@ class ImcGateway:
     def _ask(self, order: ConsoleOrder, console: Address) -> None:
         """Has the supervisor answer in a thread of its own: a stop waits behind no go-to."""
         if self._awaited >= _MOST_ORDERS:
-            refusal = control_client.Answer(False, "too many orders are awaiting their answer")
+            refusal = control_protocol.Answer(False, "too many orders are awaiting their answer")
             self._send_to(console, order.answer(refusal), order.asked.src)
             return
         self._awaited += 1
 
         def ask() -> None:
-            answer = control_client.answer_of(self._run_dir, order.request)
+            answer = control_protocol.answer_of(self._run_dir, order.request)
             self._answers.put(_Answered(order, answer, console))
 
         threading.Thread(target=ask, name="imc order", daemon=True).start()

@@ -17,7 +17,7 @@ from apad_bridge.mission.charging_watch import (
     room_above,
 )
 from apad_bridge.planning.dispatch_rule import DispatchRule
-from apad_bridge.planning.exchange import is_worth_it
+from apad_bridge.planning.exchange_of_places import is_worth_it
 from apad_bridge.scenario.schema import Dispatch, Mission, Places
 
 Docked = Mapping[int, Belief | None]
@@ -122,7 +122,7 @@ class BelievedDispatch(DispatchRule):
     def _worth_an_exchange(self, leaving: Iterable[int]) -> Pool:
         """Selects those of the pool for whom each of the `leaving` makes room; for one that leaves anyway, all of the pool.
 
-        `planning/exchange.py` has the rule, which projections share.
+        `planning/exchange_of_places.py` has the rule, which projections share.
         """
         config = self._config
         early = [

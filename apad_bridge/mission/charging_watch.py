@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 
 from agents.time_scale import MissionMs
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.planning import exchange
+from apad_bridge.planning import exchange_of_places
 from apad_bridge.scenario.schema import FullWhen, Mission
 
 
@@ -25,7 +25,7 @@ def makes_room(belief: Belief | None, config: Mission, waiting_charge: float) ->
     if belief is None:
         return False
     charge, above = counted_charge(belief, config), room_above(config)
-    return exchange.makes_room(charge, waiting_charge, above, config.charge_lead)
+    return exchange_of_places.makes_room(charge, waiting_charge, above, config.charge_lead)
 
 
 def room_above(config: Mission) -> float:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Collection, Iterable, Sequence
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.events.mission_events import ExchangeChanged, ExchangePhase
 from apad_bridge.mission.order_book import OrderBook
-from apad_bridge.planning.exchange import nearest_places
+from apad_bridge.planning.exchange_of_places import nearest_places
 from apad_bridge.planning.solution import StepKind
 from firmware_model.state_groups import DOCKED
 

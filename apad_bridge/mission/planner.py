@@ -22,7 +22,7 @@ from apad_bridge.mission.reach import Reach
 from apad_bridge.mission.sources import BeliefSource
 from apad_bridge.planning.candidates import Situation
 from apad_bridge.planning.energy_model import EnergyModel
-from apad_bridge.planning.exchange import exchanges, tour
+from apad_bridge.planning.exchange_of_places import exchanges, tour
 from apad_bridge.planning.solution import Solution, StepKind
 from apad_bridge.planning.strategy import CollectionStrategy, RedeploymentStrategy
 from apad_bridge.scenario.schema import Mission, Places

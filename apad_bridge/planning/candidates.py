@@ -75,8 +75,8 @@ class Situation:
 
     `others` are the rest of the fleet: in the water above the pool's threshold, or docked (`dock_index` is known).
     `leaving` are docked ones that leave while a collection is flown: each takes the place of a collected one, in this order
-    (`planning/exchange.py`). Their docks count as free. `model` is what a strategy that looks ahead may assume; None where
-    nobody knows it, as in a script's plan. Without a `sea` the water is calm.
+    (`planning/exchange_of_places.py`). Their docks count as free. `model` is what a strategy that looks ahead may assume;
+    None where nobody knows it, as in a script's plan. Without a `sea` the water is calm.
 
     Raises ValueError if an agent or a dock is named twice.
     """

@@ -3,8 +3,8 @@
 The projection follows the mission's rule (`planning/dispatch_rule.py`) and the energy model, leg by leg. It begins
 with the plan that is judged and goes on with a base policy: the next aMussel costs the way to it, less
 `gain_m_per_charge` times the charge that it lacks, and the least cost is next. Where places are exchanged
-(`planning/exchange.py`), one way serves the collected and the released one. Nothing is random and no docking misses. The
-sea, if the situation knows it, stays as it is at the decision, and the aMussels stay in their places.
+(`planning/exchange_of_places.py`), one way serves the collected and the released one. Nothing is random and no docking
+misses. The sea, if the situation knows it, stays as it is at the decision, and the aMussels stay in their places.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from math import dist, inf
 from apad_bridge.planning.candidates import Situation
 from apad_bridge.planning.dispatch_rule import DispatchRule
 from apad_bridge.planning.energy_model import EnergyModel
-from apad_bridge.planning.exchange import is_worth_it
+from apad_bridge.planning.exchange_of_places import is_worth_it
 
 LEG_S = 2.5
 """Time of a leg beyond its way at full speed: to accelerate, to brake, and to be sure of the arrival."""

@@ -26,7 +26,7 @@ from agents.hosting.link_protocol import readable
 from apad_bridge.events.person_orders import Act
 from apad_bridge.runs.children import Child
 from apad_bridge.scenario.errors import UserError
-from apad_bridge.supervisor.control_client import Request, answer_of, listens
+from apad_bridge.supervisor.control_protocol import Request, answer_of, listens
 
 _STARTS_S = 60.0
 """Wall seconds: on a busy machine the imports alone take some."""

@@ -30,7 +30,7 @@ from apad_bridge.mission.flight_mission import FLIES_ALREADY, FlightMission
 from apad_bridge.mission.orders import AllowMotion, GoBackIn, StopVehicle
 from apad_bridge.mission.script_values import Refused
 from apad_bridge.supervisor.amussel_orders import NO_AMUSSELS, AMusselOrders, AMusselRequest
-from apad_bridge.supervisor.control_client import SOCKET_NAME, Answer, Request, answer_of, short_path
+from apad_bridge.supervisor.control_protocol import SOCKET_NAME, Answer, Request, answer_of, short_path
 from apad_bridge.supervisor.line_server import LineServer
 from apad_bridge.vehicle.commands import GoTo, Hold
 from apad_bridge.vehicle.guards.stops import StopRecord, StopsEnded

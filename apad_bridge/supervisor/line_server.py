@@ -16,7 +16,7 @@ from typing import Any
 
 from agents.hosting.descriptors import SHORT_OF_FILES, Reserve
 from agents.hosting.link_protocol import readable
-from apad_bridge.supervisor.control_client import LONGEST_LINE
+from apad_bridge.supervisor.control_protocol import LONGEST_LINE
 
 CLIENT_S = 5.0
 """A client that writes nothing for so many wall seconds is left."""

@@ -31,7 +31,7 @@ from apad_bridge.analysis.invariants import check_run
 from apad_bridge.commands.look.console import console_service
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.scenario.errors import UserError
-from apad_bridge.supervisor.control_client import listens
+from apad_bridge.supervisor.control_protocol import listens
 
 pytestmark = pytest.mark.system
 WATCH_WARNINGS = """

@@ -19,7 +19,7 @@ import pytest
 from doc_blocks import PAGES, ROOT, Block, blocks
 from programs import begun, done, wait_until
 
-from apad_bridge.supervisor.control_client import listens
+from apad_bridge.supervisor.control_protocol import listens
 
 pytestmark = [pytest.mark.system, pytest.mark.docs_commands]
 MISSION_S = 120

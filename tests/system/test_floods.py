@@ -29,7 +29,7 @@ from apad_bridge.commands.look.console import console_service
 from apad_bridge.imc.commands.imc import imc_service
 from apad_bridge.records.journal import read_journal
 from apad_bridge.ros.system.master import Master, loopback_environment
-from apad_bridge.supervisor.control_client import SOCKET_NAME, listens
+from apad_bridge.supervisor.control_protocol import SOCKET_NAME, listens
 
 pytestmark = pytest.mark.system
 HARD_LIMIT = 512

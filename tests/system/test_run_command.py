@@ -31,7 +31,7 @@ from stalled import stalled_s
 from apad_bridge.records.journal import read_journal
 from apad_bridge.ros.system.master import loopback_environment
 from apad_bridge.scenario.run_options import APadKind, RunOptions, TimeSource
-from apad_bridge.supervisor.control_client import listens
+from apad_bridge.supervisor.control_protocol import listens
 
 pytestmark = pytest.mark.system
 

@@ -24,7 +24,7 @@ from apad_bridge.runs.flying import journal_start
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource
 from apad_bridge.scenario.starts import starts_of
-from apad_bridge.supervisor.control_client import SOCKET_NAME, short_path
+from apad_bridge.supervisor.control_protocol import SOCKET_NAME, short_path
 from apad_bridge.supervisor.line_server import LineServer
 from apad_bridge.vehicle.commands import PoseReported
 

@@ -14,7 +14,7 @@ from apad_bridge.commands.help_text import ending
 from apad_bridge.events.person_orders import PERSON_ORDERS, Act
 from apad_bridge.runs.exits import Exit
 from apad_bridge.scenario.errors import UserError
-from apad_bridge.supervisor.control_client import (
+from apad_bridge.supervisor.control_protocol import (
     LATE_S,
     SOCKET_NAME,
     Answer,

@@ -21,7 +21,7 @@ from apad_bridge.events.person_orders import LONGEST_NAME, PERSON_ORDERS, Act
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import ours_of_apad
-from apad_bridge.supervisor.control_client import Request, answer_of
+from apad_bridge.supervisor.control_protocol import Request, answer_of
 from apad_bridge.supervisor.control_server import answered_line
 
 use_generated_messages()

@@ -44,7 +44,7 @@ from apad_bridge.vehicle.commands import (
 from apad_bridge.vehicle.guards.gate import PILOT_STEERS, Refusal, Safety
 from apad_bridge.vehicle.guards.guarded_orders import Point, goal_of, is_meant_as_stop, may_hold
 from apad_bridge.vehicle.guards.monitor import MonitorFinding, UnderWay
-from apad_bridge.vehicle.guards.stop_keeper import StopKeeper
+from apad_bridge.vehicle.guards.stop_enforcer import StopEnforcer
 from apad_bridge.vehicle.guards.stops import StopsEnded
 from apad_bridge.vehicle.vehicle_link import Cleared, LinkFact, VehicleLink
 
@@ -86,7 +86,7 @@ class GuardedVehicle:
         """Commands of the guards' own have ids below 0, which no port uses."""
         self._looked_ms = -1
         self._looked_between_ms = -1
-        self._keeper = StopKeeper(safety, self._send, self._take_id)
+        self._enforcer = StopEnforcer(safety, self._send, self._take_id)
 
     def advance(self, now_ms: int) -> list[LinkFact]:
         """The link's facts, and the failures of refused commands. Once a tick the monitor looks, and reacts."""
@@ -94,7 +94,7 @@ class GuardedVehicle:
         self._taken = []
         if now_ms > self._looked_ms:
             self._looked_ms = now_ms
-            self._keeper.go_on(now_ms)
+            self._enforcer.go_on(now_ms)
             self._look(now_ms)
         facts += self._facts
         self._facts = []
@@ -114,7 +114,7 @@ class GuardedVehicle:
         if self.gate.watch.fault(now_ms):
             self._look(now_ms)
         else:
-            self._keeper.watch(now_ms)
+            self._enforcer.watch(now_ms)
 
     def _take_facts(self, now_ms: int) -> list[LinkFact]:
         """The link's new facts, of which the gate and the stops have taken note."""
@@ -180,7 +180,7 @@ class GuardedVehicle:
         self.gate.forget_others()
         if not self._stops.may_end(ends):
             return
-        self._keeper.note_continued()
+        self._enforcer.note_continued()
         self._stops.end(by, now_ms)
         self.gate.watch.believe()
 
@@ -197,20 +197,20 @@ class GuardedVehicle:
     def _take(self, fact: LinkFact, now_ms: int) -> None:
         match fact:
             case CommandAccepted(_, command_id) if self._stops.is_sent_by(command_id):
-                self._keeper.taken(now_ms)
+                self._enforcer.taken(now_ms)
                 self._note_acceptance(fact)
             case CommandAccepted():
                 self._note_acceptance(fact)
             case CommandFailed(_, command_id, reason) if self._stops.is_sent_by(command_id):
-                self._keeper.failed(reason, now_ms)
+                self._enforcer.failed(reason, now_ms)
             case Arrived(_, command_id) | CommandFailed(_, command_id):
                 self._note_end(command_id)
                 self._note_failed_hold(fact, now_ms)
                 if command_id == self._stops.way_back:
                     self._stops.way_back = None
-                    self._keeper.send(now_ms)
+                    self._enforcer.send(now_ms)
             case OrderCut():
-                self._keeper.note_cut(now_ms)
+                self._enforcer.note_cut(now_ms)
             case HoldWanted(_, north_m, east_m, heading_rad):
                 self._wish(Hold(self._take_id(), north_m, east_m, heading_rad), now_ms)
             case ReleaseWanted(_, dock_index, agent_id):
@@ -240,7 +240,7 @@ class GuardedVehicle:
         who = client or "another client, which this stack does not name,"
         self.gate.events.append(OthersCommanded(client))
         if (stop := self._stops.in_force) is not None and not self.gate.pilot:
-            self._keeper.send_again(f"{who} commands the aPad", now_ms)
+            self._enforcer.send_again(f"{who} commands the aPad", now_ms)
         elif stop is None:
             self.gate.note_others(f"{who} commands the aPad: continue, take it over, or give it back")
 
@@ -262,7 +262,7 @@ class GuardedVehicle:
         """Fails the order under way: the pilot ends every order of ours."""
         self._fail_present(self.gate.pilot, now_ms)
         self._under_way = self._ordered = None
-        self._keeper.leave_to_pilot()
+        self._enforcer.leave_to_pilot()
         self.gate.watch.note_goal(None)
 
     def _note_acceptance(self, fact: CommandAccepted) -> None:
@@ -344,7 +344,7 @@ class GuardedVehicle:
         stills_arms: bool = False,
     ) -> None:
         self._fail_present(reason or f"stopped by {by}", now_ms)
-        self._keeper.begin(kind, by, reason, now_ms, is_persons=is_persons, stills_arms=stills_arms)
+        self._enforcer.begin(kind, by, reason, now_ms, is_persons=is_persons, stills_arms=stills_arms)
 
     def _fail_present(self, reason: str, now_ms: int) -> None:
         """Reports what is under way as failed: its own answer may never come."""
@@ -367,7 +367,7 @@ class GuardedVehicle:
             self.gate.events.append(DangerOver(change))
             if change is Cause.POSITION and not self._safety.needs_person:
                 self._stop_here(Hold(self._take_id(), 0.0, 0.0), now_ms)
-        self._keeper.watch(now_ms)
+        self._enforcer.watch(now_ms)
         self._repeat_hold(now_ms)
 
     def _react(self, finding: MonitorFinding, now_ms: int) -> None:
@@ -390,13 +390,13 @@ class GuardedVehicle:
         stop = self._stops.in_force
         if stop is not None and self._stops.way_back is None and (stop.kind is StopKind.OFF or not wants_off):
             # A hull that has not obeyed yet gets no new time by what a guard sees of it.
-            is_news = finding.cause is Cause.OTHERS or not self._keeper.is_judging
+            is_news = finding.cause is Cause.OTHERS or not self._enforcer.is_judging
             if finding.cause is not Cause.POSITION and is_news:
-                self._keeper.send_again(finding.reason, now_ms)
+                self._enforcer.send_again(finding.reason, now_ms)
             return
         if stop is not None and stop.kind is StopKind.HOLD and wants_off:
-            self._keeper.become_off(finding.reason, now_ms)
-            self._keeper.send(now_ms)
+            self._enforcer.become_off(finding.reason, now_ms)
+            self._enforcer.send(now_ms)
         elif self._stops.way_back is not None and finding.cause is Cause.OUTSIDE:
             return  # a person sent it back from there
         else:

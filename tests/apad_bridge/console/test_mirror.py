@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from apad_bridge.console.mirror import Mirror
 from apad_bridge.events.person_orders import Act
-from apad_bridge.supervisor.control_client import Request, answer_of, listens
+from apad_bridge.supervisor.control_protocol import Request, answer_of, listens
 
 JOURNAL, SUMMARY = "journal.jsonl", "summary.json"
 

@@ -18,7 +18,7 @@ from apad_bridge.imc.console_orders import MOST_PLANS, ConsoleOrder, ConsoleOrde
 from apad_bridge.imc.imc_messages import stamped
 from apad_bridge.imc.systems import Systems
 from apad_bridge.scenario.area.local_frame import LocalFrame
-from apad_bridge.supervisor.control_client import Answer
+from apad_bridge.supervisor.control_protocol import Answer
 
 FRAME = LocalFrame(43.9330937, 15.4443468)
 NEPTUS, APAD = 0x4001, 0x2A01

@@ -25,7 +25,7 @@ from apad_bridge.planning import registry
 from apad_bridge.planning.solution import Step, StepKind
 from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.supervisor.control_client import Request
+from apad_bridge.supervisor.control_protocol import Request
 from apad_bridge.supervisor.control_server import NOTHING_STOPPED, carry_out
 from apad_bridge.supervisor.run_spec import RunSpec
 from apad_bridge.vehicle.commands import GoTo, OpenDock, PoseReported

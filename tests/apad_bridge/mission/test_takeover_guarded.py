@@ -15,7 +15,7 @@ from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.script_values import Refused, Status
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.context import FlightContext
-from apad_bridge.supervisor.control_client import Request
+from apad_bridge.supervisor.control_protocol import Request
 from apad_bridge.supervisor.control_server import carry_out
 from apad_bridge.vehicle.commands import CommandedByOthers, PilotReported
 from apad_bridge.vehicle.guards.gate import PILOT_STEERS

@@ -18,7 +18,7 @@ from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.timed_faults import TimedFault
 from apad_bridge.supervisor.amussel_orders import AMusselAct, AMusselOrders, AMusselRequest
-from apad_bridge.supervisor.control_client import Answer, ask
+from apad_bridge.supervisor.control_protocol import Answer, ask
 from apad_bridge.supervisor.control_server import control_offered
 from apad_bridge.world.roster import AskedRequests, FaultRequest, Presences, Roster
 from apad_bridge.world.world import World

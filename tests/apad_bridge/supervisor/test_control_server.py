@@ -22,7 +22,7 @@ from apad_bridge.mission.script_values import Status
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor import control_server
 from apad_bridge.supervisor.clock import FlightSpeed
-from apad_bridge.supervisor.control_client import (
+from apad_bridge.supervisor.control_protocol import (
     SOCKET_NAME,
     Answer,
     NobodyListens,

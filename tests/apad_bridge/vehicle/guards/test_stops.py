@@ -19,7 +19,7 @@ from apad_bridge.vehicle.commands import (
     Stop,
 )
 from apad_bridge.vehicle.guards.guarded_vehicle import HOLD_AGAIN_MS
-from apad_bridge.vehicle.guards.stop_keeper import AFTER_CUT_MS, REPEAT_MS
+from apad_bridge.vehicle.guards.stop_enforcer import AFTER_CUT_MS, REPEAT_MS
 from apad_bridge.vehicle.guards.stops import NO_STOPS, Latch, Stops, StopsEnded, StopsState
 from tests.apad_bridge.vehicle.guards.test_gate import Guarded
 

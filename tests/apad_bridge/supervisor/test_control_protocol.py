@@ -11,8 +11,8 @@ import pytest
 from apad_bridge.commands import main
 from apad_bridge.events.person_orders import Act
 from apad_bridge.mission.call_queue import ANSWER_S
-from apad_bridge.supervisor import control_client
-from apad_bridge.supervisor.control_client import (
+from apad_bridge.supervisor import control_protocol
+from apad_bridge.supervisor.control_protocol import (
     PATIENCE_S,
     SOCKET_NAME,
     Answer,
@@ -42,8 +42,8 @@ def test_a_client_waits_longer_than_a_supervisor_takes() -> None:
 def test_a_person_hears_soon_that_a_still_supervisor_does_not_answer(
     still: socket.socket, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(control_client, "LATE_S", 0.05)
-    monkeypatch.setattr(control_client, "PATIENCE_S", 0.2)
+    monkeypatch.setattr(control_protocol, "LATE_S", 0.05)
+    monkeypatch.setattr(control_protocol, "PATIENCE_S", 0.2)
     assert main.main(["stop", str(tmp_path), "--json"]) == 3
     told = capsys.readouterr()
     asked, late = told.err.splitlines()
@@ -55,7 +55,7 @@ def test_a_person_hears_soon_that_a_still_supervisor_does_not_answer(
 def test_an_answer_in_time_is_not_told_as_late(
     still: socket.socket, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(control_client, "LATE_S", 30.0)
+    monkeypatch.setattr(control_protocol, "LATE_S", 30.0)
     with answering(still, b'{"accepted": true, "message": "", "after_s": {"taken": 0.5}}\n'):
         answer = ask(tmp_path, Request(Act.STOP, "Anna"), lambda: pytest.fail("it is not late"))
     assert answer == Answer(True, "", after_s={"taken": 0.5})
@@ -103,10 +103,10 @@ def test_a_supervisor_whose_queue_is_full_still_listens(tmp_path: Path) -> None:
         supervisor.bind(f"/proc/self/fd/{descriptor}/{SOCKET_NAME}")
         os.close(descriptor)
         supervisor.listen(0)
-        with control_client._connected(tmp_path, 1.0):  # the one that waits in its queue
-            assert control_client.listens(tmp_path)
+        with control_protocol._connected(tmp_path, 1.0):  # the one that waits in its queue
+            assert control_protocol.listens(tmp_path)
     (tmp_path / SOCKET_NAME).unlink()
-    assert not control_client.listens(tmp_path)
+    assert not control_protocol.listens(tmp_path)
 
 
 class answering:

@@ -33,7 +33,7 @@ BLIND_MS = 10_000
 """A stop that was taken is repeated for so long where no position tells if the hull obeys."""
 
 
-class StopKeeper:
+class StopEnforcer:
     """`send` sends an order that the gate has let out, `take_id` gives it an id. Times are mission ms."""
 
     def __init__(

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from apad_bridge.mission.home_places import with_exchanged_homes
 from apad_bridge.planning.candidates import Candidate, Situation
-from apad_bridge.planning.exchange import exchanges, nearest_places, tour
+from apad_bridge.planning.exchange_of_places import exchanges, nearest_places, tour
 from apad_bridge.planning.solution import Solution, Step, StepKind
 from apad_bridge.planning.strategies.paper_strategies import Cautious
 
