@@ -34,13 +34,13 @@ class LastPacket:
             return belief
         packet = measurement
         return Belief(
-            packet.agent_id,
-            at_ms,
-            packet.state,
-            packet.primary,
-            packet.secondary,
-            packet.north_m,
-            packet.east_m,
+            agent_id=packet.agent_id,
+            heard_ms=at_ms,
+            state=packet.state,
+            primary=packet.primary,
+            secondary=packet.secondary,
+            north_m=packet.north_m,
+            east_m=packet.east_m,
             reported=(NOTHING_REPORTED if belief is None else belief.reported).after(packet),
         )
 
@@ -59,13 +59,13 @@ class LastPacket:
         state = State(data["state"])
         reported = Reported(**data["reported"])
         return Belief(
-            agent_id,
-            data["heard_ms"],
-            state,
-            primary,
-            secondary,
-            north_m,
-            east_m,
+            agent_id=agent_id,
+            heard_ms=data["heard_ms"],
+            state=state,
+            primary=primary,
+            secondary=secondary,
+            north_m=north_m,
+            east_m=east_m,
             learned_from=Source(data["learned_from"]),
             reported=reported,
         )

@@ -179,14 +179,14 @@ class Twin:
 
     def restored(self, agent_id: int, data: dict[str, Any]) -> Belief:
         return belief_from_state(
-            state_from_data(data["memory"]),
-            self.parameters,
-            agent_id,
-            data["heard_ms"],
-            State(data["state"]),
-            data["at_ms"],
-            Source(data["learned_from"]),
-            data["silent_slots"],
+            twin_state=state_from_data(data["memory"]),
+            parameters=self.parameters,
+            agent_id=agent_id,
+            heard_ms=data["heard_ms"],
+            state=State(data["state"]),
+            at_ms=data["at_ms"],
+            learned_from=Source(data["learned_from"]),
+            silent_timeslots=data["silent_slots"],
         )
 
     # Time.
@@ -212,14 +212,14 @@ class Twin:
 
     def _to_belief(self, belief: Belief, twin_state: TwinState, at_ms: int, learned_from: Source) -> Belief:
         return belief_from_state(
-            twin_state,
-            self.parameters,
-            belief.agent_id,
-            belief.heard_ms,
-            belief.state,
-            at_ms,
-            learned_from,
-            belief.silent_timeslots,
+            twin_state=twin_state,
+            parameters=self.parameters,
+            agent_id=belief.agent_id,
+            heard_ms=belief.heard_ms,
+            state=belief.state,
+            at_ms=at_ms,
+            learned_from=learned_from,
+            silent_timeslots=belief.silent_timeslots,
         )
 
     # Actions of the aPad.
@@ -280,18 +280,18 @@ class Twin:
             learned_from |= Source.HAND_OVER
         nominal_ms, usual = parameters.scale.agent_ms(at_ms), parameters.clock
         twin_state = TwinState(
-            nominal_ms,
-            (Anchor(1.0, mean, cov),),
-            nominal_ms,
-            Load.known(Mode.IDLE),
-            None,
-            nominal_ms,
-            place,
-            at_ms,
-            clocks.prior_clock(usual.offset_ms, usual.drift_ppm),
-            nominal_ms,
-            _NO_PACKET,
-            NOTHING_REPORTED,
+            at_ms=nominal_ms,
+            anchors=(Anchor(1.0, mean, cov),),
+            anchor_ms=nominal_ms,
+            load=Load.known(Mode.IDLE),
+            situation=None,
+            since_ms=nominal_ms,
+            place=place,
+            place_ms=at_ms,
+            clock=clocks.prior_clock(usual.offset_ms, usual.drift_ppm),
+            clock_ms=nominal_ms,
+            packet=_NO_PACKET,
+            reported=NOTHING_REPORTED,
         )
         return self._to_belief(belief, twin_state, at_ms, learned_from)
 
@@ -414,18 +414,18 @@ class Twin:
             clock = self._clock_set(packet.agent_ms, at_ms)
         place = Place.at(packet.north_m, packet.east_m, self._variance_of_place_m2(packet), parameters.water)
         twin_state = TwinState(
-            nominal_ms + round(clock.offset_ms),
-            (Anchor(1.0, mean, cov),),
-            nominal_ms,
-            Load.known(reading.mode if reading.mode in SUBMERGED else Mode.IDLE),
-            None,
-            nominal_ms,
-            place,
-            at_ms,
-            clock,
-            nominal_ms,
-            (packet.sequence, packet.agent_ms),
-            NOTHING_REPORTED.after(packet),
+            at_ms=nominal_ms + round(clock.offset_ms),
+            anchors=(Anchor(1.0, mean, cov),),
+            anchor_ms=nominal_ms,
+            load=Load.known(reading.mode if reading.mode in SUBMERGED else Mode.IDLE),
+            situation=None,
+            since_ms=nominal_ms,
+            place=place,
+            place_ms=at_ms,
+            clock=clock,
+            clock_ms=nominal_ms,
+            packet=(packet.sequence, packet.agent_ms),
+            reported=NOTHING_REPORTED.after(packet),
             stated_m=(packet.north_m, packet.east_m),
         )
         schedule = self._schedule(packet.agent_id)
@@ -437,7 +437,14 @@ class Twin:
             standing = self._checkers[0].standing(None, stated, reading.primary, reading.state, 0.0)
             twin_state = replace(twin_state, track=extended(None, stated), standing=standing)
         return belief_from_state(
-            twin_state, parameters, packet.agent_id, at_ms, packet.state, at_ms, Source.PACKET, 0
+            twin_state=twin_state,
+            parameters=parameters,
+            agent_id=packet.agent_id,
+            heard_ms=at_ms,
+            state=packet.state,
+            at_ms=at_ms,
+            learned_from=Source.PACKET,
+            silent_timeslots=0,
         )
 
     def _clock_set(self, agent_ms: int, at_ms: MissionMs) -> ClockBelief:

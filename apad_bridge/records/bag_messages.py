@@ -150,19 +150,19 @@ class Messages:
     def sound(self, now_ms: int, row: SoundRow) -> bytes:
         """A packet at one listener, without places: the truth has them."""
         message = self._transmission(
-            self._head(now_ms),
-            row.message,
-            row.duration_s,
-            0.0,
-            row.sender,
-            row.receiver,
-            row.snr_db,
-            self._nowhere(now_ms),
-            row.range_m,
-            0.0,
-            0.0,
-            row.listener,
-            row.conflict,
+            header=self._head(now_ms),
+            message=row.message,
+            duration=row.duration_s,
+            gain=0.0,
+            sender=row.sender,
+            receiver=row.receiver,
+            snr=row.snr_db,
+            position=self._nowhere(now_ms),
+            range=row.range_m,
+            azimuth=0.0,
+            elevation=0.0,
+            listener_id=row.listener,
+            conflict=row.conflict,
         )
         return self._serialize(message, SOUND)
 
@@ -172,7 +172,18 @@ class Messages:
         degrees = types["auv_msgs/msg/DecimalLatLon"](0.0, 0.0)
         point = types["geometry_msgs/msg/Point"](0.0, 0.0, 0.0)
         return types["auv_msgs/msg/NavSts"](
-            self._head(now_ms), degrees, degrees, ned, 0.0, point, point, rpy, rpy, ned, rpy, 0
+            header=self._head(now_ms),
+            global_position=degrees,
+            origin=degrees,
+            position=ned,
+            altitude=0.0,
+            body_velocity=point,
+            gbody_velocity=point,
+            orientation=rpy,
+            orientation_rate=rpy,
+            position_variance=ned,
+            orientation_variance=rpy,
+            status=0,
         )
 
     def _head(self, now_ms: int) -> object:

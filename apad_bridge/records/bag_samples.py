@@ -161,15 +161,15 @@ def add_definition(store: Typestore, source: object, text: str, kind: str) -> No
 
 def _truth(row: Any) -> TruthSample:
     return TruthSample(
-        row.id,
-        row.state,
-        row.primary,
-        row.secondary,
-        row.north,
-        row.east,
-        row.depth,
-        row.docked,
-        row.agent_time_ms,
+        agent_id=row.id,
+        state=row.state,
+        primary=row.primary,
+        secondary=row.secondary,
+        north_m=row.north,
+        east_m=row.east,
+        depth_m=row.depth,
+        docked=row.docked,
+        agent_time_ms=row.agent_time_ms,
     )
 
 

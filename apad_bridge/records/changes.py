@@ -79,13 +79,13 @@ class Changes:
 
 def _apad_event(apad: APadSample) -> APadMoved:
     return APadMoved(
-        round(apad.north_m, 3),
-        round(apad.east_m, 3),
-        round(apad.heading_rad, 4),
-        _or_none(apad.voltage_v),
-        _or_none(apad.battery_fraction),
-        apad.primitive,
-        list(apad.docks),
+        north_m=round(apad.north_m, 3),
+        east_m=round(apad.east_m, 3),
+        heading_rad=round(apad.heading_rad, 4),
+        voltage_v=_or_none(apad.voltage_v),
+        battery=_or_none(apad.battery_fraction),
+        primitive=apad.primitive,
+        docks=list(apad.docks),
     )
 
 
@@ -102,13 +102,13 @@ def _apad_differs(now_ms: int, apad: APadSample, before_ms: int, before: APadSam
 
 def _event_of(belief: Belief) -> BeliefChanged:
     event = BeliefChanged(
-        belief.agent_id,
-        belief.heard_ms,
-        belief.state,
-        round(belief.primary, 5),
-        round(belief.secondary, 5),
-        round(belief.north_m, 3),
-        round(belief.east_m, 3),
+        id=belief.agent_id,
+        heard=belief.heard_ms,
+        state=belief.state,
+        charge=round(belief.primary, 5),
+        secondary=round(belief.secondary, 5),
+        north_m=round(belief.north_m, 3),
+        east_m=round(belief.east_m, 3),
         reported=belief.reported.stated or None,
     )
     if not belief.is_predicted:

@@ -41,14 +41,14 @@ def sound_rows(packet: PacketPassed) -> list[SoundRow]:
     everybody = packet.what in _TO_ALL
     return [
         SoundRow(
-            f"{outcome} {packet.data_}".rstrip(),
-            packet.lasted_ms / 1000,
-            packet.from_,
-            EVERYBODY if everybody else max(listener, _TO_AN_APAD),
-            snr_db,
-            range_m,
-            listener,
-            outcome in _CONFLICTS,
+            message=f"{outcome} {packet.data_}".rstrip(),
+            duration_s=packet.lasted_ms / 1000,
+            sender=packet.from_,
+            receiver=EVERYBODY if everybody else max(listener, _TO_AN_APAD),
+            snr_db=snr_db,
+            range_m=range_m,
+            listener=listener,
+            conflict=outcome in _CONFLICTS,
         )
         for listener, outcome, snr_db, _, _, range_m in packet.heard
     ]

@@ -85,15 +85,15 @@ class TruthExtrapolator:
         """The aMussel at agent time `agent_ms`, at or after the truth's."""
         physical, charge_at = truth.physical, self.charge_of(truth.agent_id).charge_at
         return TruthSample(
-            truth.agent_id,
-            int(truth.state),
-            fraction(charge_at(physical.primary, agent_ms)),
-            fraction(charge_at(physical.secondary, agent_ms)),
-            physical.north_um / 1e6,
-            physical.east_um / 1e6,
-            self.depth_um(physical, agent_ms) / 1e6,
-            physical.docked,
-            agent_ms,
+            agent_id=truth.agent_id,
+            state=int(truth.state),
+            primary=fraction(charge_at(physical.primary, agent_ms)),
+            secondary=fraction(charge_at(physical.secondary, agent_ms)),
+            north_m=physical.north_um / 1e6,
+            east_m=physical.east_um / 1e6,
+            depth_m=self.depth_um(physical, agent_ms) / 1e6,
+            docked=physical.docked,
+            agent_time_ms=agent_ms,
         )
 
     def depth_um(self, physical: Physical, agent_ms: int) -> int:
@@ -115,23 +115,24 @@ def belief_sample(belief: Belief, now_ms: MissionMs) -> BeliefSample:
         belief.age_s(now_ms),
     )
     reported = tuple([nan if (it := getattr(belief.reported, name)) is None else it for name in QUANTITIES])
-    learned = min(belief.silent_timeslots, _MOST_TIMESLOTS), int(belief.learned_from)
+    silent, learned_from = min(belief.silent_timeslots, _MOST_TIMESLOTS), int(belief.learned_from)
     if not belief.is_predicted:
-        return BeliefSample._make((*newest, *_UNKNOWN, *learned, reported, ()))
+        return BeliefSample._make((*newest, *_UNKNOWN, silent, learned_from, reported, ()))
     primary, both, secondary = belief.charge_cov
     north, across, east = belief.place_cov
     deviations = (sqrt(primary), sqrt(secondary), both, *belief.charge_interval())
     of_place = (sqrt(north), sqrt(east), across)
-    of_clock = (belief.clock.offset_ms, sqrt(belief.clock.offset_var))
     return BeliefSample(
         *newest,
         *deviations,
         *of_place,
-        belief.mode_probabilities,
-        *of_clock,
-        *learned,
-        reported,
-        tuple(chain.from_iterable(belief.parts)),
+        mode_probabilities=belief.mode_probabilities,
+        clock_offset_ms=belief.clock.offset_ms,
+        clock_deviation_ms=sqrt(belief.clock.offset_var),
+        silent_timeslots=silent,
+        learned_from=learned_from,
+        reported=reported,
+        charge_parts=tuple(chain.from_iterable(belief.parts)),
     )
 
 
@@ -141,4 +142,12 @@ def apad_sample(
     """The aPad's sample; NaN for a battery that was never reported."""
     voltage_v, left = (float("nan"),) * 2 if battery is None else (battery.voltage_v, battery.fraction)
     held = tuple(-1 if agent_id is None else agent_id for agent_id in docks)
-    return APadSample(pose.north_m, pose.east_m, pose.heading_rad, voltage_v, left, primitive, held)
+    return APadSample(
+        north_m=pose.north_m,
+        east_m=pose.east_m,
+        heading_rad=pose.heading_rad,
+        voltage_v=voltage_v,
+        battery_fraction=left,
+        primitive=primitive,
+        docks=held,
+    )

@@ -13,16 +13,16 @@ def truth_event(truth: Truth) -> TruthChanged:
     """The event of a Truth. An optional field is told where it says something: while it hovers, and so on."""
     physical = truth.physical
     return TruthChanged(
-        truth.agent_id,
-        truth.at_ms,
-        truth.state,
-        _anchor_of(physical.primary),
-        _anchor_of(physical.secondary),
-        physical.north_um,
-        physical.east_um,
-        (physical.depth_anchor_ms, physical.depth_um),
-        physical.buoyancy,
-        physical.docked,
+        id=truth.agent_id,
+        agent_ms=truth.at_ms,
+        state=truth.state,
+        primary=_anchor_of(physical.primary),
+        secondary=_anchor_of(physical.secondary),
+        north_um=physical.north_um,
+        east_um=physical.east_um,
+        depth=(physical.depth_anchor_ms, physical.depth_um),
+        buoyancy=physical.buoyancy,
+        docked=physical.docked,
         hover_um=physical.hover_um if physical.buoyancy is Buoyancy.HOVER else None,
         pin_due=physical.pin_due_ms or None,
         log=(physical.samples, physical.acknowledged) if physical.samples else None,
@@ -31,17 +31,19 @@ def truth_event(truth: Truth) -> TruthChanged:
 
 def truth_of(event: TruthChanged) -> Truth:
     """The Truth of an event."""
+    samples, acknowledged = event.log or (0, 0)
     physical = Physical(
         _battery_of(event.primary),
         _battery_of(event.secondary),
         event.north_um,
         event.east_um,
         *event.depth,
-        event.buoyancy,
-        event.docked,
-        event.pin_due or 0,
-        event.hover_um or 0,
-        *(event.log or (0, 0)),
+        buoyancy=event.buoyancy,
+        docked=event.docked,
+        pin_due_ms=event.pin_due or 0,
+        hover_um=event.hover_um or 0,
+        samples=samples,
+        acknowledged=acknowledged,
     )
     return Truth(event.agent_ms, event.id, event.state, physical)
 
