@@ -124,20 +124,7 @@ class Agent:
         """Starts from the physical state and forgets everything else from before."""
         config = self.config
         self._now_ms = now_ms
-        self.body = Body(
-            config.board.agent_id,
-            config.water,
-            physical.north_um,
-            physical.east_um,
-            physical.depth_anchor_ms,
-            physical.depth_um,
-            physical.buoyancy,
-            physical.docked,
-            now_ms,
-            physical.pin_due_ms,
-            physical.hover_um,
-            physical.fix_um,
-        )
+        self.body = Body(config.board.agent_id, config.water, physical, now_ms)
         self.close()
         self._world = (
             None if config.board.whole is None or not config.firmware else self._open_world(physical)

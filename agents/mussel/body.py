@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from struct import Struct
 
+from agents.mussel.physical import Physical
 from agents.water.fields import WaterFields
 from agents.water.stream import Stream
 from firmware_model.actions import Buoyancy
@@ -97,32 +98,24 @@ class Body:
         self,
         agent_id: int,
         water: WaterConfig,
-        north_um: int,
-        east_um: int,
-        depth_anchor_ms: int,
-        depth_um: int,
-        buoyancy: Buoyancy,
-        docked: bool,
+        physical: Physical,
         now_ms: int,
-        pin_due_ms: int = 0,
-        hover_um: int = 0,
-        fix_um: tuple[int, int] = (0, 0),
     ) -> None:
         self.agent_id = agent_id
         self.water = water
         self._config = water.body
         self._sinking = water.body.sinking
-        self.north_um = north_um
-        self.east_um = east_um
-        self.depth_anchor_ms = depth_anchor_ms
-        self.depth_um = depth_um
-        self.buoyancy = buoyancy
-        self.docked = docked
-        self.pin_due_ms = pin_due_ms
+        self.north_um = physical.north_um
+        self.east_um = physical.east_um
+        self.depth_anchor_ms = physical.depth_anchor_ms
+        self.depth_um = physical.depth_um
+        self.buoyancy = physical.buoyancy
+        self.docked = physical.docked
+        self.pin_due_ms = physical.pin_due_ms
         """When its dock's coils will be aligned; 0 if they are, or if no dock holds it."""
-        self.hover_um = hover_um
+        self.hover_um = physical.hover_um
         """The depth at which it hovers, or to which it moves, while its buoyancy is HOVER; otherwise 0."""
-        self.fix_um = fix_um
+        self.fix_um = physical.fix_um
         """The last GPS fix (north, east); unused by bodies that know their true place."""
         self._step = now_ms // water.step_ms
         """The last drift step that it took, or missed while docked."""

@@ -98,10 +98,14 @@ def simulated_hull(scenario: Scenario, held: Mapping[int, int] = MappingProxyTyp
     return SimulatedAPad(scenario.apad, None, scenario.area.home_m, held, surface_of(scenario))
 
 
+def home_of(scenario: Scenario) -> tuple[float, float]:
+    """The aPad's home, (north, east) in metres: its start where the scenario names none."""
+    return scenario.apad.start_m if scenario.area.home_m is None else scenario.area.home_m
+
+
 def home_stays(scenario: Scenario) -> HomeStays:
-    """Builds the rule by which the aPad goes home."""
-    apad, home_m = scenario.apad, scenario.area.home_m
-    return HomeStays(apad.start_m if home_m is None else home_m, apad.home, apad.unavailable)
+    """Builds the rule by which the aPad goes home. ScenarioError for an end at a local time."""
+    return HomeStays(home_of(scenario), scenario.apad.home, scenario.apad.unavailable, _end_by(scenario))
 
 
 def initial_learned_state(config: FlightConfig, has_modem: bool = True) -> LearnedState:
@@ -225,7 +229,6 @@ def _energy_exchange(
         allocation,
         state,
         home_stays(scenario),
-        _end_by(scenario),
         LegForecast(scenario.apad, surface_of(scenario)),
         needs_battery=scenario.guards is not None and scenario.guards.battery_reserve is not None,
         planning=planning,
@@ -262,6 +265,7 @@ def _end_by(scenario: Scenario) -> EndBy | None:
         raise ScenarioError(
             [f"mission.end_by: {mission.end_by} is a local time, which this flight has not: say seconds"]
         )
-    home_m = home_stays(scenario).place_m
     legs = LegForecast(scenario.apad, surface_of(scenario))
-    return EndBy(mission.end_by, home_m, mission.speed_m_s, docking.timeout_s, docking.timeout_s, legs)
+    return EndBy(
+        mission.end_by, home_of(scenario), mission.speed_m_s, docking.timeout_s, docking.timeout_s, legs
+    )

@@ -10,7 +10,6 @@ from apad_bridge.beliefs.belief import Belief
 from apad_bridge.events.mission_events import MissionEnd, Phase, StepGivenUp
 from apad_bridge.events.run_events import EndReason
 from apad_bridge.mission.docking_routine import DockingRoutine, DockingStep, GivenUp, OutOfReach
-from apad_bridge.mission.end_by import EndBy
 from apad_bridge.mission.home_stays import HomeStays
 from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.planner import Planner
@@ -168,14 +167,12 @@ class GoingHome:
         book: OrderBook,
         planner: Planner,
         stays: HomeStays,
-        end_by: EndBy | None,
         next_step: PhaseAct,
         end: Callable[[MissionEnd, MissionMs], None],
     ) -> None:
         self._book = book
         self._planner = planner
         self._stays = stays
-        self._end_by = end_by
         self._next_step = next_step
         self._end = end
         self.for_good = False
@@ -202,12 +199,12 @@ class GoingHome:
 
     def must_return(self, now_ms: MissionMs, fetched: Belief | None) -> bool:
         """True once no time is left but for the way home, with the aMussel that the aPad is fetching."""
-        if self._end_by is None:
+        if self._stays.end_by is None:
             return False
         homes, here = self._planner.places.all(), self._book.here
         releases_m = [homes.get(it, here) for it in self._planner.to_release]
         fetched_m = None if fetched is None else (fetched.north_m, fetched.east_m)
-        return self._end_by.must_return(now_ms, here, releases_m, fetched_m)
+        return self._stays.end_by.must_return(now_ms, here, releases_m, fetched_m)
 
     def is_called(self, now_ms: MissionMs) -> bool:
         patience_ms = HOME_AGAIN_MS if self.for_good else self._planner.config.silence_timeout_s * 1000

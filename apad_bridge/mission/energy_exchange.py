@@ -25,7 +25,6 @@ from apad_bridge.mission.collecting_and_going_home import (
     PhaseBehaviour,
 )
 from apad_bridge.mission.docking_routine import NOT_FOUND, DockingRoutine, Progress
-from apad_bridge.mission.end_by import EndBy
 from apad_bridge.mission.home_stays import NO_HOME, HomeStays
 from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.orders import MissionAction, SendCommand
@@ -62,14 +61,13 @@ class EnergyExchange(OrderBook):
         beliefs: BeliefSource,
         state: MissionState | None = None,
         home: HomeStays = NO_HOME,
-        end_by: EndBy | None = None,
         legs: LegForecast | None = None,
         *,
         needs_battery: bool = False,
         planning: Planning = untold,
         barred: Callable[[], frozenset[int]] = frozenset,
     ) -> None:
-        """`home` says when the aPad goes home, `end_by` when for good. With `legs` it serves nobody whom the sea bars.
+        """`home` says when the aPad goes home. With `legs` it serves nobody whom the sea bars.
 
         One that `needs_battery` does nothing before the aPad's battery was heard: a guard would refuse its go-tos.
         `planning` is entered while a strategy, by its name, plans. `barred` are the aMussels that other aPads may dock.
@@ -95,7 +93,7 @@ class EnergyExchange(OrderBook):
             self._finish_step,
             give_up=self._give_up,
         )
-        self._home = GoingHome(self, self._planner, home, end_by, self._next_step, self._end)
+        self._home = GoingHome(self, self._planner, home, self._next_step, self._end)
         self._behaviours = {
             Phase.IDLE: PhaseBehaviour(self._hold, decide=self._decide_idle),
             **self._collecting.phases,

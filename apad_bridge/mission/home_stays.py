@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from agents.time_scale import MissionMs
+from apad_bridge.mission.end_by import EndBy
 from apad_bridge.scenario.schema import DockedAtHome, Home, Unavailable
 
 
@@ -12,11 +13,17 @@ class HomeStays:
     """Answers for a mission; `place_m` is home, (north, east) in metres. The aPad's battery is None until it was heard."""
 
     def __init__(
-        self, place_m: tuple[float, float], home: Home | None, unavailable: Sequence[Unavailable]
+        self,
+        place_m: tuple[float, float],
+        home: Home | None,
+        unavailable: Sequence[Unavailable],
+        end_by: EndBy | None = None,
     ) -> None:
+        """`end_by` says when it goes home for good; None for never."""
         self.place_m = place_m
         self._home = home
         self._unavailable = unavailable
+        self.end_by = end_by
 
     @property
     def releases_first(self) -> bool:

@@ -74,7 +74,7 @@ def with_apad_as_seen(scenario: Scenario, seen: APadMoved | None) -> Scenario | 
         return None
     start = scenario.apad.battery.start_fraction
     values = {
-        "area.home_m": flight_parts.home_stays(scenario).place_m,
+        "area.home_m": flight_parts.home_of(scenario),
         "apad.start_m": (seen.north_m, seen.east_m),
         "apad.battery.start_fraction": start if seen.battery is None else seen.battery,
     }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from firmware_model.bench.conformance import Case, PaperTime, RequirementSource, Whole
@@ -81,34 +82,8 @@ _CALLS = Whole("hourly", 0.21, last_resort=LastResort.CALL)
 _SURFACES = Whole("hourly", 0.21, last_resort=LastResort.SURFACE)
 _LOW_CALLS, _LOW_SURFACES = replace(_CALLS, secondary=0.19), replace(_SURFACES, secondary=0.19)
 """At the safe level as soon as the primary is empty."""
-
-
-def _case(
-    name: str,
-    source: RequirementSource,
-    requirement: str,
-    script: str,
-    whole: Whole = _HOURLY,
-    primary: float = 1.0,
-    paper: PaperTime | None = None,
-    tolerance_ms: int = 20,
-    is_near_tie: bool = False,
-    shows: str | Callable[[Any], bool] | None = None,
-    counts_refusals: bool = False,
-) -> Case:
-    return Case(
-        name,
-        source,
-        requirement,
-        script,
-        primary,
-        tolerance_ms,
-        whole,
-        paper,
-        is_near_tie,
-        counts_refusals=counts_refusals,
-        shows=shows,
-    )
+_case = partial(Case, whole=_HOURLY)
+"""A case of a board that wakes each hour, if `whole` does not say otherwise."""
 
 
 def _sends(kind: type[Any], **values: object) -> Callable[[Any], bool]:
@@ -119,7 +94,9 @@ def _sends(kind: type[Any], **values: object) -> Callable[[Any], bool]:
 def _table_one(name: str, mode: str, script: str, whole: Whole, ends: str, *minutes: float) -> Case:
     primary = 0.0 if ends == "the primary is full" else 1.0
     paper = PaperTime(ends, minutes[0], minutes[-1])
-    return _case(name, RequirementSource.PAPER, f"Table I: {mode}", script, whole, primary, paper)
+    return _case(
+        name, RequirementSource.PAPER, f"Table I: {mode}", script, whole=whole, primary=primary, paper=paper
+    )
 
 
 _PAPER = [
@@ -197,7 +174,7 @@ _SLEEP = [
         RequirementSource.STATES,
         "it samples, processes, and sends in its timeslot",
         "4h",
-        _FIELD,
+        whole=_FIELD,
         tolerance_ms=_SLOT_MS,
     ),
     _case(
@@ -205,7 +182,7 @@ _SLEEP = [
         RequirementSource.PACKETS,
         "an assigned timeslot counts from now on",
         f"3s {_SLOT_7} 4h",
-        _FIELD,
+        whole=_FIELD,
         tolerance_ms=_SLOT_MS,
     ),
     _case(
@@ -221,7 +198,7 @@ _SLEEP = [
             RequirementSource.PACKETS,
             "an offset moves the timeslot",
             f"3s {_sound(SlotAssignment(1, 300_000, 3000, 500, 2, offset_ms))} 3h",
-            _FIELD,
+            whole=_FIELD,
             tolerance_ms=_SLOT_MS,
         )
         for offset_ms in (-300, 300)
@@ -231,7 +208,7 @@ _SLEEP = [
         RequirementSource.PACKETS,
         "a timeslot beyond its frame is refused",
         f"3s {_sound(SlotAssignment(1, 60_000, 4000, 1500, 15, 0))} 3h",
-        _FIELD,
+        whole=_FIELD,
     ),
     _case(
         "each-minute",
@@ -251,7 +228,7 @@ _SLEEP = [
         RequirementSource.PACKETS,
         "an assigned timeslot counts from now on",
         f"10min {_SLOT_7} 3h",
-        _FIELD,
+        whole=_FIELD,
         tolerance_ms=_SLOT_MS,
         shows=_sends(AcousticStatus),
     ),
@@ -261,7 +238,7 @@ _SLEEP = [
             RequirementSource.PACKETS,
             "the board takes the next such time, even if the offset moves it beyond its frame",
             f"3s {_sound(SlotAssignment(1, 300_000, 3000, 500, index, offset_ms))} {script}",
-            _HOURLY,
+            whole=_HOURLY,
             tolerance_ms=_SLOT_MS,
             shows=_sends(AcousticStatus),
         )
@@ -278,7 +255,7 @@ _SLEEP = [
             RequirementSource.PORT,
             "the counter wraps after 36 hours",
             script,
-            Whole(float_min=480),
+            whole=Whole(float_min=480),
             is_near_tie="debounce" in name,
             shows=shows,
         )
@@ -295,14 +272,14 @@ _SLEEP = [
         RequirementSource.PACKETS,
         "a wake longer than its period is refused",
         f"3s {_sound(SleepSchedule(1, 20_000, 150_000))} 3h",
-        _FIELD,
+        whole=_FIELD,
     ),
     _case(
         "settings-outlive-a-reset",
         RequirementSource.STATES,
         "schedule and timeslot are kept",
         f"3s {_SLOT_7} {_sound(SleepSchedule(1, 600_000, 20_000))} 30min brown_out 2h",
-        _FIELD,
+        whole=_FIELD,
         tolerance_ms=_SLOT_MS,
     ),
     *(
@@ -311,7 +288,7 @@ _SLEEP = [
             RequirementSource.STATES,
             "timeslots follow the board's own clock",
             f"3s {_SLOT_7} 12h",
-            Whole("field", drift_ppm=ppm),
+            whole=Whole("field", drift_ppm=ppm),
             tolerance_ms=_SLOT_MS,
         )
         for ppm in (-100, 100)
@@ -321,7 +298,7 @@ _SLEEP = [
         RequirementSource.STATES,
         "a beacon sets the drifting clock",
         f"3s {_SLOT_7} 359min beacon:21543000 6h",
-        Whole("field", drift_ppm=100),
+        whole=Whole("field", drift_ppm=100),
         tolerance_ms=_SLOT_MS,
     ),
     _case(
@@ -329,42 +306,42 @@ _SLEEP = [
         RequirementSource.PACKETS,
         "a beacon to id 0 sets every clock",
         f"30min {_sound(Beacon(EVERYONE, 2_400_000))} 2h",
-        _FIELD,
+        whole=_FIELD,
     ),
     _case(
         "past-an-alarm",
         RequirementSource.STATES,
         "set past an alarm, it rings at once",
         "30min beacon:3700000 2h",
-        _FIELD,
+        whole=_FIELD,
     ),
     _case(
         "no-alarm-twice",
         RequirementSource.STATES,
         "set back, no alarm rings twice",
         "90min beacon:1800000 permission 20s sink 3h",
-        _FIELD,
+        whole=_FIELD,
     ),
     _case(
         "a-time-that-cannot-be",
         RequirementSource.PACKETS,
         "a beacon of such a time is refused",
         f"30min {_sound(Beacon(1, 1 << 60))} 3h",
-        _FIELD,
+        whole=_FIELD,
     ),
     _case(
         "a-clock-in-doubt",
         RequirementSource.STATES,
         "a clock beyond its guard transmits nothing",
         f"3s {_SLOT_7} 8h",
-        Whole("field", doubt_ppm=50),
+        whole=Whole("field", doubt_ppm=50),
     ),
     _case(
         "a-beacon-dispels-it",
         RequirementSource.STATES,
         "a beacon in the wait lets it transmit after all",
         f"3s {_SLOT_7} 241min 17s beacon:14480000 1h",
-        Whole("field", doubt_ppm=50),
+        whole=Whole("field", doubt_ppm=50),
         tolerance_ms=_SLOT_MS,
         shows=lambda it: isinstance(it, AcousticStatus) and 14_480_000 < it.agent_ms < 15_000_000,
     ),
@@ -373,7 +350,7 @@ _SLEEP = [
         RequirementSource.STATES,
         "the clock's error at the timeslot counts, and not that as the wait begins",
         f"3s {_LAST_SLOT} 297s beacon:300000 5h",
-        Whole("field", doubt_ppm=35),
+        whole=Whole("field", doubt_ppm=35),
         shows="state AWAITING_BEACON",
     ),
     _case(
@@ -381,7 +358,7 @@ _SLEEP = [
         RequirementSource.STATES,
         "the error of the clock counts since the last beacon, also one that was heard in a boot",
         f"3s {_SLOT_7} 2h brown_out 1s beacon:7204000 170min beacon:17404000 3h",
-        Whole("field", doubt_ppm=50),
+        whole=Whole("field", doubt_ppm=50),
         tolerance_ms=_SLOT_MS,
         shows=_sends(AcousticStatus),
     ),
@@ -390,9 +367,15 @@ _SLEEP = [
         RequirementSource.STATES,
         "a reset in its sleep boots it",
         "90min watchdog 2h",
-        _FIELD,
+        whole=_FIELD,
     ),
-    _case("pi-at-work", RequirementSource.STATES, "a reset in a wake ends it", "1h 30s brown_out 2h", _FIELD),
+    _case(
+        "pi-at-work",
+        RequirementSource.STATES,
+        "a reset in a wake ends it",
+        "1h 30s brown_out 2h",
+        whole=_FIELD,
+    ),
 ]
 _GOES_ON = "the board answers a stated turnaround later with its state of then, and otherwise continues"
 _ANSWERS = _sends(ShortStatus)
@@ -424,7 +407,7 @@ _PINGS = [
             RequirementSource.STATES,
             requirement,
             script,
-            whole,
+            whole=whole,
             is_near_tie=True,
             counts_refusals=True,
             shows=shows,
@@ -504,7 +487,7 @@ _PINGS = [
         RequirementSource.STATES,
         "its own slot drops the answer",
         "3899s 700ms ping 1min",
-        _FIELD,
+        whole=_FIELD,
     ),
     _case(
         "a-ping-while-empty",
@@ -583,14 +566,14 @@ _TRAVEL = [
         RequirementSource.STATES,
         "afloat for too long it sinks again",
         f"{_UP} 2h",
-        Whole(float_min=60),
+        whole=Whole(float_min=60),
     ),
     _case(
         "permission-prolongs-no-float",
         RequirementSource.STATES,
         "a permission afloat is refused, and it sinks when its time afloat is over",
         f"{_UP} {_wifi(CommandPacket(Kind.PERMISSION, 1))} 2h",
-        Whole(float_min=60),
+        whole=Whole(float_min=60),
         shows="motors sink",
     ),
     _case(
@@ -680,14 +663,14 @@ _TRAVEL = [
         RequirementSource.STATES,
         "a reset afloat floats on, for as long again",
         f"{_UP} 30min brown_out 2h",
-        Whole(float_min=60),
+        whole=Whole(float_min=60),
     ),
     _case(
         "reports-when-asked",
         RequirementSource.PACKETS,
         "the experiment's report is a full status",
         f"{_UP} 1h watchdog 1h",
-        Whole("hourly", report_min=10),
+        whole=Whole("hourly", report_min=10),
     ),
 ]
 _LOG = [
@@ -860,12 +843,20 @@ _FAULTS = [
         RequirementSource.PACKETS,
         "a status has the batteries' readings",
         "3s readings:5 3h readings:0 2h",
-        _FIELD,
+        whole=_FIELD,
     ),
 ]
 _EMERGENCY = [
     *(
-        _case(name, RequirementSource.STATES, requirement, script, whole, counts_refusals=True, shows=shows)
+        _case(
+            name,
+            RequirementSource.STATES,
+            requirement,
+            script,
+            whole=whole,
+            counts_refusals=True,
+            shows=shows,
+        )
         for name, requirement, script, whole, shows in (
             (
                 "calls-from-now-on",
@@ -1023,8 +1014,8 @@ _EMERGENCY = [
         RequirementSource.PAPER,
         "IV-A: actively using the secondary doubles the deployment",
         "6h",
-        Whole("field", 0.9, secondary_in_use=True),
-        0.005,
+        whole=Whole("field", 0.9, secondary_in_use=True),
+        primary=0.005,
         shows=_sends(AcousticStatus, samples=5),
     ),
     _case(
@@ -1032,8 +1023,8 @@ _EMERGENCY = [
         RequirementSource.STATES,
         "with a last resort a secondary in use is spared from the safe level on",
         "5h",
-        Whole("field", 0.21, last_resort=LastResort.CALL, secondary_in_use=True),
-        0.005,
+        whole=Whole("field", 0.21, last_resort=LastResort.CALL, secondary_in_use=True),
+        primary=0.005,
         tolerance_ms=_LEVEL_MS,
         shows="state CALLING",
     ),
@@ -1042,16 +1033,16 @@ _EMERGENCY = [
         RequirementSource.STATES,
         "at its safe level it may wait",
         "12h",
-        Whole("hourly", 0.21),
-        0.005,
+        whole=Whole("hourly", 0.21),
+        primary=0.005,
     ),
     _case(
         "calls",
         RequirementSource.STATES,
         "at its safe level it may call, every 10 min",
         "30h",
-        _CALLS,
-        0.005,
+        whole=_CALLS,
+        primary=0.005,
         tolerance_ms=_LEVEL_MS,
     ),
     _case(
@@ -1059,8 +1050,8 @@ _EMERGENCY = [
         RequirementSource.STATES,
         "at its safe level it may surface",
         "40h",
-        _SURFACES,
-        0.005,
+        whole=_SURFACES,
+        primary=0.005,
         tolerance_ms=_LEVEL_MS,
     ),
     _case(
@@ -1068,8 +1059,8 @@ _EMERGENCY = [
         RequirementSource.STATES,
         "once charged it sinks again after its time afloat",
         "4h rises 350min falls 1s release 10min permission 70s 2h",
-        replace(_SURFACES, float_min=60),
-        0.005,
+        whole=replace(_SURFACES, float_min=60),
+        primary=0.005,
         tolerance_ms=_LEVEL_MS,
     ),
     _case(
@@ -1077,24 +1068,24 @@ _EMERGENCY = [
         RequirementSource.STATES,
         "for 6 h after an order to sink no last resort brings it up",
         "2h permission 20s sink 1s 40h",
-        Whole("hourly", 0.2101, last_resort=LastResort.SURFACE),
-        0.005,
+        whole=Whole("hourly", 0.2101, last_resort=LastResort.SURFACE),
+        primary=0.005,
     ),
     _case(
         "both-empty",
         RequirementSource.STATES,
         "without charge it answers nothing",
         "20h ping 1min",
-        Whole("never", 0.005),
-        0.005,
+        whole=Whole("never", 0.005),
+        primary=0.005,
     ),
     _case(
         "boots-when-fed",
         RequirementSource.STATES,
         "without power no code runs, and a charger's feed boots it",
         f"{_UP} 30min rises 20min falls 5min",
-        Whole("never", 0.01, report_min=13),
-        0.04,
+        whole=Whole("never", 0.01, report_min=13),
+        primary=0.04,
     ),
     _case(
         "back-on-its-primary",
@@ -1108,8 +1099,8 @@ _EMERGENCY = [
         RequirementSource.STATES,
         "at its low level it wakes once",
         "3h",
-        Whole("field", low_level=0.5),
-        0.502,
+        whole=Whole("field", low_level=0.5),
+        primary=0.502,
         tolerance_ms=_LOW_LEVEL_MS,
     ),
     _case(
@@ -1124,8 +1115,8 @@ _EMERGENCY = [
         RequirementSource.PACKETS,
         "a threshold is set by a packet",
         f"3s {_sound(SetThreshold(1, Threshold.LOW_LEVEL, 0.8))} 3h",
-        Whole("field", low_level=0.1),
-        0.802,
+        whole=Whole("field", low_level=0.1),
+        primary=0.802,
         tolerance_ms=_LOW_LEVEL_MS,
     ),
     _case(
@@ -1133,8 +1124,8 @@ _EMERGENCY = [
         RequirementSource.PACKETS,
         "a threshold is set by a packet",
         f"3s {_sound(SetThreshold(1, Threshold.SAFE_LEVEL, 0.5))} 30h",
-        Whole("hourly", 0.51, last_resort=LastResort.CALL),
-        0.005,
+        whole=Whole("hourly", 0.51, last_resort=LastResort.CALL),
+        primary=0.005,
         tolerance_ms=_LEVEL_MS,
     ),
     _case(
@@ -1149,16 +1140,16 @@ _EMERGENCY = [
         RequirementSource.STATES,
         "a run of its motors does not look empty",
         f"{_UP} release 4h",
-        Whole("field", metered=True),
-        0.15,
+        whole=Whole("field", metered=True),
+        primary=0.15,
     ),
     _case(
         "metered-and-empty",
         RequirementSource.STATES,
         "a voltage that stays low is empty",
         "8h",
-        Whole("field", metered=True),
-        0.01,
+        whole=Whole("field", metered=True),
+        primary=0.01,
     ),
 ]
 _UNEVEN = Whole(uneven=True)
@@ -1170,8 +1161,8 @@ _TIMES = [
         RequirementSource.STATES,
         f"the scenario's times: {requirement}",
         script,
-        whole,
-        primary,
+        whole=whole,
+        primary=primary,
         tolerance_ms=_LEVEL_MS if whole.last_resort is LastResort.CALL else 20,
         is_near_tie=name == "of-an-edge",
         shows=shows,
@@ -1260,8 +1251,8 @@ _TOLD = [
         RequirementSource.PACKETS,
         "a status has both charges",
         f"10s ping 2h ping {_UPLOADED}",
-        Whole("field", 0.7),
-        0.4,
+        whole=Whole("field", 0.7),
+        primary=0.4,
         shows=_sends(ShortStatus),
     ),
     _case(
@@ -1269,8 +1260,8 @@ _TOLD = [
         RequirementSource.PACKETS,
         "a report has the state, the feed, the rails and the reset's cause",
         f"{_UP} watchdog 60s rises 10min falls 50s release 3min",
-        Whole("field", 0.8, report_min=1),
-        0.6,
+        whole=Whole("field", 0.8, report_min=1),
+        primary=0.6,
         shows=_sends(WifiStatus, reset_cause=ResetCause.WATCHDOG),
     ),
     _case(
@@ -1278,8 +1269,8 @@ _TOLD = [
         RequirementSource.PACKETS,
         "a report has the battery that feeds the board",
         "3h permission 70s rises 3h",
-        Whole("hourly", report_min=7),
-        0.005,
+        whole=Whole("hourly", report_min=7),
+        primary=0.005,
         shows=_sends(WifiStatus, feed=ActiveBattery.SECONDARY),
     ),
     *(
@@ -1304,7 +1295,7 @@ _TOLD = [
         RequirementSource.PACKETS,
         "a sample beyond a sensor's range is marked",
         f"90min {_UPLOADED} 1h",
-        Whole("field", turbid=True),
+        whole=Whole("field", turbid=True),
         shows=lambda it: isinstance(it, LogRecords) and any(record.saturated for record in it.records),
     ),
     _case(
@@ -1312,7 +1303,7 @@ _TOLD = [
         RequirementSource.PACKETS,
         "a v2 nanomodem carries 7 bytes",
         "80min",
-        Whole("field", short_modem=True),
+        whole=Whole("field", short_modem=True),
     ),
 ]
 _PACKETS = [
@@ -1321,14 +1312,14 @@ _PACKETS = [
         RequirementSource.PACKETS,
         "the CRC detects every single bit error",
         f"10s {by_sound([it for command in EVERY_COMMAND for it in damages(command.encode())])} 2h ping {_UPLOADED}",
-        _FIELD,
+        whole=_FIELD,
     ),
     _case(
         "every-layout",
         RequirementSource.PACKETS,
         "version, kind and size belong together",
         f"10s {by_sound(UNKNOWN_LAYOUTS)} 2h ping {_UPLOADED}",
-        _FIELD,
+        whole=_FIELD,
     ),
     replace(
         _case(
@@ -1367,7 +1358,7 @@ _PACKETS = [
                     f"{_sound(CommandPacket(Kind.PERMISSION, 300))} 70s rises 2h",
                 ]
             ),
-            _FIELD,
+            whole=_FIELD,
         ),
         agent_id=300,
     ),
@@ -1376,7 +1367,7 @@ _PACKETS = [
         RequirementSource.PACKETS,
         "frame, slot and offset have four bytes, guard and index two",
         f"3s {_sound(SlotAssignment(1, 30_000_000, 90_000, 700, 300, -70_000))} 20h",
-        _FIELD,
+        whole=_FIELD,
         tolerance_ms=_SLOT_MS,
     ),
     _case(
@@ -1384,18 +1375,18 @@ _PACKETS = [
         RequirementSource.PACKETS,
         "the length of a wake has four bytes",
         f"3s {_sound(SleepSchedule(1, 900_000, 120_000))} 4h",
-        _FIELD,
+        whole=_FIELD,
     ),
     _case(
         "in-the-last-slot",
         RequirementSource.PACKETS,
         "a timeslot may end with its frame",
         f"3s {_sound(SlotAssignment(1, 60_000, 4000, 1500, 14, 0))} 3h",
-        _FIELD,
+        whole=_FIELD,
         tolerance_ms=_SLOT_MS,
     ),
     *(
-        _case(f"a-slot-{name}", source, requirement, f"3s {_sound(slot)} 3h", _FIELD)
+        _case(f"a-slot-{name}", source, requirement, f"3s {_sound(slot)} 3h", whole=_FIELD)
         for name, source, requirement, slot in (
             (
                 "of-no-time",
@@ -1424,7 +1415,7 @@ _PACKETS = [
         )
     ),
     *(
-        _case(f"a-schedule-{name}", source, requirement, f"3s {_sound(schedule)} 3h", _FIELD)
+        _case(f"a-schedule-{name}", source, requirement, f"3s {_sound(schedule)} 3h", whole=_FIELD)
         for name, source, requirement, schedule in (
             (
                 "of-no-time",
@@ -1452,8 +1443,8 @@ _PACKETS = [
             RequirementSource.PACKETS,
             "a threshold is one of three",
             f"3s sound:{sealed(bytes([2, 9, 1, 0, which, 255, 200])).hex()} {_UPLOADED}",
-            Whole("field", 0.5, low_level=0.5),
-            0.502,
+            whole=Whole("field", 0.5, low_level=0.5),
+            primary=0.502,
             tolerance_ms=_LOW_LEVEL_MS,
         )
         for which in (3, 255)
@@ -1464,7 +1455,7 @@ _PACKETS = [
             RequirementSource.PACKETS,
             "the latest time that a beacon may tell is 2^53 ms",
             f"10s {_sound(Beacon(1, (1 << 53) + by_ms))} 90min",
-            _FIELD,
+            whole=_FIELD,
         )
         for name, by_ms in (("of-the-latest-time", 0), ("too-late-by-one", 1))
     ),
@@ -1621,8 +1612,8 @@ _ROUND = [
             RequirementSource.STATES,
             f"the begin of {begins.name} is a wake, and finds a lost edge",
             script,
-            whole,
-            0.4,
+            whole=whole,
+            primary=0.4,
             shows="state CHARGING",
         )
         for name, begins, script, whole in (
@@ -1683,14 +1674,14 @@ _ROUND = [
         RequirementSource.PACKETS,
         "a timeslot counts from now on",
         f"3800s {_SLOT_7} 2h",
-        _FIELD,
+        whole=_FIELD,
     ),
     _case(
         "a-schedule-in-its-wake",
         RequirementSource.PACKETS,
         "a schedule counts from now on",
         f"3605s {_EACH_MINUTE} 1h",
-        _FIELD,
+        whole=_FIELD,
     ),
     _case(
         "a-schedule-in-a-dock",
@@ -1703,21 +1694,21 @@ _ROUND = [
         RequirementSource.STATES,
         "timeslots follow the clock as it is",
         "3800s beacon:3650000 1h",
-        _FIELD,
+        whole=_FIELD,
     ),
     _case(
         "a-beacon-past-its-slot",
         RequirementSource.STATES,
         "timeslots follow the clock as it is",
         "3800s beacon:3950000 1h",
-        _FIELD,
+        whole=_FIELD,
     ),
     _case(
         "in-doubt-after-an-hour",
         RequirementSource.STATES,
         "the error of the clock at the timeslot counts, since the last beacon",
         f"3s {_SLOT_7} 55min beacon:3303000 5h beacon:21303000 2h",
-        Whole("field", doubt_ppm=40),
+        whole=Whole("field", doubt_ppm=40),
     ),
 ]
 _UPLOADS = [
@@ -1863,7 +1854,7 @@ _BOUNDS = [
         RequirementSource.PACKETS,
         requirement,
         f"3s {' '.join(map(_sound, commands))} 90min permission 70s rises 15min",
-        whole,
+        whole=whole,
         tolerance_ms=_SLOT_MS,
         is_near_tie="1-ms-shorter-than-its-period" in name,
         counts_refusals=True,
@@ -1963,8 +1954,8 @@ _TABLE = [
             RequirementSource.STATES,
             f"the table: {state.name} takes {trigger.name}",
             f"{script} {_ordered(word)} 25min",
-            whole,
-            primary,
+            whole=whole,
+            primary=primary,
             is_near_tie=state is State.CALLING,
             counts_refusals=True,
             shows=_taken(word, TABLE[state, trigger]),
@@ -1989,8 +1980,8 @@ _TABLE = [
                     f"1min {'falls' if state in DOCKED else ''} 25min {AFTERWARDS}",
                 ]
             ),
-            whole,
-            primary,
+            whole=whole,
+            primary=primary,
             is_near_tie=state is State.CALLING,
             counts_refusals=True,
         )
@@ -2002,8 +1993,8 @@ _TABLE = [
             RequirementSource.STATES,
             f"the table: {state.name} takes {trigger.name}, or refuses and counts it",
             f"{script} {word} 25min {AFTERWARDS}",
-            whole,
-            primary,
+            whole=whole,
+            primary=primary,
             is_near_tie=state is State.CALLING,
             counts_refusals=state
             is not State.TRANSMITTING,  # the rest of its packet may go on, and drops sound
@@ -2022,8 +2013,8 @@ _TABLE = [
             RequirementSource.STATES,
             "the table: without charge it is LOST, and a charger that feeds it boots it",
             f"{script} loses:100 5min ping permission 5min surfaced rises 20min falls 5min",
-            replace(whole, secondary=0.0),
-            primary,
+            whole=replace(whole, secondary=0.0),
+            primary=primary,
             shows="state LOST",
         )
         for state, (whole, primary, script) in WAYS_INTO.items()
@@ -2036,8 +2027,8 @@ _TABLE = [
             requirement,
             f"{script} {' '.join(f'{_sound(it)} {_wifi(it)}' for it in commands(lasts_ms(script)))} 45min permission 70s"
             " rises 61min",
-            whole,
-            primary,
+            whole=whole,
+            primary=primary,
             is_near_tie=state is State.CALLING,
             counts_refusals=True,
         )
@@ -2071,8 +2062,8 @@ _TABLE = [
             RequirementSource.STATES,
             "a reset boots the board, which then determines where it is",
             f"{script} brown_out 2h",
-            whole,
-            primary,
+            whole=whole,
+            primary=primary,
             is_near_tie=state is State.CALLING,
         )
         for state, (whole, primary, script) in WAYS_INTO.items()

@@ -78,9 +78,9 @@ def fly(
     out: Path | None,
     as_json: bool,
     trust: Trust,
+    *,
     live: Sequence[Service] = (),
     script: Script | None = None,
-    *,
     check: bool = False,
 ) -> int:
     """Flies one aPad or several, and returns the exit code. UserError, or a line and its exit code, before anything starts.

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from agents.fleet_config import resting_on_bottom
 from agents.mussel.body import Body, BodyConfig, WaterConfig, drift_step_um
 from agents.water.fields import WaterFields
 from agents.water.patches import CALM
@@ -71,7 +72,7 @@ def blown(seconds: int, cuts: list[int]) -> list[tuple[int, int]]:
     water = WaterConfig(
         1, 1000, config, STILL, WaterFields.by_key({key: waters.field() for key, waters in CALM.items()})
     )
-    body = Body(7, water, 0, 0, 0, 3_000_000, Buoyancy.SINK, False, 0)
+    body = Body(7, water, resting_on_bottom(0.0, 0.0, 3.0, 1.0, 1.0), 0)
     assert body.drift_due_ms is None  # at rest on the bottom
     body.run_buoyancy(Buoyancy.FLOAT, 0)
     places = []

@@ -28,7 +28,8 @@ BOTTOM_UM = FLEET.body.sinking.bottom_um
 
 
 def body_at(depth_um: int, buoyancy: Buoyancy = Buoyancy.SINK, fix_um: tuple[int, int] = (1, 2)) -> Body:
-    return Body(7, CONFIG.water, 0, 0, 0, depth_um, buoyancy, False, 0, fix_um=fix_um)
+    resting = resting_on_bottom(0.0, 0.0, depth_um / 1e6, 1.0, 1.0)
+    return Body(7, CONFIG.water, replace(resting, buoyancy=buoyancy, fix_um=fix_um), 0)
 
 
 def test_fixes_scatter_by_their_deviation_about_the_true_place() -> None:
@@ -68,7 +69,7 @@ def test_at_the_surface_each_second_has_a_fix_of_its_own() -> None:
 
 def test_bodies_without_a_receiver_know_where_they_are() -> None:
     water = replace(CONFIG.water, body=replace(FLEET.body, gps_deviation_um=None))
-    body = Body(7, water, 0, 0, 0, BOTTOM_UM, Buoyancy.SINK, False, 0)
+    body = Body(7, water, resting_on_bottom(0.0, 0.0, BOTTOM_UM / 1e6, 1.0, 1.0), 0)
     body.north_um = 123
     assert body.known_place_um(5) == (123, 0)
 

@@ -334,11 +334,11 @@ def test_depth_in_the_bag_is_the_bodys(tmp_path, scenario):
     water_config = fleet_parts.fleet_config(flight_config(scenario)).maker().config(3).water
     water = TruthExtrapolator(scenario)
     for buoyancy in Buoyancy:
-        body = Body(3, water_config, 0, 0, 10_000, 1_234_567, buoyancy, False, 10_000)
+        physical = replace(
+            hand_made(0).physical, depth_anchor_ms=10_000, depth_um=1_234_567, buoyancy=buoyancy
+        )
+        body = Body(3, water_config, physical, 10_000)
         for now_ms in (10_000, 10_001, 33_333, 60_000, 90_000):
-            physical = replace(
-                hand_made(0).physical, depth_anchor_ms=10_000, depth_um=1_234_567, buoyancy=buoyancy
-            )
             assert water.depth_um(physical, now_ms) == body.depth_at_um(now_ms)
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -402,7 +402,7 @@ def test_a_body_drifts_by_its_depth_and_state() -> None:
     scenario = from_data(data, "theta 1")
     config = fleet_parts.fleet_config(flight_config(scenario)).maker().config(1)
     born = fleet_parts.initial_states(scenario, starts_of(scenario))[1]
-    body = Body(1, config.water, 0, 0, 0, born.depth_um, born.buoyancy, False, 0)
+    body = Body(1, config.water, replace(born, north_um=0, east_um=0), 0)
     assert body.drift_due_ms is None
     body.run_buoyancy(body.buoyancy.FLOAT, 0)
     for now_ms in range(1000, 60_001, 1000):
