@@ -52,7 +52,7 @@ def _add_orders(commands: Any, program: str) -> None:
             "--by", default=None, metavar="NAME", help="your name for the records (default: the user's name)"
         )
         parser.add_argument("--json", action="store_true", help="print the answers by aPad as JSON on stdout")
-        parser.set_defaults(act=act)
+        parser.set_defaults(act=act, motors_off=False)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -132,7 +132,7 @@ def _requests(arguments: argparse.Namespace) -> list[Request]:
     request = Request(**given | {"by": by})
     if request.mistake:
         raise UserError(request.mistake)
-    if getattr(arguments, "motors_off", False):
+    if arguments.motors_off:
         return [Request(Act.STOP, by, off=True), request]
     return [request]
 

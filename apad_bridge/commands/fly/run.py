@@ -84,6 +84,8 @@ def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:
 
 def add_flight_arguments(command: argparse.ArgumentParser) -> None:
     """The arguments for the manner of flying a scenario, and for changes to it, after the command's own."""
+    # For a command that has no such argument of its own.
+    command.set_defaults(manual=False, dry_run=False, on_supervisor_death=OnDeath.WAIT.value)
     parser = command.add_argument_group("the flight", "how it flies, and values in place of the scenario's")
     parser.add_argument(
         "--time", choices=[source.value for source in TimeSource], default="wall", help=_TIMES
@@ -169,7 +171,6 @@ def add_accept(parser: argparse._ActionsContainer) -> None:
 def options_of(arguments: argparse.Namespace) -> RunOptions:
     apad, time = APadKind(getattr(arguments, "apad", APadKind.ROS)), TimeSource(arguments.time)
     is_asap, is_ros, is_scaled = time is TimeSource.ASAP, apad is APadKind.ROS, arguments.speed != 1
-    manual, dry_run = getattr(arguments, "manual", False), getattr(arguments, "dry_run", False)
     mend = "leave out --apad ros, or use --time wall" if "apad" in arguments else "use --time wall or ros"
     refuse(
         (
@@ -190,10 +191,10 @@ def options_of(arguments: argparse.Namespace) -> RunOptions:
             "--speed needs --time wall and the simulated aPad: a real vehicle moves in real time",
         ),
         (
-            manual and is_asap,
+            arguments.manual and is_asap,
             "--manual needs ROS, which carries the calls: use --time wall, or a script",
         ),
-        (manual and dry_run, "--manual plans nothing: there is no first plan to print"),
+        (arguments.manual and arguments.dry_run, "--manual plans nothing: there is no first plan to print"),
     )
     remappings = remappings_of(arguments)
     refuse(
@@ -213,9 +214,9 @@ def options_of(arguments: argparse.Namespace) -> RunOptions:
         apad=apad,
         time=time,
         speed=arguments.speed,
-        on_death=OnDeath(getattr(arguments, "on_supervisor_death", OnDeath.WAIT)),
-        dry_run=dry_run,
-        manual=manual,
+        on_death=OnDeath(arguments.on_supervisor_death),
+        dry_run=arguments.dry_run,
+        manual=arguments.manual,
     )
 
 

@@ -69,9 +69,9 @@ class FleetServices:
         if self._asked.answer(request, refusal):
             return
         # A claim is requested again at each tick until it is done: its refusal is logged once.
-        if refusal is not None and request not in self._warned:
+        if refusal is not None and isinstance(request, PresenceRequest) and request not in self._warned:
             self._warned.add(request)
-            rospy.logwarn(f"{refusal} (claimed by {getattr(request, 'by', '')})")
+            rospy.logwarn(f"{refusal} (claimed by {request.by})")
 
     def close(self) -> None:
         for service in self._services:

@@ -22,10 +22,12 @@ from apad_bridge.events.guard_events import (
 from apad_bridge.vehicle.commands import (
     PRIMITIVE_NAMES,
     BatteryReported,
+    CloseDock,
     DockClosed,
     GoTo,
     Hold,
     MoveArm,
+    OpenDock,
     PilotLeft,
     PilotReported,
     PoseReported,
@@ -293,8 +295,12 @@ class Gate:
                 NAMES[type(order)],
                 refusal.guard,
                 refusal.reason,
-                agent=getattr(order, "agent_id", None),
-                dock=getattr(order, "dock_index", None),
+                agent=order.agent_id
+                if isinstance(order, CloseDock | OpenDock | ReleaseByName | Surfacing)
+                else None,
+                dock=order.dock_index
+                if isinstance(order, CloseDock | OpenDock | ReleaseByName | MoveArm)
+                else None,
                 north_m=None if goal is None else goal.north_m,
                 east_m=None if goal is None else goal.east_m,
             )
