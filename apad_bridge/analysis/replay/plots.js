@@ -1,4 +1,3 @@
-"use strict";
 // Charts over mission time by uPlot, with one zoom and a mark of the time shown; pictures and bars on canvases of our own.
 
 const ROW_NAMES = 124;
