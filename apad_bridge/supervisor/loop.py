@@ -164,7 +164,7 @@ class Flight:
             supervisor.battery,
             supervisor.primitive,
             supervisor.mission.docks,
-            dropped=lambda: self.all_dropped,
+            lambda: self.all_dropped,
         )
         self._world.roster.answer()
         for watch in self._watchers:
