@@ -189,6 +189,14 @@ def test_a_heartbeat_that_was_sent_before_an_off_does_not_excuse_the_end_of_the_
     assert vessel.seconds(30, age_s=None).state == "OFF" and set(vessel.taken) == {"off"}
 
 
+def test_a_short_silence_does_not_shorten_the_time_for_which_the_other_connection_may_hold_one_back() -> None:
+    vessel = watched()
+    vessel.watchdog._silence_s = 2.0
+    vessel.seconds(3, age_s=-1.0)
+    vessel.seconds(2.5, age_s=0.1)
+    assert vessel.seconds(60, age_s=None).state == "OFF" and vessel.taken == ["off"]
+
+
 @pytest.fixture
 def with_home() -> Vessel:
     return watched(home=home())
