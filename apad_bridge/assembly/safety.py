@@ -91,10 +91,15 @@ def safety_of(scenario: Scenario, *, needs_person: bool = False) -> Safety:
     )
 
 
-def unreachable_starts(scenario: Scenario, starts: Sequence[Start]) -> list[tuple[str, str]]:
-    """The fence and the zones between the aPad and aMussels at the start, round which it does not go, with a mend each."""
+def unreachable_starts(
+    scenario: Scenario, starts: Sequence[Start], apads_m: Sequence[tuple[float, float]] = ()
+) -> list[tuple[str, str]]:
+    """The fence and the zones between the aPad and aMussels at the start, round which it does not go, with a mend each.
+
+    `apads_m` are the aPads' places; by default those of the scenario.
+    """
     waters, found = _waters(scenario, scenario.guards or GuardOptions()), []
-    apads_m = [scenario.apad.start_m, *(it.start_m for it in scenario.apads)]
+    apads_m = apads_m or [scenario.apad.start_m, *(it.start_m for it in scenario.apads)]
     for it in starts:
         place_m = it.north_m, it.east_m
         if fault := waters.fault_of_place(place_m):

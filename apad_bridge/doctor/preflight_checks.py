@@ -17,7 +17,7 @@ from importlib.metadata import version
 from apad_bridge.assembly.safety import LegEnergy
 from apad_bridge.assembly.stacks import stacks
 from apad_bridge.doctor.apad_checks import check_held, named_like
-from apad_bridge.doctor.finding import Check, Finding, cannot_tell, fail, ok, warn
+from apad_bridge.doctor.finding import Check, CheckStatus, Finding, cannot_tell, fail, ok, warn
 from apad_bridge.doctor.graph_checks import Graph
 from apad_bridge.doctor.limits import (
     MOST_JUMP_M,
@@ -315,9 +315,12 @@ def _check_position(apad: WatchedAPad) -> Finding:
 def _check_fence(apad: WatchedAPad) -> list[Finding]:
     from apad_bridge.assembly.safety import unreachable_starts
 
-    apads_place = check_fence(apad.place_m, fence_of(apad.scenario.area), apad.guards.clearance_m)
-    starts = unreachable_starts(apad.scenario, apad.starts)
-    return [apads_place, *(warn(happens, mend, check="starts") for happens, mend in starts)]
+    place_m = apad.place_m
+    found = check_fence(place_m, fence_of(apad.scenario.area), apad.guards.clearance_m)
+    if place_m is None or found.status is not CheckStatus.OK:
+        return [found]
+    starts = unreachable_starts(apad.scenario, apad.starts, [place_m])
+    return [found, *(warn(happens, mend, check="starts") for happens, mend in starts)]
 
 
 def _check_clearance(apad: WatchedAPad) -> Finding:

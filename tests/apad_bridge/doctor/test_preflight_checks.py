@@ -43,6 +43,7 @@ from apad_bridge.scenario.area.fence import Fence
 from apad_bridge.scenario.choices import Generation
 from apad_bridge.scenario.guard_options import GuardOptions
 from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.starts_table import Start
 
 STEADY = [PositionSample(n / 10, 100 + n, 10.0 + n % 2 / 100, 5.0, 3, 0.04, 0.04) for n in range(30)]
 """Three seconds at 10 Hz, at rest, by a GPS that says how good it is."""
@@ -295,10 +296,14 @@ def test_the_table_measures_by_its_door_and_names_each_finding() -> None:
     door = Door(silent, silent, silent, silent, reader, silent, dict, lambda *_: False)
     nothing = Graph("http://127.0.0.1:1/", {}, {}, {}, {})
     scenario = load(Path(__file__).parents[3] / "launch_scripts" / "scenarios" / "real-apad.yaml")
-    apad = WatchedAPad(door, nothing, "/lab/apad1", scenario, [], "lab")
-    found = {
-        it.check.removeprefix("/lab/apad1 "): it.status.value for it in run_checks(CHECKS, apad, apad.name)
-    }
+    starts = [Start(1, 5.0, 5.0, 0.9), Start(2, 50.0, 5.0, 0.9), Start(3, 41.0, 5.0, 0.9)]
+    apad = WatchedAPad(door, nothing, "/lab/apad1", scenario, starts, "lab")
+    findings = list(run_checks(CHECKS, apad, apad.name))
+    found = {it.check.removeprefix("/lab/apad1 "): it.status.value for it in findings}
+    unserved = [it.found for it in findings if "starts" in it.check]
+    # 8 m beyond the fence, and 1 m inside it, which is nearer than the clearance.
+    assert [text.split(" ")[:2] for text in unserved] == [["aMussel", "2"], ["aMussel", "3"]]
+    assert "8.0 m outside the fence" in unserved[0] and "1.0 m" in unserved[1]
     assert found == {
         "generation": "FAIL",
         "position": "OK",
@@ -306,6 +311,7 @@ def test_the_table_measures_by_its_door_and_names_each_finding() -> None:
         "loss": "OK",
         "lag": "CANNOT TELL",
         "fence": "OK",
+        "starts": "WARN",
         "clearance": "OK",
         "reaction": "OK",
         "limits": "OK",
