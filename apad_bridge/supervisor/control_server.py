@@ -43,7 +43,7 @@ TICK_S = 3.0
 """A person who stops is told after so many wall seconds that no tick came, and that only the vehicle's switch helps."""
 _STANDS_S = 0.1
 """Nobody waits for a tick while mission time stands still."""
-HISTORY_S = 8.0
+REPORTED_S = 8.0
 """A stop is reported after so many wall seconds, whatever came of it. A vehicle that takes none shows after 3 s, and a hull
 that does not slow 3 to 5 s after it has taken the stop."""
 LOOK_S = 0.2
@@ -141,7 +141,7 @@ def _stop(request: Request, calls: CallQueue, gate: Gate, patience_s: float) -> 
         return before, mission.steers
 
     before, steers = calls.call_mission(act, patience_s, stays=True)
-    until_s = time.monotonic() + HISTORY_S
+    until_s = time.monotonic() + REPORTED_S
     while (stop := gate.stops.newest) is None or stop.number <= before or not _is_decided(stop):
         left_s = until_s - time.monotonic()
         if left_s <= 0 or calls.ended_by is not None:

@@ -20,7 +20,7 @@ from safety.row import (
     unless,
 )
 
-HISTORY_S = 18.0
+NOTICED_S = 18.0
 """15 s without a word of the watchdog, and 3 s (docs/guards.md)."""
 IMC_GOAL_DEG = (43.9334, 15.4450)
 """Some 40 m from the start, inside the fence."""
@@ -103,14 +103,14 @@ def watchdog_dead(it: Try) -> Case:
     """Nobody is left to stop it in a silence: the bench tells that, and orders nothing after the silence."""
     begun_s = time.monotonic()
     it.flight.signal_vehicle(signal.SIGKILL, "watchdog")
-    it.flight.pause(HISTORY_S)
+    it.flight.pause(NOTICED_S)
     said = it.flight.said_by_bench().lower()
     it.flight.link(1.0)
     it.flight.pause(20.0)
     healed_s = time.monotonic()
     it.flight.link(0.0)
     it.flight.pause(20.0)
-    told = unless("watchdog" in said, f"nobody was told within {HISTORY_S:g} s that the watchdog is dead")
+    told = unless("watchdog" in said, f"nobody was told within {NOTICED_S:g} s that the watchdog is dead")
     return it.case(begun_s, is_stop_due=False, is_rest_due=False, deaf=(begun_s, healed_s), other_faults=told)
 
 
@@ -118,8 +118,8 @@ def held_without_watchdog(it: Try) -> Case:
     """The scenario has the bench hold the vehicle where its watchdog is dead."""
     begun_s = time.monotonic()
     it.flight.signal_vehicle(signal.SIGKILL, "watchdog")
-    it.flight.pause(HISTORY_S + AFTER_S)
-    return it.case(begun_s, must_be=Kind.HOLD, limit_s=HISTORY_S)
+    it.flight.pause(NOTICED_S + AFTER_S)
+    return it.case(begun_s, must_be=Kind.HOLD, limit_s=NOTICED_S)
 
 
 def watchdog_deaf(it: Try) -> Case:
