@@ -96,7 +96,6 @@ class LineServer(socketserver.ThreadingUnixStreamServer):
         self._reserve.refill()
 
     def close(self) -> None:
-        self.socket.shutdown(socket.SHUT_RDWR)  # its thread would look for its end only twice a second
         self.shutdown()
         self.server_close()
         self._reserve.close()
