@@ -19,7 +19,7 @@ from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.end_by import EndBy, KnownEnd
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.flight_mission import FlightMission, MissionRole
-from apad_bridge.mission.home_stays import HomeStays
+from apad_bridge.mission.going_home import HomeStays
 from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.planner import PlanRules
 from apad_bridge.mission.plans import Planning

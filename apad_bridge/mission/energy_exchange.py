@@ -17,17 +17,13 @@ from apad_bridge.events.person_events import Steering
 from apad_bridge.events.run_events import EndReason
 from apad_bridge.mission.believed_dispatch import Docked, Due
 from apad_bridge.mission.breakdown import Breakdown
-from apad_bridge.mission.collecting_and_going_home import (
-    ANOTHER_BOARD,
-    Collecting,
-    GoingHome,
-    PhaseAct,
-    PhaseBehaviour,
-)
-from apad_bridge.mission.docking_routine import NOT_FOUND, DockingRoutine, Progress
-from apad_bridge.mission.home_stays import NO_HOME, HomeStays
+from apad_bridge.mission.collecting import ANOTHER_BOARD, Collecting
+from apad_bridge.mission.docking.docking_routine import DockingRoutine, Progress
+from apad_bridge.mission.docking.docking_search import NOT_FOUND
+from apad_bridge.mission.going_home import NO_HOME, GoingHome, HomeStays
 from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.orders import MissionAction, SendCommand
+from apad_bridge.mission.phase_behaviour import PhaseAct, PhaseBehaviour
 from apad_bridge.mission.planner import Planner, PlanRules
 from apad_bridge.mission.plans import Planning, StrategyFailed, untold
 from apad_bridge.mission.pool import floats

@@ -10,9 +10,10 @@ from dataclasses import dataclass
 
 from agents.time_scale import MissionMs
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.events.mission_events import LeftAlone, MissionState
+from apad_bridge.events.mission_events import MissionState
 from apad_bridge.mission.believed_dispatch import NOTHING_DUE, BelievedDispatch, Docked, Due, fullest_first
 from apad_bridge.mission.charging_watch import ChargingWatch
+from apad_bridge.mission.docking.docking_tries import ServiceTries
 from apad_bridge.mission.end_by import KnownEnd
 from apad_bridge.mission.home_places import HomePlaces
 from apad_bridge.mission.order_book import OrderBook
@@ -27,63 +28,6 @@ from apad_bridge.planning.solution import Solution, StepKind
 from apad_bridge.planning.strategy import CollectionStrategy, RedeploymentStrategy
 from apad_bridge.scenario.schema import Mission, Places
 from firmware_model.state_groups import BEYOND_HELP
-
-# Counts the tries to serve an aMussel, and those to open its dock, that failed: it is left alone when they are used up.
-#
-# The mission's state keeps both counts (`failed_tries` and `failed_undockings`).
-Counts = tuple[tuple[int, int], ...]
-
-
-class ServiceTries:
-    """The counts of one mission. `config` has the rules that hold now."""
-
-    def __init__(self, config: Mission, book: OrderBook) -> None:
-        self.config = config
-        self._book = book
-
-    @property
-    def used_up(self) -> frozenset[int]:
-        """The aMussels that were tried in vain so often as `collection_attempts` says."""
-        return self._at_limit(self._book.state.failed_tries)
-
-    @property
-    def not_released(self) -> frozenset[int]:
-        """The aMussels whose docks did not open so often."""
-        return self._at_limit(self._book.state.failed_undockings)
-
-    def service_failed(self, agent_id: int, reason: str) -> None:
-        counts = _counted(self._book.state.failed_tries, agent_id)
-        self._book.set(failed_tries=counts)
-        self._report_at_limit(counts, agent_id, reason)
-
-    def service_helped(self, agent_id: int) -> None:
-        self._book.set(failed_tries=_without(self._book.state.failed_tries, agent_id))
-
-    def undocking_failed(self, agent_id: int, reason: str) -> None:
-        counts = _counted(self._book.state.failed_undockings, agent_id)
-        self._book.set(failed_undockings=counts)
-        self._report_at_limit(counts, agent_id, f"its dock does not open: {reason}")
-
-    def dock_opened(self, agent_id: int) -> None:
-        self._book.set(failed_undockings=_without(self._book.state.failed_undockings, agent_id))
-
-    def _at_limit(self, counts: Counts) -> frozenset[int]:
-        return frozenset(agent_id for agent_id, tries in counts if tries >= self.config.collection_attempts)
-
-    def _report_at_limit(self, counts: Counts, agent_id: int, reason: str) -> None:
-        if (tries := dict(counts)[agent_id]) == self.config.collection_attempts:
-            self._book.emit(LeftAlone(agent_id, tries, reason))
-
-
-def _counted(counts: Counts, agent_id: int) -> Counts:
-    """One more for this aMussel."""
-    tries = dict(counts)
-    tries[agent_id] = tries.get(agent_id, 0) + 1
-    return tuple(sorted(tries.items()))
-
-
-def _without(counts: Counts, agent_id: int) -> Counts:
-    return tuple(it for it in counts if it[0] != agent_id)
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,7 +19,7 @@ from apad_bridge.events.run_events import EndReason
 from apad_bridge.events.sound_events import SamplesGone
 from apad_bridge.events.vehicle_events import DocksDisagree
 from apad_bridge.mission.breakdown import StandDownRule
-from apad_bridge.mission.docking_routine import ON_BOTTOM
+from apad_bridge.mission.docking.dock_witnesses import ON_BOTTOM
 from apad_bridge.mission.facts import (
     EndRequested,
     Fact,

@@ -5,7 +5,7 @@ from itertools import product
 import pytest
 
 from apad_bridge.beliefs.belief import Belief, Source
-from apad_bridge.mission.docking_routine import doubt, says_docked
+from apad_bridge.mission.docking.dock_witnesses import doubt, says_docked
 from firmware_model.states import State
 
 

@@ -15,11 +15,11 @@ from apad_bridge.beliefs.belief import Belief, Suspicion
 from apad_bridge.events.event import Event
 from apad_bridge.events.mission_events import ExchangePhase, MissionEnd, MissionState, Phase
 from apad_bridge.events.run_events import EndReason
-from apad_bridge.mission.collecting_and_going_home import DOCKINGS_PER_STEP, LEGS_PER_STEP
-from apad_bridge.mission.docking_routine import NOT_FOUND, SEARCH_S
+from apad_bridge.mission.docking.docking_search import NOT_FOUND, SEARCH_S
+from apad_bridge.mission.docking.docking_tries import DOCKINGS_PER_STEP, LEGS_PER_STEP
 from apad_bridge.mission.end_by import KnownEnd
 from apad_bridge.mission.energy_exchange import EnergyExchange
-from apad_bridge.mission.home_stays import NO_HOME, HomeStays
+from apad_bridge.mission.going_home import NO_HOME, HomeStays
 from apad_bridge.mission.orders import Order, PermitSurfacing, SendCommand
 from apad_bridge.mission.planner import PlanRules
 from apad_bridge.planning import registry

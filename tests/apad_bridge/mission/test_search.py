@@ -12,13 +12,8 @@ from scenario_files import POOL_FILE, SOUND_FILE
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.events.mission_events import MissionState
-from apad_bridge.mission.docking_routine import (
-    SEARCH_S,
-    DockingRoutine,
-    DockingStep,
-    Progress,
-    square_spiral,
-)
+from apad_bridge.mission.docking.docking_routine import DockingRoutine, DockingStep, Progress
+from apad_bridge.mission.docking.docking_search import SEARCH_S, square_spiral
 from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.scenario.loader import load
 from apad_bridge.vehicle.commands import CloseDock, GoTo, Primitive

@@ -10,7 +10,7 @@ import pytest
 from scenario_files import POOL_FILE
 
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.mission.docking_routine import SEARCH_S, _Search
+from apad_bridge.mission.docking.docking_search import SEARCH_S, DockingSearch
 from apad_bridge.scenario.loader import load
 from apad_bridge.vehicle.commands import CloseDock
 from firmware_model.states import State
@@ -24,7 +24,7 @@ def tries_until_caught(velocity_m_s: tuple[float, float], error_m: float, seed: 
     """Flies a search: way, look, next point. The aMussel reports its place, with an error, as it drifts."""
     draw = random.Random(seed)
     config = replace(MISSION, speed_m_s=0.5)
-    search = _Search(CloseDock(1, 0, 4), round(1000 * SEARCH_S), config)
+    search = DockingSearch(CloseDock(1, 0, 4), round(1000 * SEARCH_S), config)
     reports: dict[int, tuple[float, float]] = {}
     here, now_ms = (0.0, 0.0), 0
 

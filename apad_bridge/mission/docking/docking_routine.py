@@ -3,25 +3,23 @@
 A docking follows the paper: permit the aMussel to surface, wait until it floats, close the mechanism around it. An
 undocking opens the mechanism, tells the aMussel that it is clear to sink, and counts a service.
 
-Where the aMussel does not float within the catch radius, the aPad searches for it with go-tos, and tries the docking at
-each point: first at the place that is believed now, then along a square spiral about it, which moves with the belief. An
-aMussel whose reports run away from the spiral drifts, in wind for example: the search then leads it by as far as it drifts
-until the aPad is there.
+Where the aMussel does not float within the catch radius, the aPad searches for it (`docking_search.py`), and tries the
+docking at each point.
 """
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from enum import Enum, auto
 
 from agents.time_scale import MissionMs
-from apad_bridge.beliefs.belief import Belief, Source
+from apad_bridge.beliefs.belief import Belief
 from apad_bridge.events.mission_events import AMusselReleased
 from apad_bridge.events.vehicle_events import DocksDisagree
 from apad_bridge.mission.charging_watch import is_charged
+from apad_bridge.mission.docking.dock_witnesses import doubt
+from apad_bridge.mission.docking.docking_search import SEARCH_S, DockingSearch
 from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.orders import PermitSurfacing, SendCommand
 from apad_bridge.mission.pool import floats, is_surfacing_or_floating
@@ -30,45 +28,6 @@ from apad_bridge.scenario.schema import Mission
 from apad_bridge.vehicle.commands import DEFAULT_MANOEUVRE, CloseDock, GoTo, Manoeuvre, OpenDock
 from apad_bridge.vehicle.outcomes import NothingCaught, PrimitiveEnded, PrimitiveFailed, PrimitiveSucceeded
 from firmware_model.packets import Kind
-from firmware_model.state_groups import AT_WORK, DOCKED, STRANDED
-
-# The witnesses of a docking: the vehicle's report, the aMussel's own packets, and the vehicle's service about its docks.
-#
-# The vehicle's report moves the mission on, but no witness counts alone: a charge in a dock counts when another one says so
-# too, and not as many deny it. So one false witness of three neither makes a service nor takes one away.
-ON_BOTTOM = AT_WORK | STRANDED
-"""An aMussel that a dock holds reports none of these."""
-
-
-def says_docked(belief: Belief | None) -> bool | None:
-    """The aMussel's own word, in its newest packet; None where it has not been heard since its docking, or floats."""
-    if belief is None or Source.DOCKING in belief.learned_from:
-        return None
-    if belief.state in DOCKED:
-        return True
-    return False if belief.state in ON_BOTTOM else None
-
-
-def doubt(belief: Belief | None, named: bool | None) -> str | None:
-    """The reason why the vehicle's report that a dock holds the aMussel does not count; None if it counts.
-
-    `named` is the word of the vehicle's service: it names the aMussel, or others alone; None where it knows nothing.
-    """
-    own = says_docked(belief)
-    if (agreeing := 1 + (own, named).count(True)) >= 2 and agreeing > (own, named).count(False):
-        return None
-    reports = "is not heard in it" if own is None or belief is None else f"reports {belief.state.name}"
-    names = "" if named is None else ", and the docks' service names others"
-    return f"the vehicle reports it in a dock, the aMussel {reports}{names}: its charge is not counted"
-
-
-_DRIFT_MS = 60_000
-_FEWEST_REPORTS = 3
-_DRIFTED_PITCHES = 3.0
-"""Reports that moved less than this many catch radii in that time show their own errors, and no drift."""
-SEARCH_S = 120.0
-"""A search that has not caught its aMussel after so long is over."""
-NOT_FOUND = f"it was not found within the catch radius in a search of {SEARCH_S:g} s"
 
 
 class DockingStep(Enum):
@@ -127,107 +86,6 @@ class SurfacingWait:
         return DockingStep.PERMIT
 
 
-def square_spiral() -> Iterator[tuple[int, int]]:
-    """The points (north, east) of the plane's square grid from the origin outwards, each next to the one before it."""
-    north, east = 0, 0
-    yield north, east
-    for turn in itertools.count():
-        steps, (to_north, to_east) = turn // 2 + 1, ((1, 0), (0, 1), (-1, 0), (0, -1))[turn % 4]
-        for _ in range(steps):
-            north, east = north + to_north, east + to_east
-            yield north, east
-
-
-class _Search:
-    """The points to try for an aMussel that the catch radius does not hold."""
-
-    def __init__(self, order: CloseDock, until_ms: int, config: Mission) -> None:
-        self.order = order
-        """The docking to try at each point."""
-        self.until_ms = until_ms
-        self.pitch_m = config.docking.catch_radius_m
-        self._speed_m_s = config.speed_m_s
-        self._spiral = square_spiral()
-        self._last: Belief | None = None
-        """The belief at the last point."""
-        self._reports: list[Belief] = []
-        """The beliefs of the last `_DRIFT_MS`, each when the search first saw its report."""
-        self._drift: _Drift | None = None
-        self.go_to_id: int | None = None
-        """The id of the go-to under way; None while a docking is tried."""
-
-    def next_point(self, belief: Belief, here: tuple[float, float], now_ms: MissionMs) -> tuple[float, float]:
-        """The next point (north, east) in metres. A report from elsewhere than expected begins the spiral anew.
-
-        The aPad at `here` has tried the believed place already if it is there.
-        """
-        self._note(belief)
-        centre_m = self._expected(belief, here, now_ms)
-        north, east = next(self._spiral)
-        if (north, east) == (0, 0) and math.dist(centre_m, here) < self.pitch_m / 2:
-            north, east = next(self._spiral)
-        return centre_m[0] + self.pitch_m * north, centre_m[1] + self.pitch_m * east
-
-    def _note(self, belief: Belief) -> None:
-        """Takes a report, and begins the spiral anew for one from elsewhere than expected."""
-        last, self._last = self._last, belief
-        if last is not None and belief.heard_ms == last.heard_ms:
-            return
-        if last is not None:
-            expected_m = (
-                (last.north_m, last.east_m) if self._drift is None else self._drift.place_m(belief.at_ms)
-            )
-            if math.dist((belief.north_m, belief.east_m), expected_m) > self.pitch_m:
-                self._spiral = square_spiral()
-        self._reports = [it for it in self._reports if belief.at_ms - it.at_ms <= _DRIFT_MS] + [belief]
-        self._drift = _Drift.of(self._reports, _DRIFTED_PITCHES * self.pitch_m)
-
-    def _expected(self, belief: Belief, here: tuple[float, float], now_ms: MissionMs) -> tuple[float, float]:
-        """The place when the aPad is there."""
-        place_m = belief.north_m, belief.east_m
-        if self._drift is None:
-            return place_m
-        for _ in range(3):  # the way depends on the place
-            place_m = self._drift.place_m(now_ms + 1000 * math.dist(here, place_m) / self._speed_m_s)
-        return place_m
-
-
-@dataclass(frozen=True, slots=True)
-class _Drift:
-    """A straight line through reports, by least squares: a place at a time, and a velocity."""
-
-    at_ms: float
-    north_m: float
-    east_m: float
-    north_m_s: float
-    east_m_s: float
-
-    @classmethod
-    def of(cls, reports: list[Belief], least_m: float) -> _Drift | None:
-        """None for reports that moved less than `least_m` from the first to the last, which may be their errors.
-
-        Two reports cannot tell a drift from a correction of the first.
-        """
-        count = len(reports)
-        if count < _FEWEST_REPORTS:
-            return None
-        at_ms = math.fsum(it.at_ms for it in reports) / count
-        square_s2 = math.fsum((it.at_ms - at_ms) ** 2 for it in reports) / 1e6
-        weights = [(it.at_ms - at_ms) / 1000 / square_s2 for it in reports]
-        north_m_s = math.fsum(weight * it.north_m for weight, it in zip(weights, reports, strict=True))
-        east_m_s = math.fsum(weight * it.east_m for weight, it in zip(weights, reports, strict=True))
-        span_s = (reports[-1].at_ms - reports[0].at_ms) / 1000
-        if math.hypot(north_m_s, east_m_s) * span_s < least_m:
-            return None
-        north_m = math.fsum(it.north_m for it in reports) / count
-        east_m = math.fsum(it.east_m for it in reports) / count
-        return cls(at_ms, north_m, east_m, north_m_s, east_m_s)
-
-    def place_m(self, at_ms: float) -> tuple[float, float]:
-        passed_s = (at_ms - self.at_ms) / 1000
-        return self.north_m + passed_s * self.north_m_s, self.east_m + passed_s * self.east_m_s
-
-
 class DockingRoutine:
     """Writes orders, notes and the count of services into the mission's book.
 
@@ -246,7 +104,7 @@ class DockingRoutine:
         self._wait: SurfacingWait | None = None
         self._next: CloseDock | None = None
         """The order to give when the aMussel of `_wait` floats; None while the aPad is on its way to it."""
-        self._search: _Search | None = None
+        self._search: DockingSearch | None = None
         self.mechanism: CloseDock | OpenDock | None = None
         """The order that the port carries out; another mission's routine goes on with it after a takeover."""
 
@@ -368,7 +226,7 @@ class DockingRoutine:
         """Goes to the next point of the search, and begins a search if there is none."""
         here, belief = self._book.here, self._beliefs.get(order.agent_id)
         if self._search is None:
-            self._search = _Search(order, now_ms + round(SEARCH_S * 1000), self.config)
+            self._search = DockingSearch(order, now_ms + round(SEARCH_S * 1000), self.config)
         if now_ms >= self._search.until_ms or belief is None or not floats(belief):
             self._search = None
             return Progress.NOT_FOUND
