@@ -9,7 +9,7 @@ from annotated_types import Ge, Gt, Le, Lt
 LEAST, GREATEST = 1e-9, 1e9
 """The range of any quantity, in whatever unit; beyond this range arithmetic overflows."""
 
-Positive = Annotated[float, Ge(LEAST), Le(GREATEST)]
+PositiveNumber = Annotated[float, Ge(LEAST), Le(GREATEST)]
 NotNegative = Annotated[float, Ge(0), Le(GREATEST)]
 OpenFraction = Annotated[float, Gt(0), Lt(1)]
 Decibels = Annotated[float, Ge(-300), Le(300)]

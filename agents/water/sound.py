@@ -14,7 +14,7 @@ from typing import Annotated
 
 from annotated_types import Ge, Gt, Le
 
-from agents.water.bounds import Count, Decibels, NotNegative, OpenFraction, Positive
+from agents.water.bounds import Count, Decibels, NotNegative, OpenFraction, PositiveNumber
 
 _CERTAIN = 700
 """Log odds beyond which the exponential overflows a float."""
@@ -147,7 +147,7 @@ class Sound:
     """Frequency of the modems."""
     noise_db_per_hz: Annotated[float, Ge(-200), Le(200)] = 50.0
     """Ambient noise, re 1 uPa^2/Hz."""
-    bandwidth_hz: Positive = 8000.0
+    bandwidth_hz: PositiveNumber = 8000.0
     """The noise counts over this."""
     fading_db: NotNegative = 0.0
     """Multipath: standard deviation of each packet's own gain at each receiver."""
@@ -161,11 +161,11 @@ class Sound:
     """Running thrusters raise the noise at their own vehicle's modem by so much."""
     thrusting_m_s: NotNegative = 0.1
     """The thrusters of an aPad that moves faster are running."""
-    range_limit_m: Positive = 5000.0
+    range_limit_m: PositiveNumber = 5000.0
     """The model follows sound no further, neither as a packet nor as a disturbance."""
     turnaround_s: NotNegative = 0.0
     """The agent time from the end of a modem's own sound until it can receive again."""
-    keel_m: Positive = 0.5
+    keel_m: PositiveNumber = 0.5
     """The depth of the aPad's modem."""
     range_noise_m: NotNegative = 0.1
     """Standard deviation of a measured range."""

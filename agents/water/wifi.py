@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import exp, inf, log10
 
-from agents.water.bounds import Decibels, Positive
+from agents.water.bounds import Decibels, PositiveNumber
 from agents.water.chance import fates
 
 _LANE = b"wifi"
@@ -22,17 +22,17 @@ class Wifi:
     """The radio, the same kind on both sides. A scenario's block `wifi`; half of all packets arrive where the path leaves
     `sensitivity_dbm`."""
 
-    frequency_mhz: Positive = 2440.0
+    frequency_mhz: PositiveNumber = 2440.0
     """Frequency of the radios."""
     transmit_dbm: Decibels = 20.0
     """Level of both."""
     sensitivity_dbm: Decibels = -85.0
     """The level at which half of all packets arrive."""
-    mussel_antenna_m: Positive = 0.05
+    mussel_antenna_m: PositiveNumber = 0.05
     """Height of a floating aMussel's antenna above the water."""
-    apad_antenna_m: Positive = 1.5
+    apad_antenna_m: PositiveNumber = 1.5
     """Height of the aPad's antenna above the water."""
-    slope_db: Positive = 1.5
+    slope_db: PositiveNumber = 1.5
     """A change of the margin by this changes the odds of a packet e-fold."""
 
     def __post_init__(self) -> None:

@@ -12,7 +12,7 @@ from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.modes import DOCKED, LIKELY, Mode
 from apad_bridge.events.mission_events import MissionState
 from apad_bridge.mission.sources import BeliefSource
-from apad_bridge.planning.candidates import Candidate, Sea, Situation
+from apad_bridge.planning.candidates import Candidate, LegCosts, Situation
 from apad_bridge.planning.energy_model import EnergyModel
 from apad_bridge.scenario.schema import Mission, Suspects
 from firmware_model.state_groups import BEYOND_HELP, TO_BE_FETCHED
@@ -121,7 +121,7 @@ def situation_of(
     others: Iterable[Belief] = (),
     model: EnergyModel | None = None,
     leaving: Iterable[Belief] = (),
-    sea: Sea | None = None,
+    sea: LegCosts | None = None,
 ) -> Situation:
     """The planner's input: `beliefs` as candidates with homes, and docked ones with their docks.
 

@@ -59,7 +59,7 @@ class Candidate:
 
 
 @runtime_checkable
-class Sea(Protocol):
+class LegCosts(Protocol):
     """The current and the wind on the aPad's straight legs, at the time of a decision."""
 
     def metres(self, from_m: tuple[float, float], to_m: tuple[float, float]) -> float:
@@ -88,7 +88,7 @@ class Situation:
     others: tuple[Candidate, ...] = ()
     model: EnergyModel | None = None
     leaving: tuple[Candidate, ...] = ()
-    sea: Sea | None = None
+    sea: LegCosts | None = None
 
     def __post_init__(self) -> None:
         staying = (*self.candidates, *self.others)

@@ -12,9 +12,9 @@ from typing import Any
 
 from apad_bridge.records.digest import combined_digest
 
-Summary = Mapping[str, Any]
-Summaries = Mapping[str, Summary]
-Rule = Callable[[Summaries, str], Any]
+SummaryFigures = Mapping[str, Any]
+Summaries = Mapping[str, SummaryFigures]
+CombiningRule = Callable[[Summaries, str], Any]
 
 
 def _values(of_each: Summaries, key: str) -> list[Any]:
@@ -77,7 +77,7 @@ def counts_by_name(of_each: Summaries, key: str) -> dict[str, float]:
     return dict(sorted((counts(of_each, key) or {}).items()))
 
 
-def mean_by(weight: str) -> Rule:
+def mean_by(weight: str) -> CombiningRule:
     """The mean over aMussels, or their seconds, not over aPads; None if a flight that counts does not have the figure.
 
     A flight that counted no aMussel has no weight.
@@ -89,7 +89,7 @@ def mean_by(weight: str) -> Rule:
     return mean
 
 
-def _mean(of_each: Summaries, weight: str, figure: Callable[[Summary], float | None]) -> float | None:
+def _mean(of_each: Summaries, weight: str, figure: Callable[[SummaryFigures], float | None]) -> float | None:
     flights = of_each.values()
     if any(flight[weight] is None and flight["agents"] for flight in flights):
         return None

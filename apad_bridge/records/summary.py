@@ -57,7 +57,7 @@ def interruption(summary: Mapping[str, Any]) -> str | None:
 _SPREAD, _OBJECT = Type(dict, "{mean, max, min}"), Type(dict, "object")
 
 
-_FIGURES: tuple[tuple[LineField, combining.Rule | None], ...] = (
+_FIGURES: tuple[tuple[LineField, combining.CombiningRule | None], ...] = (
     (LineField("name", TEXT, "the scenario's name"), None),
     (LineField("theta", INTEGER, "agent time per mission time"), combining.shared),
     (LineField("seed", INTEGER, "of all that is random"), combining.shared),

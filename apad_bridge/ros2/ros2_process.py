@@ -19,7 +19,7 @@ from agents.hosting.link_protocol import readable
 from apad_bridge.records.journal import await_beginning
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.ros2.followed_run import FollowedRun
-from apad_bridge.ros2.topics import EVENTS_KEPT, Publication, RunTopics, hash_of
+from apad_bridge.ros2.topics import EVENTS_KEPT, RunTopics, TopicMessage, hash_of
 from apad_bridge.scenario.errors import UserError
 
 ENVIRONMENT = Path(sys.prefix).with_name(".venv-ros2")
@@ -68,7 +68,7 @@ class Ros2Process:
             self.close()
             raise Ros2Gone("ROS 2 does not start: its reason stands above")
 
-    def publish(self, it: Publication) -> None:
+    def publish(self, it: TopicMessage) -> None:
         """Hands one message over. Ros2Gone."""
         if it.topic not in self._numbers:
             self._numbers[it.topic] = len(self._numbers)
@@ -85,7 +85,7 @@ class Ros2Process:
         self._process.kill()
         self._process.wait()
 
-    def _announce(self, it: Publication, number: int) -> None:
+    def _announce(self, it: TopicMessage, number: int) -> None:
         told = {"number": number, "topic": it.topic, "kind": it.kind, "kept": it.kept}
         self._send(NEW_TOPIC, json.dumps({**told, "hexadecimal": hash_of(it.kind)}).encode())
 

@@ -101,7 +101,7 @@ _COVARIANCE_KNOWN = 3
 """NavSatStatus and NavSatFix."""
 
 
-class Publication(NamedTuple):
+class TopicMessage(NamedTuple):
     topic: str
     kind: str
     data: bytes
@@ -137,15 +137,15 @@ class RunTopics:
         )
         return f"{self._apad} and {len(self._ids)} aMussels; {time}"
 
-    def clock(self) -> Publication:
+    def clock(self) -> TopicMessage:
         return _published("/clock", "rosgraph_msgs/Clock", make("rosgraph_msgs/Clock", clock=self._now()))
 
-    def fixed_frames(self) -> Publication:
+    def fixed_frames(self) -> TopicMessage:
         frames = self._frames
         ned = self._transform(frames.enu, frames.ned, (0.0, 0.0, 0.0), NED_IN_ENU)
         return _published("/tf_static", "tf2_msgs/TFMessage", _tf([ned]), kept=1)
 
-    def events(self, entries: Iterable[Entry]) -> Iterator[Publication]:
+    def events(self, entries: Iterable[Entry]) -> Iterator[TopicMessage]:
         """The events with a text for people, as the journal's lines with `text` and `category`."""
         for entry in entries:
             if (text := entry.event.text()) is not None:
@@ -158,7 +158,7 @@ class RunTopics:
                     EVENTS_KEPT,
                 )
 
-    def state(self) -> Iterator[Publication]:
+    def state(self) -> Iterator[TopicMessage]:
         """All else, as of now."""
         beliefs, apad = self._run.beliefs, self._run.apad
         for it in beliefs:
@@ -177,7 +177,7 @@ class RunTopics:
         )
         yield _published("/diagnostics", "diagnostic_msgs/DiagnosticArray", diagnostics)
 
-    def _of_belief(self, it: ShownAMussel) -> Iterator[Publication]:
+    def _of_belief(self, it: ShownAMussel) -> Iterator[TopicMessage]:
         body = self._frames.agent(it.agent_id)
         battery = _battery(
             self._header(it.at_ms, body),
@@ -205,7 +205,7 @@ class RunTopics:
         topic = self._of_amussel(it.agent_id, "belief/pose")
         yield _published(topic, "geometry_msgs/PoseWithCovarianceStamped", stamped)
 
-    def _of_moving_apad(self, apad: MovingAPad) -> Iterator[Publication]:
+    def _of_moving_apad(self, apad: MovingAPad) -> Iterator[TopicMessage]:
         it, body, now_ms = apad.event, self._frames.apad(self._apad), self._run.now_ms
         here_m = (it.north_m, it.east_m)
         pose = _pose(enu(*here_m), yaw(it.heading_rad))
@@ -233,7 +233,7 @@ class RunTopics:
         yield from self._path("path", [*self._run.track.points_m, here_m])
         yield from self._path("plan", [here_m, *self._run.plan_m] if self._run.plan_m else [])
 
-    def _path(self, leaf: str, points_m: list[PlaceM]) -> Iterator[Publication]:
+    def _path(self, leaf: str, points_m: list[PlaceM]) -> Iterator[TopicMessage]:
         """The path where it is another one than before: a later reader gets the newest."""
         if self._shown.get(leaf) == points_m:
             return
@@ -346,8 +346,8 @@ class RunTopics:
         return make("builtin_interfaces/Time", sec=stamp_ms // 1000, nanosec=stamp_ms % 1000 * 1_000_000)
 
 
-def _published(topic: str, kind: str, message: Any, kept: int = 0) -> Publication:
-    return Publication(topic, kind, serialized(kind, message), kept)
+def _published(topic: str, kind: str, message: Any, kept: int = 0) -> TopicMessage:
+    return TopicMessage(topic, kind, serialized(kind, message), kept)
 
 
 def _tf(transforms: Iterable[Any]) -> Any:

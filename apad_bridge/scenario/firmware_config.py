@@ -10,7 +10,7 @@ from typing import Any
 
 from agents.fleet_config import Spread
 from agents.modem.frames import ModemGeneration, duration_ms
-from apad_bridge.scenario.board import Board
+from apad_bridge.scenario.board_options import BoardOptions
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.full_firmware_options import (
     BoardPower,
@@ -51,7 +51,7 @@ def codec_of(scenario: Scenario) -> Codec:
 
 
 def board_config(
-    board: Board, seed: int = 0, modems: ModemGeneration = ModemGeneration.V3
+    board: BoardOptions, seed: int = 0, modems: ModemGeneration = ModemGeneration.V3
 ) -> config.BoardConfig:
     """Builds the configuration that all boards share, with their batteries at their age.
 
@@ -68,7 +68,7 @@ def board_config(
     return as_new if ageing is None else aged(as_new, capacity_left(ageing.cycles, ageing.years))
 
 
-def charge_model(board: Board) -> ChargeModel:
+def charge_model(board: BoardOptions) -> ChargeModel:
     """Builds the charge model of the board's batteries at their age."""
     return board_config(board).charge
 
@@ -105,22 +105,22 @@ def _full_firmware(whole: FullFirmwareOptions, seed: int, modems: ModemGeneratio
     )
 
 
-def takes_samples(board: Board) -> bool:
+def takes_samples(board: BoardOptions) -> bool:
     """Returns True if such boards wake to read sensors; the paper's worst case and a board that never sleeps do not."""
     return board.whole is not None and board.whole.cycle is not None
 
 
-def works_on_secondary(board: Board) -> bool:
+def works_on_secondary(board: BoardOptions) -> bool:
     """Returns True if such boards work on their secondary battery, too."""
     return board.whole is not None and board.whole.power.secondary == "in_use"
 
 
-def clock_drift_ppb(board: Board) -> int:
+def clock_drift_ppb(board: BoardOptions) -> int:
     """Returns the largest drift of the boards' clocks in parts of 10^9."""
     return 0 if board.whole is None else round(board.whole.clock_drift_ppm * _PPB_OF_PPM)
 
 
-def can_fill(board: Board, start: float, level: float) -> bool:
+def can_fill(board: BoardOptions, start: float, level: float) -> bool:
     """Returns True if a docked board's primary battery ever gets from `start` above `level` under the docked load."""
     firmware, load = board_config(board), 0
     whole = firmware.whole

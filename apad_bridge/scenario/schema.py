@@ -19,7 +19,7 @@ from agents.time_scale import MissionMs, TimeScale
 from agents.water.bounds import Count, NotNegative
 from apad_bridge.scenario.another_apad import AnotherAPad, Sharing
 from apad_bridge.scenario.area.fence import check_corners, check_size
-from apad_bridge.scenario.board import Board
+from apad_bridge.scenario.board_options import BoardOptions
 from apad_bridge.scenario.choices import MAX_DOCKS, PAPER_DOCKS, Generation, Hosting
 from apad_bridge.scenario.estimator_options import Beliefs
 from apad_bridge.scenario.faults import OF_A, OF_B, Fault
@@ -600,7 +600,7 @@ class Scenario:
     """The waters, and where they lie."""
     fleet: Fleet
     """The aMussels."""
-    board: Board
+    board: BoardOptions
     sensors: tuple[str, ...] = tuple(BROUGHT)
     """The sensors that packages bring to its whole boards, as `salinity of lab_sensors 1.2`: those installed here. A run
     keeps the list, and is refused where others are installed."""

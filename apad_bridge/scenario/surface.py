@@ -163,7 +163,7 @@ def made_good_m_s(apad: APad, flow: SurfaceFlow, towards: Vector) -> float:
 
 
 class FlowNow:
-    """Straight legs in the flow of one time, as a planner weighs them (`planning/candidates.py`, `Sea`).
+    """Straight legs in the flow of one time, as a planner weighs them (`planning/candidates.py`, `LegCosts`).
 
     On each stretch of a leg the aPad makes its ordered speed, or what the flow leaves of it. The thrusters' power
     grows with the force, so a metre takes the force on the hull over its speed, and in calm water D v at the ordered one.

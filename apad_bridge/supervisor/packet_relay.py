@@ -83,7 +83,7 @@ class RelayOutcome(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Rule:
+class RoutingRule:
     """The outcome of a packet from `source`, by its aMussel's standing and its medium; None stands for any."""
 
     source: PacketOrigin
@@ -100,25 +100,25 @@ class Rule:
 
 
 RULES = (
-    Rule(PacketOrigin.LOCAL_AMUSSEL, AMusselStanding.LENT, None, RelayOutcome.PUBLISH),
-    Rule(PacketOrigin.LOCAL_AMUSSEL, None, Medium.SOUND, RelayOutcome.TELL_PACKET),
-    Rule(PacketOrigin.LOCAL_AMUSSEL, None, Medium.WIFI, RelayOutcome.TELL_WIFI),
-    Rule(PacketOrigin.LOCAL_SUPERVISOR, AMusselStanding.REAL, None, RelayOutcome.PUBLISH),
-    Rule(PacketOrigin.LOCAL_SUPERVISOR, AMusselStanding.BORROWED, None, RelayOutcome.PUBLISH),
-    Rule(PacketOrigin.LOCAL_SUPERVISOR, AMusselStanding.FOREIGN, None, RelayOutcome.PUBLISH),
-    Rule(PacketOrigin.LOCAL_SUPERVISOR, None, Medium.SOUND, RelayOutcome.TELL_COMMAND),
-    Rule(PacketOrigin.LOCAL_SUPERVISOR, None, Medium.WIFI, RelayOutcome.TELL_COMMAND),
-    Rule(PacketOrigin.LOCAL_DOCK, AMusselStanding.BORROWED, None, RelayOutcome.PUBLISH),
-    Rule(PacketOrigin.REMOTE_AMUSSEL, AMusselStanding.REAL, None, RelayOutcome.RECEIVE),
-    Rule(PacketOrigin.REMOTE_AMUSSEL, AMusselStanding.BORROWED, None, RelayOutcome.RECEIVE),
-    Rule(PacketOrigin.REMOTE_AMUSSEL, AMusselStanding.OURS, None, RelayOutcome.REFUSE),
-    Rule(PacketOrigin.REMOTE_SUPERVISOR, AMusselStanding.LENT, None, RelayOutcome.RECEIVE),
-    Rule(PacketOrigin.REMOTE_DOCK, AMusselStanding.OURS, None, RelayOutcome.RECEIVE),
-    Rule(
+    RoutingRule(PacketOrigin.LOCAL_AMUSSEL, AMusselStanding.LENT, None, RelayOutcome.PUBLISH),
+    RoutingRule(PacketOrigin.LOCAL_AMUSSEL, None, Medium.SOUND, RelayOutcome.TELL_PACKET),
+    RoutingRule(PacketOrigin.LOCAL_AMUSSEL, None, Medium.WIFI, RelayOutcome.TELL_WIFI),
+    RoutingRule(PacketOrigin.LOCAL_SUPERVISOR, AMusselStanding.REAL, None, RelayOutcome.PUBLISH),
+    RoutingRule(PacketOrigin.LOCAL_SUPERVISOR, AMusselStanding.BORROWED, None, RelayOutcome.PUBLISH),
+    RoutingRule(PacketOrigin.LOCAL_SUPERVISOR, AMusselStanding.FOREIGN, None, RelayOutcome.PUBLISH),
+    RoutingRule(PacketOrigin.LOCAL_SUPERVISOR, None, Medium.SOUND, RelayOutcome.TELL_COMMAND),
+    RoutingRule(PacketOrigin.LOCAL_SUPERVISOR, None, Medium.WIFI, RelayOutcome.TELL_COMMAND),
+    RoutingRule(PacketOrigin.LOCAL_DOCK, AMusselStanding.BORROWED, None, RelayOutcome.PUBLISH),
+    RoutingRule(PacketOrigin.REMOTE_AMUSSEL, AMusselStanding.REAL, None, RelayOutcome.RECEIVE),
+    RoutingRule(PacketOrigin.REMOTE_AMUSSEL, AMusselStanding.BORROWED, None, RelayOutcome.RECEIVE),
+    RoutingRule(PacketOrigin.REMOTE_AMUSSEL, AMusselStanding.OURS, None, RelayOutcome.REFUSE),
+    RoutingRule(PacketOrigin.REMOTE_SUPERVISOR, AMusselStanding.LENT, None, RelayOutcome.RECEIVE),
+    RoutingRule(PacketOrigin.REMOTE_DOCK, AMusselStanding.OURS, None, RelayOutcome.RECEIVE),
+    RoutingRule(
         PacketOrigin.REMOTE_DOCK, AMusselStanding.REAL, None, RelayOutcome.RECEIVE
     ),  # its twin feels the same docks
-    Rule(PacketOrigin.REMOTE_DOCK, AMusselStanding.LENT, None, RelayOutcome.RECEIVE),
-    Rule(PacketOrigin.LABORATORY, None, None, RelayOutcome.RECEIVE),
+    RoutingRule(PacketOrigin.REMOTE_DOCK, AMusselStanding.LENT, None, RelayOutcome.RECEIVE),
+    RoutingRule(PacketOrigin.LABORATORY, None, None, RelayOutcome.RECEIVE),
 )
 """All rules that apply act, in this order. A packet to which none applies goes no further: the packets of a lent aMussel
 come back from the topic on which this process published them, for example."""

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from apad_bridge.records.combining import Summary
+from apad_bridge.records.combining import SummaryFigures
 from apad_bridge.records.summary import COMBINED
 
 
@@ -20,7 +20,7 @@ class Flown:
     """The number of aMussels that another aPad served than at the start."""
 
 
-def combined_summary(name: str, of_each: Mapping[str, Summary], handed_on: int = 0) -> dict[str, Any]:
+def combined_summary(name: str, of_each: Mapping[str, SummaryFigures], handed_on: int = 0) -> dict[str, Any]:
     """The summary of the whole run from its aPads' summaries, by name; each percentage is of its own flight's time.
 
     An aMussel is counted where it is simulated, whichever aPad serves it; `handed_on` is the number of aMussels that

@@ -15,7 +15,7 @@ from rosbags.typesys import Stores, get_typestore
 from apad_bridge.records.journal import Entry
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.ros2.followed_run import FollowedRun
-from apad_bridge.ros2.topics import Publication
+from apad_bridge.ros2.topics import TopicMessage
 from apad_bridge.scenario.loader import write_resolved
 from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
@@ -102,5 +102,5 @@ _STORE = get_typestore(Stores.ROS2_HUMBLE)
 
 
 @pytest.fixture
-def read() -> Callable[[Publication], Any]:
+def read() -> Callable[[TopicMessage], Any]:
     return lambda it: _STORE.deserialize_cdr(it.data, it.kind.replace("/", "/msg/"))

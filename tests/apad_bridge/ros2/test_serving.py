@@ -13,7 +13,7 @@ import pytest
 from apad_bridge.records.run_directory import RunDirectoryError
 from apad_bridge.ros2 import ros2_process
 from apad_bridge.ros2.ros2_process import serve
-from apad_bridge.ros2.topics import Publication
+from apad_bridge.ros2.topics import TopicMessage
 from apad_bridge.scenario.run_options import TimeSource
 
 
@@ -33,7 +33,7 @@ class Desk:
         self.node = node
         return self
 
-    def publish(self, it: Publication) -> None:
+    def publish(self, it: TopicMessage) -> None:
         self.came[-1].append(it.topic)
 
     def close(self) -> None:

@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
-from apad_bridge.ros2.topics import Publication, RunTopics
+from apad_bridge.ros2.topics import RunTopics, TopicMessage
 
-Read = Callable[[Publication], Any]
+Read = Callable[[TopicMessage], Any]
 EAST_RAD = math.pi / 2
 COSTS = {"distance_m": 5.0, "demand": 1.0, "distance_cost": 5.0, "energy_cost": 1.0}
 HALF = math.sqrt(0.5)

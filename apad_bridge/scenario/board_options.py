@@ -18,7 +18,7 @@ from firmware_model.power.charge import ChargeModel
 
 
 @frozen
-class Board:
+class BoardOptions:
     """Numbers of the MU board and its body, in agent time: the paper's worst case by its two equations, or `whole`."""
 
     profile: Literal["worst-case", "mu"] | None = None
