@@ -23,6 +23,7 @@ from apad_bridge.scenario.surface import (
     free_drift_m_s,
     surface_of,
 )
+from apad_bridge.vehicle.guards.frozen_position import NEVER_MS
 from apad_bridge.vehicle.guards.gate import Gate, Safety, plain_safety
 from apad_bridge.vehicle.guards.guarded_orders import Point
 from apad_bridge.vehicle.guards.guards import (
@@ -48,7 +49,7 @@ from apad_bridge.vehicle.guards.monitor import (
     SpeedIsAllowed,
     Stopping,
 )
-from apad_bridge.vehicle.guards.position_watch import NEVER_MS, SETTLED_MS, PositionLimits, PositionWatch
+from apad_bridge.vehicle.guards.position_watch import SETTLED_MS, PositionLimits, PositionWatch
 from apad_bridge.vehicle.guards.watchdog_watch import WatchdogWatch
 from apad_bridge.vehicle.guards.waters import OpenWaters, Waters
 from apad_bridge.world.apad.motion import allocate, electrical_w

@@ -227,7 +227,7 @@ class Supervisor:
     def forecast(self, forecaster: Forecaster, now_ms: MissionMs) -> Forecast:
         """The forecast of this flight at the tick `now_ms`."""
         self.inform(forecaster, now_ms)
-        place_m = None if self.pose is None else (self.pose.north_m, self.pose.east_m)
+        place_m = None if self.pose is None else self.pose.place_m
         return forecaster.look(now_ms, self.mission.state, place_m)
 
     def send(self, send: Send, now_ms: MissionMs) -> list[Send]:

@@ -137,6 +137,10 @@ class PoseReported:
     heard_ms: int | None = None
     """The time of arrival, by a clock that no late tick holds up: only differences count. None where `at_ms` is it."""
 
+    @property
+    def place_m(self) -> tuple[float, float]:
+        return self.north_m, self.east_m
+
 
 @dataclass(frozen=True, slots=True)
 class BatteryReported:

@@ -105,7 +105,7 @@ class StandardTopics:
             _publish(self._battery, lambda: make.apad_battery(battery, self._apad, frames.apad(self._apad)))
         if pose is None:
             return
-        here_m = (pose.north_m, pose.east_m)
+        here_m = pose.place_m
         self._track.extend(here_m)
         body = frames.apad(self._apad)
         _publish(self._fix, lambda: make.fix(self._frame, pose.at_ms, body, *here_m, _NOTHING_KNOWN))

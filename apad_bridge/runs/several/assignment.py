@@ -108,7 +108,7 @@ def view_of(name: str, start_m: tuple[float, float], supervisor: Supervisor) -> 
     return APadView(
         name,
         is_down,
-        start_m if pose is None else (pose.north_m, pose.east_m),
+        start_m if pose is None else pose.place_m,
         {it.agent_id: (it.north_m, it.east_m) for it in served},
         frozenset(it.agent_id for it in served if it.agent_id not in busy and _is_free(it, is_down)),
     )

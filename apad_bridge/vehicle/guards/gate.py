@@ -36,6 +36,7 @@ from apad_bridge.vehicle.commands import (
     VehicleCommand,
 )
 from apad_bridge.vehicle.guards.battery_watch import BatteryWatch
+from apad_bridge.vehicle.guards.frozen_position import NEVER_MS
 from apad_bridge.vehicle.guards.guarded_orders import (
     BodyInWater,
     GuardedOrder,
@@ -46,7 +47,7 @@ from apad_bridge.vehicle.guards.guarded_orders import (
 )
 from apad_bridge.vehicle.guards.guards import Guard, unlimited_guards
 from apad_bridge.vehicle.guards.monitor import DEFAULT_STOPPING, Monitor, Stopping
-from apad_bridge.vehicle.guards.position_watch import NEVER_MS, PositionLimits, PositionWatch
+from apad_bridge.vehicle.guards.position_watch import PositionLimits, PositionWatch
 from apad_bridge.vehicle.guards.stops import Latch, Stops
 from apad_bridge.vehicle.guards.watchdog_watch import WatchdogWatch
 from apad_bridge.vehicle.guards.waters import OpenWaters, Waters
@@ -195,10 +196,10 @@ class Gate:
                 self._bodies = tuple(it for it in self._bodies if it.agent_id != fact.agent_id)
 
     def _take_pose(self, pose: PoseReported) -> None:
-        was_too_noisy = self.watch.is_too_noisy
+        was_too_noisy = self.watch.noise.is_too_great
         self.watch.take(pose)
-        if self.watch.is_too_noisy != was_too_noisy:
-            error_m = round(self.watch.noise_error_m, 2)
+        if self.watch.noise.is_too_great != was_too_noisy:
+            error_m = round(self.watch.noise.place_error_m, 2)
             self.events.append(PositionErrorTold(error_m, self.watch.limits.error_m, not was_too_noisy))
 
     def situation(self, now_ms: int) -> VehicleSituation:

@@ -10,7 +10,7 @@ well. Three rules find it out:
 - Under HOLD, the hull does not obey if it is farther from the held place than its coasting and `RECEDES_MS` long has gone
   away from it.
 
-The noise of the position widens the ways of both others (`PositionWatch.way_error_m`).
+The noise of the position widens the ways of both others (`PositionNoise.way_error_m`).
 """
 
 from __future__ import annotations

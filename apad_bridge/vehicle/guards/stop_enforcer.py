@@ -178,7 +178,7 @@ class StopEnforcer:
     def _sight(self, place_m: Point, now_ms: int) -> Sight:
         watch = self._gate.watch
         flow_m_s = watch.velocity_m_s if self._drifts else self._safety.drift_m_s(place_m, now_ms)
-        return Sight(now_ms, place_m, watch.velocity_m_s, flow_m_s, watch.way_error_m)
+        return Sight(now_ms, place_m, watch.velocity_m_s, flow_m_s, watch.noise.way_error_m)
 
     def failed(self, reason: str, now_ms: int) -> None:
         """The vehicle has not taken the stop: OFF in place of a HOLD. An OFF is due again."""

@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from apad_bridge.events.guard_events import PositionErrorTold
 from apad_bridge.vehicle.commands import PoseReported
 from apad_bridge.vehicle.guards.gate import Gate
+from apad_bridge.vehicle.guards.position_noise import PLACE_ERROR_M
 from apad_bridge.vehicle.guards.position_watch import (
     LATE_FAULT_MS,
-    PLACE_ERROR_M,
     SETTLED_MS,
     PositionLimits,
     PositionWatch,
