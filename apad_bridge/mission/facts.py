@@ -17,13 +17,10 @@ _AT_ONCE = AgentMs(0)
 
 
 @value
-class WifiHeard:
-    at_ms: MissionMs
-    data: bytes
+class AMusselHeard:
+    """Bytes that came from an aMussel, or from something that passes for one."""
 
-
-@dataclass(frozen=True, slots=True)
-class SoundHeard:
+    medium: Medium
     at_ms: MissionMs
     data: bytes
 
@@ -53,7 +50,7 @@ class StandDownRequested:
     reason: str
 
 
-Fact = WifiHeard | SoundHeard | RangeHeard | EndRequested | StandDownRequested | VehicleFact
+Fact = AMusselHeard | RangeHeard | EndRequested | StandDownRequested | VehicleFact
 
 
 @dataclass(frozen=True, slots=True)

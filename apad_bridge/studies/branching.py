@@ -20,6 +20,7 @@ from typing import Any
 from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import SoundSent, Truth, WifiSent
 from agents.mussel.stimuli import AgentStimulus, WasReset, from_json
+from agents.packet_medium import Medium
 from agents.time_scale import TICK_MS, AgentMs, MissionMs
 from apad_bridge.assembly import fleet_parts, flight_parts
 from apad_bridge.assembly.capacity_bounds import battery_worth_min
@@ -29,7 +30,7 @@ from apad_bridge.assembly.safety import safety_of
 from apad_bridge.events.fleet_events import ProcessDied, Stimulated
 from apad_bridge.events.mission_events import Phase
 from apad_bridge.mission.energy_exchange import EnergyExchange
-from apad_bridge.mission.facts import SoundHeard, StandDownRequested, WifiHeard
+from apad_bridge.mission.facts import AMusselHeard, StandDownRequested
 from apad_bridge.planning import registry
 from apad_bridge.records.journal import JournalContents, read_journal
 from apad_bridge.records.run_directory import RunDirectory
@@ -301,9 +302,9 @@ def _relive(
         for result in fleet.water.advance(now_ms):
             match result:
                 case WifiSent(sent_ms, _, data):
-                    listener.receive(WifiHeard(fleet.mission_ms(sent_ms), data))
+                    listener.receive(AMusselHeard(Medium.WIFI, fleet.mission_ms(sent_ms), data))
                 case SoundSent(sent_ms, _, data):
-                    listener.receive(SoundHeard(fleet.mission_ms(sent_ms), data))
+                    listener.receive(AMusselHeard(Medium.SOUND, fleet.mission_ms(sent_ms), data))
         truths = fleet.water.take_truths()
         recorder.truths(truths)
         newest.update((truth.agent_id, truth) for truth in truths)

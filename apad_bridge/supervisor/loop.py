@@ -37,13 +37,12 @@ from apad_bridge.events.mission_events import MissionEnd
 from apad_bridge.events.run_events import EndReason
 from apad_bridge.events.sound_events import LinksRead, ModemTold, RangeMeasured
 from apad_bridge.mission.facts import (
+    AMusselHeard,
     EndRequested,
     KeepSamples,
     Ping,
     RangeHeard,
     Send,
-    SoundHeard,
-    WifiHeard,
 )
 from apad_bridge.mission.orders import StopVehicle, VehicleOrder
 from apad_bridge.supervisor.clock import StopSign
@@ -241,7 +240,7 @@ class Flight:
         """Handles packets that a physical modem has received or sent."""
         for item in self._serial_lines.take():
             match item:
-                case SoundHeard():
+                case AMusselHeard():
                     self.supervisor.receive(item)
                 case Send(_, agent_id, data):
                     ids = self._fleet.ids if agent_id == EVERYONE else [agent_id]
@@ -263,13 +262,9 @@ class Flight:
                     if gave_up is not None and (why := self._fleet.lost) is not None:
                         self.stop(why)
                 case WifiSent(sent_ms, agent_id, data):
-                    at_ms = self._fleet.mission_ms(sent_ms)
-                    self.supervisor.receive(WifiHeard(at_ms, data))
-                    self._relay.transmit(Medium.WIFI, agent_id, data, at_ms)
+                    self._receive_packet(Medium.WIFI, agent_id, data, self._fleet.mission_ms(sent_ms))
                 case SoundSent(sent_ms, agent_id, data):
-                    at_ms = self._fleet.mission_ms(sent_ms)
-                    self.supervisor.receive(SoundHeard(at_ms, data))
-                    self._relay.transmit(Medium.SOUND, agent_id, data, at_ms)
+                    self._receive_packet(Medium.SOUND, agent_id, data, self._fleet.mission_ms(sent_ms))
                 case StimulusDropped(_, _, reason):
                     self.dropped[reason] += 1
                 case StateDoubted(_, agent_id, reason):
@@ -279,12 +274,11 @@ class Flight:
                 case SoundReached(at_ms, agent_id, data) if self._water.has_others:
                     # Each aPad in the water hears for itself, so nothing is relayed.
                     if self.supervisor.allocation.concerns(agent_id):
-                        self.supervisor.receive(SoundHeard(at_ms, data))
+                        self.supervisor.receive(AMusselHeard(Medium.SOUND, at_ms, data))
                     else:
                         self.dropped["sound: from another aPad or one of its aMussels"] += 1
                 case SoundReached(at_ms, agent_id, data):
-                    self.supervisor.receive(SoundHeard(at_ms, data))
-                    self._relay.transmit(Medium.SOUND, agent_id, data, at_ms)
+                    self._receive_packet(Medium.SOUND, agent_id, data, at_ms)
                 case AgentRanged(at_ms, agent_id, range_m) if not self._world.roster.is_muted(agent_id):
                     self._receive_range(RangeHeard(at_ms, agent_id, range_m), now_ms)
                 case AgentRanged(at_ms, agent_id) | NotRanged(at_ms, agent_id):
@@ -300,6 +294,10 @@ class Flight:
         truths = self._water.take_truths()
         self._world.contacts.see(truths)
         self._recorder.truths(truths)
+
+    def _receive_packet(self, medium: Medium, agent_id: int, data: bytes, at_ms: MissionMs) -> None:
+        self.supervisor.receive(AMusselHeard(medium, at_ms, data))
+        self._relay.transmit(medium, agent_id, data, at_ms)
 
     def _update_links(self, now_ms: MissionMs) -> None:
         if (changed := self._fleet.update_links()) is None:

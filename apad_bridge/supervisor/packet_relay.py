@@ -23,7 +23,7 @@ from apad_bridge.acoustics.schedule import PendingPings
 from apad_bridge.acoustics.serial.nanomodem import WAIT_MS
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.input_ranges import FARTHEST_M, out_of_range
-from apad_bridge.mission.facts import RangeHeard, Send, SoundHeard, WifiHeard
+from apad_bridge.mission.facts import AMusselHeard, RangeHeard, Send
 from apad_bridge.mission.sources import Allocation
 from firmware_model.state_groups import DOCKED
 
@@ -201,7 +201,7 @@ class _Told:
     tellings: int
 
 
-RelayedEvent = WifiHeard | SoundHeard | RangeHeard | Send | RemoteContact
+RelayedEvent = AMusselHeard | RangeHeard | Send | RemoteContact
 Inlet = Callable[[MissionMs], Sequence[RelayedPacket]]
 """Returns the packets that arrived since the last call, at a mission time."""
 Outlet = Callable[[RelayedPacket], None]
@@ -302,10 +302,8 @@ class PacketRelay:
         match packet.source, packet.medium:
             case PacketOrigin.REMOTE_AMUSSEL, _ if packet.medium == RANGE:
                 return self._received_range(packet)
-            case PacketOrigin.REMOTE_AMUSSEL, Medium.WIFI:
-                return [WifiHeard(packet.at_ms, packet.data)]
-            case PacketOrigin.REMOTE_AMUSSEL, Medium.SOUND:
-                return [SoundHeard(packet.at_ms, packet.data)]
+            case PacketOrigin.REMOTE_AMUSSEL, Medium() as medium:
+                return [AMusselHeard(medium, packet.at_ms, packet.data)]
             case ((PacketOrigin.REMOTE_SUPERVISOR | PacketOrigin.LABORATORY), Medium() as medium):
                 return [Send(medium, packet.agent_id, packet.data)]
             case PacketOrigin.REMOTE_DOCK, None:

@@ -21,15 +21,14 @@ from apad_bridge.events.vehicle_events import DocksDisagree
 from apad_bridge.mission.breakdown import StandDownRule
 from apad_bridge.mission.docking.dock_witnesses import ON_BOTTOM
 from apad_bridge.mission.facts import (
+    AMusselHeard,
     EndRequested,
     Fact,
     KeepSamples,
     RangeHeard,
     Send,
-    SoundHeard,
     StandDownRequested,
     SupervisorAction,
-    WifiHeard,
 )
 from apad_bridge.mission.flight_mission import MissionRole
 from apad_bridge.mission.orders import (
@@ -95,9 +94,8 @@ _PRIORITY: dict[type, int] = {
     PilotReported: 2,
     GoalOfOthers: 2,
     DocksNamed: 2,
-    SoundHeard: 3,
+    AMusselHeard: 3,
     RangeHeard: 3,
-    WifiHeard: 3,
     EndRequested: 4,
     StandDownRequested: 4,
 }
@@ -237,7 +235,7 @@ class Supervisor:
 
     def _handle(self, fact: Fact, now_ms: MissionMs) -> list[SupervisorAction]:
         match fact:
-            case WifiHeard(at_ms, data) | SoundHeard(at_ms, data):
+            case AMusselHeard(_, at_ms, data):
                 packet = self._codec.decode(data)
                 if isinstance(packet, LogRecords):
                     return self._collect_samples(packet)

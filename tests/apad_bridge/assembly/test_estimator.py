@@ -164,7 +164,7 @@ def test_a_mission_flies_on_twins_through_silence() -> None:
     flight, recorder = open_flight(replace(WITH_TWINS, duration_s=420.0))
     receive = flight.supervisor.receive
     flight.supervisor.receive = (  # type: ignore[method-assign]
-        lambda fact: None if type(fact).__name__ == "WifiHeard" and fact.at_ms > 240_000 else receive(fact)
+        lambda fact: None if type(fact).__name__ == "AMusselHeard" and fact.at_ms > 240_000 else receive(fact)
     )
     flight.run()
     beliefs = flight.supervisor.beliefs.all()

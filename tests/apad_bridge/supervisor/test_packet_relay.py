@@ -14,7 +14,7 @@ from agents.mussel.stimuli import AgentStimulus, ContactClosed, ContactOpened, D
 from agents.packet_medium import Medium
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.hold_last import HoldLast
-from apad_bridge.mission.facts import RangeHeard, Send, SoundHeard, WifiHeard
+from apad_bridge.mission.facts import AMusselHeard, RangeHeard, Send
 from apad_bridge.mission.sources import Allocation
 from apad_bridge.supervisor.packet_relay import (
     FLEET_ALONE,
@@ -94,7 +94,10 @@ def test_a_whole_flight_hears_real_amussels_and_refuses_a_second_voice_of_a_simu
         RelayedPacket(PacketOrigin.REMOTE_AMUSSEL, 1, Medium.SOUND, b"second voice", 5),
         RelayedPacket(PacketOrigin.REMOTE_AMUSSEL, 4, Medium.WIFI, b"real too", 5),
     ]
-    assert process.relay.advance(5) == [SoundHeard(5, b"real"), WifiHeard(5, b"real too")]
+    assert process.relay.advance(5) == [
+        AMusselHeard(Medium.SOUND, 5, b"real"),
+        AMusselHeard(Medium.WIFI, 5, b"real too"),
+    ]
     assert process.relay.dropped.total() == 1
     for agent_id in (1, 3, EVERYONE):
         process.relay.forward(Send(Medium.SOUND, agent_id, b""), 6)
@@ -146,7 +149,7 @@ def test_a_fleet_and_a_mission_alone_make_a_flight_together() -> None:
         RelayedPacket(PacketOrigin.REMOTE_SUPERVISOR, it.agent_id, it.medium, it.data, 2_000)
         for it in commands
     ] + [RelayedPacket(PacketOrigin.REMOTE_DOCK, 7, contact.medium, contact.data, 2_000)]
-    assert mission.relay.advance(2_000) == [WifiHeard(2_000, b"status")]
+    assert mission.relay.advance(2_000) == [AMusselHeard(Medium.WIFI, 2_000, b"status")]
     assert fleet.relay.advance(2_000) == [
         Send(Medium.SOUND, 7, b"permission"),
         Send(Medium.SOUND, EVERYONE, b"beacon"),
@@ -246,7 +249,7 @@ def test_of_several_apads_exactly_the_one_concerned_receives_each_packet(
             RelayedPacket(PEER[it.source], it.agent_id, it.medium, it.data, 1_000) for it in published
         ]
         received[name] = process.relay.advance(1_000)
-    status = SoundHeard(1_000, b"status")
+    status = AMusselHeard(Medium.SOUND, 1_000, b"status")
     command = Send(Medium.SOUND, agent_id, b"command")
     contact = RemoteContact(agent_id, ContactClosed(1, 2))
     expected: dict[str, list[object]] = {name: [] for name in NAMES}
@@ -285,5 +288,5 @@ def test_a_relay_without_outlets_receives_and_transmits_nothing() -> None:
     process.arrived = [RelayedPacket(PacketOrigin.REMOTE_AMUSSEL, 1, Medium.WIFI, b"status", 0)]
     silent = process.relay.without_outlets()
     silent.forward(Send(Medium.SOUND, 1, b""), 0)
-    assert silent.advance(0) == [WifiHeard(0, b"status")]
+    assert silent.advance(0) == [AMusselHeard(Medium.WIFI, 0, b"status")]
     assert process.published == []

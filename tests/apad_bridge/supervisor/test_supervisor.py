@@ -12,7 +12,7 @@ from apad_bridge.events.fleet_events import AMusselSuspected, SuspicionOver
 from apad_bridge.events.mission_events import MissionEnd
 from apad_bridge.events.run_events import EndReason
 from apad_bridge.events.vehicle_events import DocksDisagree
-from apad_bridge.mission.facts import EndRequested, Fact, Send, SoundHeard, SupervisorAction, WifiHeard
+from apad_bridge.mission.facts import AMusselHeard, EndRequested, Fact, Send, SupervisorAction
 from apad_bridge.scenario.loader import load
 from apad_bridge.supervisor.supervisor import Supervisor
 from apad_bridge.vehicle.commands import BatteryReported, DockClosed, GoTo, Hold, PoseReported
@@ -41,7 +41,7 @@ def status(agent_id: int, charge: float, agent_ms: int = 30_000) -> bytes:
 def facts_of_tick(*more: Fact) -> list[Fact]:
     """The facts of a tick: four candidates, a pose and a battery."""
     return [
-        *(WifiHeard(1000, status(agent_id, 0.5)) for agent_id in (1, 2, 3, 4)),
+        *(AMusselHeard(Medium.WIFI, 1000, status(agent_id, 0.5)) for agent_id in (1, 2, 3, 4)),
         PoseReported(900, 0.0, 0.0, 0.0),
         BatteryReported(1000, 16.0, 1.0),
         *more,
@@ -88,7 +88,7 @@ def test_a_docked_amussel_that_reports_to_lie_on_the_bottom_is_told_once_until_i
     for now_ms, data in enumerate(
         [charging, status(7, 0.5), status(7, 0.5), status(8, 0.5), charging, status(7, 0.5)], 1
     ):
-        supervisor.receive(WifiHeard(1000 * now_ms, data))
+        supervisor.receive(AMusselHeard(Medium.WIFI, 1000 * now_ms, data))
         actions = supervisor.advance(1000 * now_ms)
         told += [(now_ms, it.data) for it in actions if isinstance(it, DocksDisagree)]
     reason = "dock 2 holds it by the vehicle's report, and it reports ACTIVE, on the bottom"
@@ -105,8 +105,8 @@ def test_a_fact_of_the_future_waits_for_its_tick(supervisor: Supervisor) -> None
 
 def test_bytes_that_are_nothing_are_counted_and_disturb_nothing(supervisor: Supervisor) -> None:
     for data in (b"", b"\xff" * 40, b"x" * 100_000, CommandPacket(Kind.RELEASE, 1).encode(), status(99, 0.5)):
-        supervisor.receive(WifiHeard(500, data))
-    supervisor.receive(WifiHeard(500, status(1, 0.5)))
+        supervisor.receive(AMusselHeard(Medium.WIFI, 500, data))
+    supervisor.receive(AMusselHeard(Medium.WIFI, 500, status(1, 0.5)))
     supervisor.advance(1000)
     assert supervisor.dropped == {
         "bytes that are no status packet": 4,
@@ -164,17 +164,18 @@ def test_time_going_back_is_refused(supervisor: Supervisor) -> None:
 def test_every_kind_of_status_is_believed(by: str) -> None:
     basic = (1, 8, State.EMPTY, 0.0, 0.8, 1.0, 2.0, 3.0, 60_000)
     fact_by_medium: dict[str, Fact] = {
-        "wifi": WifiHeard(
+        "wifi": AMusselHeard(
+            Medium.WIFI,
             2000,
             WifiStatus(
                 *basic, (1, 2, 3, 4), 9, 0, 0, 0, 0, ResetCause.POWER_ON, ActiveBattery.SECONDARY, 0, 0
             ).encode(),
         ),
-        "sound": SoundHeard(2000, AcousticStatus(*basic, (1, 2, 3, 4), 9, 9).encode()),
-        "short": SoundHeard(2000, ShortStatus(1, State.EMPTY, 0.0, 0.8).encode()),
+        "sound": AMusselHeard(Medium.SOUND, 2000, AcousticStatus(*basic, (1, 2, 3, 4), 9, 9).encode()),
+        "short": AMusselHeard(Medium.SOUND, 2000, ShortStatus(1, State.EMPTY, 0.0, 0.8).encode()),
     }
     supervisor = flight_parts.supervisor(flight_config(SCENARIO))
-    supervisor.receive(WifiHeard(1000, status(1, 0.5)))
+    supervisor.receive(AMusselHeard(Medium.WIFI, 1000, status(1, 0.5)))
     supervisor.receive(fact_by_medium[by])
     supervisor.advance(2000)
     belief = supervisor.beliefs.get(1)
@@ -185,11 +186,11 @@ def test_every_kind_of_status_is_believed(by: str) -> None:
 
 
 def test_an_amussel_becomes_suspect_once_and_another_supervisor_of_the_run_tells_nothing_anew() -> None:
-    def rising(n: int) -> SoundHeard:
+    def rising(n: int) -> AMusselHeard:
         packet = StatusPacket(7, n, State.SLEEPING, 0.4 + 0.2 * n, 1.0, 7.0, 2.0, 3.0, 3_600_000 * (n + 1))
-        return SoundHeard(120_000 * (n + 1), packet.encode())
+        return AMusselHeard(Medium.SOUND, 120_000 * (n + 1), packet.encode())
 
-    def told(supervisor: Supervisor, fact: SoundHeard) -> list[AMusselSuspected]:
+    def told(supervisor: Supervisor, fact: AMusselHeard) -> list[AMusselSuspected]:
         supervisor.receive(fact)
         return [it for it in supervisor.advance(fact.at_ms) if isinstance(it, AMusselSuspected)]
 
@@ -210,7 +211,7 @@ def test_the_supervisor_tells_that_a_reading_stands_and_that_it_moves_again() ->
 
     def told(hour: int, charge: float) -> list[str]:
         packet = StatusPacket(7, hour, State.SLEEPING, charge, 1.0, 7.0, 2.0, 3.0, 3_600_000 * hour)
-        supervisor.receive(SoundHeard(120_000 * hour, packet.encode()))
+        supervisor.receive(AMusselHeard(Medium.SOUND, 120_000 * hour, packet.encode()))
         actions = supervisor.advance(120_000 * hour)
         return [it.text() for it in actions if isinstance(it, AMusselSuspected | SuspicionOver)]
 

@@ -17,9 +17,10 @@ from agents.coordinator import Coordinator
 from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import WifiSent
 from agents.mussel.stimuli import SoundArrived
+from agents.packet_medium import Medium
 from apad_bridge.assembly import fleet_parts, flight_parts
 from apad_bridge.assembly.flight_config import flight_config
-from apad_bridge.mission.facts import WifiHeard
+from apad_bridge.mission.facts import AMusselHeard
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.starts import starts_of
 from firmware_model.packets import CommandPacket, Kind, StatusPacket
@@ -76,7 +77,7 @@ def test_a_fleet_that_speaks_it_is_heard_and_obeys(lines: Codec) -> None:
         for heard in fleet.advance(now_ms):
             assert isinstance(heard, WifiSent)
             spoken[heard.agent_id] = heard.data
-            supervisor.receive(WifiHeard(fleet.scale.mission_ms(heard.at_ms), heard.data))
+            supervisor.receive(AMusselHeard(Medium.WIFI, fleet.scale.mission_ms(heard.at_ms), heard.data))
         supervisor.advance(now_ms)
     assert all(line.startswith(f"$STATUS,{agent_id},".encode()) for agent_id, line in spoken.items())
     assert [belief.agent_id for belief in supervisor.beliefs.all()] == list(range(1, 13))
@@ -86,7 +87,7 @@ def test_a_fleet_that_speaks_it_is_heard_and_obeys(lines: Codec) -> None:
     fleet.receive(3, SoundArrived(lines.encode(CommandPacket(Kind.PERMISSION, 3))), 2000)
     for heard in fleet.advance(3000):
         assert isinstance(heard, WifiSent)
-        supervisor.receive(WifiHeard(fleet.scale.mission_ms(heard.at_ms), heard.data))
+        supervisor.receive(AMusselHeard(Medium.WIFI, fleet.scale.mission_ms(heard.at_ms), heard.data))
     supervisor.advance(3000)
     surfacing = [belief.agent_id for belief in supervisor.beliefs.all() if belief.state is State.SURFACING]
     assert surfacing == [3]
@@ -94,7 +95,7 @@ def test_a_fleet_that_speaks_it_is_heard_and_obeys(lines: Codec) -> None:
 
 def test_a_supervisor_of_another_layout_counts_what_it_cannot_read(lines: Codec) -> None:
     supervisor = flight_parts.supervisor(flight_config(load(POOL_FILE)))
-    supervisor.receive(WifiHeard(500, lines.encode(replace(STATUS, agent_id=1))))
+    supervisor.receive(AMusselHeard(Medium.WIFI, 500, lines.encode(replace(STATUS, agent_id=1))))
     supervisor.advance(1000)
     assert supervisor.beliefs.all() == []
     assert dict(supervisor.dropped) == {"bytes that are no status packet": 1}
