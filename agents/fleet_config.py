@@ -11,8 +11,8 @@ from agents.mussel.body import BodyConfig, WaterConfig
 from agents.mussel.physical import Physical
 from agents.mussel.reporter import ReportConfig
 from agents.time_scale import TICK_MS, TimeScale
-from agents.water.chance import fates
 from agents.water.fields import WaterFields
+from agents.water.packet_draws import fates
 from agents.water.patches import CALM, QuantityWater
 from agents.water.stream import STILL_CURRENT, CurrentConfig
 from firmware_model.actions import Buoyancy

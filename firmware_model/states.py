@@ -64,7 +64,7 @@ class Trigger(IntEnum):
     FLOAT_TIMED_OUT = 9
     BOTTOM_REACHED = 10
     BATTERY_EMPTIED = 11
-    """The primary battery is empty: the backup now feeds the board."""
+    """The primary battery is empty: the backup now feeds the board (`hardware/power_path.py`)."""
     ALARM_RANG = 12
     WAKE_OVER = 13
     SAMPLES_TO_PROCESS = 14

@@ -44,7 +44,7 @@ def gps_fix_um(
     what changes slowly is alike for an aPad nearby, and cancels in what matters, where the one is from the other.
     """
     # Imported here: no agent of the paper's experiments has a receiver.
-    from agents.water.chance import fates
+    from agents.water.packet_draws import fates
 
     north, east = (fates(seed, agent_id, n, 0, axis)[2] for axis in (b"gps north", b"gps east"))
     return place_um[0] + round(deviation_um * north), place_um[1] + round(deviation_um * east)

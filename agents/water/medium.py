@@ -15,7 +15,7 @@ from enum import IntEnum
 from math import log10
 
 from agents.modem.frames import ModemFrame
-from agents.water.chance import fates
+from agents.water.packet_draws import fates
 from agents.water.places import CellGrid, ModemPlace, distance_m
 from agents.water.sound import Sound
 from agents.water.topology import Topology

@@ -26,8 +26,8 @@ from agents.mussel.stimuli import AgentStimulus, ModemSent, PingArrived, SoundAr
 from agents.time_scale import AgentMs, MissionMs, TimeScale
 from agents.water import medium
 from agents.water.apad_modem import APadModem, ModemSend
-from agents.water.chance import fates
 from agents.water.medium import Began, LinksChanged, ModemMoved, PacketEnded, ThrustersRan, WaterMedium
+from agents.water.packet_draws import fates
 from agents.water.places import ModemPlace, along_m, place_of
 from agents.water.sea_events import (
     APAD,

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from math import exp, inf, log10
 
 from agents.water.bounds import Decibels, PositiveNumber
-from agents.water.chance import fates
+from agents.water.packet_draws import fates
 
 _LANE = b"wifi"
 _LIGHT_M_S = 299_792_458.0

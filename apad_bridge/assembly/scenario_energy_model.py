@@ -28,7 +28,7 @@ def energy_model(scenario: Scenario) -> EnergyModel:
         pool_threshold=mission.pool_threshold,
         again_threshold=mission.again_threshold,
         full=mission.full_threshold,
-        makes_room=mission.full_threshold if mission.charge_to is None else mission.charge_to,
+        makes_room=mission.room_above,
         charge_lead=mission.charge_lead,
         motor_run=scenario.board.motor_run_charge,
         speed_m_s=mission.speed_m_s,

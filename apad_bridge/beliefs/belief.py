@@ -89,7 +89,10 @@ class Belief:
     clock: ClockBelief = EXACT_CLOCK
     learned_from: Source = Source.PACKET
     silent_timeslots: int = 0
-    """Timeslots since the newest packet in which a packet was due and none was received."""
+    """Timeslots since the newest packet in which a packet was due and none was received.
+
+    Silence makes no aMussel suspect. `mission/pool.py` decides if a silent one is fetched.
+    """
     suspicion: Suspicion | None = None
     """None for an aMussel whose packets can all be true."""
     parts: tuple[Gaussian, ...] = ()

@@ -8,14 +8,8 @@ from functools import cached_property
 from math import inf
 
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.mission.charging_watch import (
-    ChargingWatch,
-    counted_charge,
-    is_charged,
-    is_full,
-    makes_room,
-    room_above,
-)
+from apad_bridge.mission.charged_enough import counted_charge, is_charged, is_full, makes_room
+from apad_bridge.mission.charging_watch import ChargingWatch
 from apad_bridge.planning.dispatch_rule import DispatchRule
 from apad_bridge.planning.exchange_of_places import is_worth_it
 from apad_bridge.scenario.schema import Dispatch, Mission, Places
@@ -130,7 +124,7 @@ class BelievedDispatch(DispatchRule):
             for agent_id in leaving
             if (belief := self._beliefs[agent_id]) is not None and self.full_s(agent_id) > self.now_s
         ]
-        least, above = min(early, default=None), room_above(config)
+        least, above = min(early, default=None), config.room_above
         if least is None:
             return self._pool
         return [

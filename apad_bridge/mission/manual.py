@@ -15,7 +15,7 @@ from agents.time_scale import MissionMs
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.input_ranges import FARTHEST_M
 from apad_bridge.events.mission_events import PRE_EMPTED, MissionEnd, MissionState, Phase, StepGivenUp
-from apad_bridge.mission.charging_watch import is_full
+from apad_bridge.mission.charged_enough import is_full
 from apad_bridge.mission.docking.docking_routine import DockingRoutine, GivenUp, OutOfReach, Progress
 from apad_bridge.mission.docking.docking_search import NOT_FOUND
 from apad_bridge.mission.home_places import HomePlaces

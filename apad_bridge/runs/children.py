@@ -26,7 +26,7 @@ _MOST_QUIETS = 6
 
 
 class Child:
-    """One child process; `log` receives its standard error. No context manager: the caller chooses the order of ending."""
+    """One child process; `log` receives its standard error. No context manager: `parent.py` chooses the order of ending."""
 
     def __init__(
         self, name: str, module: str, arguments: list[str], log: Path, environment: dict[str, str]

@@ -27,7 +27,7 @@ from apad_bridge.scenario.area.paper_charts import PAPER_CHARTS
 from apad_bridge.scenario.choices import MAX_DOCKS, PAPER_DOCKS
 from apad_bridge.scenario.cross_checks import contradictions
 from apad_bridge.scenario.errors import ScenarioError, in_ranges
-from apad_bridge.scenario.explained import abbreviated, explain
+from apad_bridge.scenario.key_mistakes import abbreviated, explain
 from apad_bridge.scenario.profiles import with_profiles
 from apad_bridge.scenario.quantities import FILE, VALUES
 from apad_bridge.scenario.run_options import OPTIONS_NAME

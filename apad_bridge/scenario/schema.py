@@ -427,6 +427,11 @@ class Mission:
     """docs/beliefs.md#suspects. `asked` and `fetched` need `beliefs.estimator: twin`, and `asked` also `water` and
     `board.whole`; it asks each ten minutes of agent time."""
 
+    @property
+    def room_above(self) -> float:
+        """The charge above which a docked aMussel makes room for any that waits."""
+        return self.full_threshold if self.charge_to is None else self.charge_to
+
 
 @frozen
 class APadBattery:

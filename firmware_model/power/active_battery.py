@@ -1,4 +1,4 @@
-"""The battery that feeds a board."""
+"""The battery that feeds a board: which it may be, and what a motor run takes. `hardware/power_path.py` switches."""
 
 from __future__ import annotations
 

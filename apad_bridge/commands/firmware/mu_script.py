@@ -16,7 +16,7 @@ from pydantic.dataclasses import dataclass
 
 from agents.water.bounds import NotNegative
 from apad_bridge.scenario.errors import UserError
-from apad_bridge.scenario.explained import abbreviated, explain
+from apad_bridge.scenario.key_mistakes import abbreviated, explain
 from apad_bridge.scenario.quantities import Fraction, Positive
 from apad_bridge.scenario.yaml_text import yaml_of
 from firmware_model.actions import Dropped, LogSample

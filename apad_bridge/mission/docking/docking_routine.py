@@ -17,7 +17,7 @@ from agents.time_scale import MissionMs
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.events.mission_events import AMusselReleased
 from apad_bridge.events.vehicle_events import DocksDisagree
-from apad_bridge.mission.charging_watch import is_charged
+from apad_bridge.mission.charged_enough import is_charged
 from apad_bridge.mission.docking.dock_witnesses import doubt
 from apad_bridge.mission.docking.docking_search import SEARCH_S, DockingSearch
 from apad_bridge.mission.order_book import OrderBook

@@ -22,8 +22,8 @@ from actionlib_msgs.msg import GoalID, GoalStatusArray
 
 from apad_bridge.ros.generation_a.contacts_link import DockInquiry
 from apad_bridge.ros.links.legacy_link import LegacyLink, OpenedAPad
-from apad_bridge.ros.links.legacy_subscribers import POSE_FIELDS, LegacySubscribers, publisher_of
 from apad_bridge.ros.links.service_calls import CallFailed
+from apad_bridge.ros.links.vehicle_subscribers import POSE_FIELDS, VehicleSubscribers, publisher_of
 from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.ros.types.live_types import differing_listeners, unreadable_topics
 from apad_bridge.ros.types.messages import use_generated_messages
@@ -69,7 +69,7 @@ ANSWER_ON_OUR_CLOCK_S = 5.0
 """Longer on our own clock: waiting costs nothing there, and a busy machine decides as an idle one."""
 
 
-class Subscribers(LegacySubscribers):
+class Subscribers(VehicleSubscribers):
     """Subscribes to the aPad called `name` and to `position_static` of each aMussel."""
 
     def __init__(self, name: str, agent_ids: Iterable[int], inbox: Inbox[Received], *, stamped: bool) -> None:

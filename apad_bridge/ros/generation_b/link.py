@@ -26,8 +26,8 @@ from apad_bridge.doctor.graph_checks import Graph
 from apad_bridge.doctor.network import Unreachable
 from apad_bridge.ros.generation_b.virtual_camera import DETECTION_TOPICS, VirtualCamera
 from apad_bridge.ros.links.legacy_link import LegacyLink, OpenedAPad
-from apad_bridge.ros.links.legacy_subscribers import LegacySubscribers, publisher_of
 from apad_bridge.ros.links.order_sender import Answered
+from apad_bridge.ros.links.vehicle_subscribers import VehicleSubscribers, publisher_of
 from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.ros.types.live_types import live_services, unreadable_topics
 from apad_bridge.ros.types.messages import use_generated_messages
@@ -87,7 +87,7 @@ _SETTLE_S = 0.003
 within this time."""
 
 
-class Subscribers(LegacySubscribers):
+class Subscribers(VehicleSubscribers):
     """Subscribes to the aPad called `name`. Only poses have a stamp."""
 
     def __init__(self, name: str, inbox: Inbox[Received], *, stamped: bool) -> None:

@@ -19,7 +19,7 @@ from typing import Any
 import rospy
 from std_msgs.msg import Float32
 
-from apad_bridge.ros.links.legacy_subscribers import POSE_FIELDS
+from apad_bridge.ros.links.vehicle_subscribers import POSE_FIELDS
 from apad_bridge.ros.system.ros_time import to_ms
 from apad_bridge.ros.types.any_listener import AnyListener
 from apad_bridge.ros.types.messages import use_generated_messages

@@ -22,7 +22,7 @@ from pydantic import BeforeValidator, ConfigDict, StringConstraints, TypeAdapter
 from pydantic.dataclasses import dataclass
 
 from agents.packet_medium import Medium
-from apad_bridge.scenario.explained import explain
+from apad_bridge.scenario.key_mistakes import explain
 from apad_bridge.scenario.lab_interface.fields import path_steps, read
 from apad_bridge.scenario.lab_interface.lab_messages import MessageKind
 from apad_bridge.scenario.text_file import read_text

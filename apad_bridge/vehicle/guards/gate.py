@@ -1,4 +1,4 @@
-"""The gate: every order that moves a vehicle or an aMussel passes it, whoever gives the order.
+"""The gate: every order that moves a vehicle or an aMussel passes it, and each guard (guards.py) is asked.
 
 A flight wraps its vehicle's link into a `GuardedVehicle` (guarded_vehicle.py), so that the mission, scripts, calls and
 persons have no other road to it. An order that was let out at one time leaves at another: the links ask the same `Gate`

@@ -14,8 +14,8 @@ from apad_bridge.assembly import flight_parts
 from apad_bridge.doctor.graph_checks import Graph
 from apad_bridge.doctor.network import Unreachable
 from apad_bridge.ros.links.legacy_link import LegacyLink, OpenedAPad
-from apad_bridge.ros.links.legacy_subscribers import LegacySubscribers
 from apad_bridge.ros.links.order_sender import Answered
+from apad_bridge.ros.links.vehicle_subscribers import VehicleSubscribers
 from apad_bridge.ros.types.live_types import unreadable_topics
 from apad_bridge.scenario.lab_interface.lab_messages import DockReport
 from apad_bridge.scenario.schema import Scenario
@@ -38,7 +38,7 @@ from apad_bridge.world.generation_b.docks import BenchDocks
 GOAL, OFF = "helm/goal", "helm/off"
 
 
-class Subscribers(LegacySubscribers):
+class Subscribers(VehicleSubscribers):
     """rospy's threads call these; they convert, and leave the message to the flight's thread."""
 
     def __init__(self, name: str, inbox: Any) -> None:

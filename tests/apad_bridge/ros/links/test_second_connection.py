@@ -18,8 +18,8 @@ from hypothesis import strategies as st
 from rosgraph.network import encode_ros_handshake_header, read_ros_handshake_header
 
 from apad_bridge.ros.links import second_connection
-from apad_bridge.ros.links.legacy_subscribers import LegacySubscribers, NavSts
 from apad_bridge.ros.links.second_connection import FirstArrivals, SecondConnections
+from apad_bridge.ros.links.vehicle_subscribers import NavSts, VehicleSubscribers
 from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.ros.system.lost_links import notice_end
 
@@ -110,7 +110,7 @@ def over_the_first(message: NavSts) -> Any:
 def test_a_first_connection_that_stands_still_holds_no_position_back(publisher: Publisher) -> None:
     """After the first position on rospy's connection, three come over the second alone, and later all over the first."""
     inbox: Inbox[Any] = Inbox()
-    subscribers = LegacySubscribers("apad1", inbox, stamped=False)
+    subscribers = VehicleSubscribers("apad1", inbox, stamped=False)
     subscribers._position = subscriber_of(publisher)
     subscribers._take_pose(position_with_header(0), 0)
     second = publisher.handshakes.get(timeout=SOON_S)

@@ -16,8 +16,8 @@ from apad_bridge.events.graph_events import MessagesDropped
 from apad_bridge.ros.generation_a import link as link_a
 from apad_bridge.ros.generation_b import link as link_b
 from apad_bridge.ros.links.laboratory_topics import LaboratorySubscribers
-from apad_bridge.ros.links.legacy_subscribers import POSE_FIELDS, LegacySubscribers, NavSts
 from apad_bridge.ros.links.other_apads import OtherAPads
+from apad_bridge.ros.links.vehicle_subscribers import POSE_FIELDS, NavSts, VehicleSubscribers
 from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.ros.types.any_message import why_unfit
 from apad_bridge.scenario.lab_interface.lab_messages import MessageKind
@@ -25,13 +25,13 @@ from apad_bridge.scenario.lab_interface.lab_names import Names, Number, Subscrip
 from apad_bridge.vehicle.commands import PoseReported
 from apad_bridge.vehicle.stack_messages import UNSTAMPED, BatteryReceived
 
-Inboxed = tuple[LegacySubscribers, Inbox[Any]]
+Inboxed = tuple[VehicleSubscribers, Inbox[Any]]
 
 
 @pytest.fixture(params=["a", "b"])
 def subscribed(request: pytest.FixtureRequest) -> Iterator[Inboxed]:
     inbox: Inbox[Any] = Inbox()
-    made: dict[str, Callable[[], LegacySubscribers]] = {
+    made: dict[str, Callable[[], VehicleSubscribers]] = {
         "a": lambda: link_a.Subscribers("apad1", [4], inbox, stamped=False),
         "b": lambda: link_b.Subscribers("apad1", inbox, stamped=False),
     }

@@ -10,7 +10,7 @@ from typing import Any
 import genpy
 import pytest
 
-from apad_bridge.ros.links.legacy_subscribers import LegacySubscribers, NavSts
+from apad_bridge.ros.links.vehicle_subscribers import NavSts, VehicleSubscribers
 from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.vehicle.commands import PoseReported
 from apad_bridge.vehicle.stack_messages import UNSTAMPED
@@ -22,7 +22,7 @@ def test_a_position_keeps_its_own_stamp_and_on_our_clock_its_time(
     stamp: genpy.Time, stamp_ms: int | None, stamped: bool
 ) -> None:
     inbox: Inbox[Any] = Inbox()
-    subscribers = LegacySubscribers("apad1", inbox, stamped=stamped)
+    subscribers = VehicleSubscribers("apad1", inbox, stamped=stamped)
     message = NavSts()
     message.header.stamp = stamp
     message.position.north, message.position.east, message.orientation.yaw = 1.0, 2.0, 0.5

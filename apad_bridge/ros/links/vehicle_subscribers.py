@@ -36,7 +36,7 @@ _POSE = struct.Struct("<Iq3d")
 POSE_FIELDS = ("header.stamp", "position.north", "position.east", "orientation.yaw")
 
 
-class LegacySubscribers:
+class VehicleSubscribers:
     """Subscribes to the aPad called `name`. With `stamped`, facts carry their messages' stamps; without, UNSTAMPED.
 
     `pose_fields` are the fields that its NavSts must have.

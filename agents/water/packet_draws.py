@@ -1,5 +1,7 @@
 """Random numbers for packets in the water: a keyed hash of (seed, sender, time of the packet's begin, receiver).
 
+The probability with which they are compared is that of `sound.py`, `wifi.py` and `topology.py`.
+
 The numbers are the same whoever asks, in whatever order, and however often. A run that goes on after a crash draws no
 number twice, because a sender begins no two packets at the same time.
 """

@@ -2,7 +2,7 @@
 
 from statistics import correlation, fmean, pstdev
 
-from agents.water.chance import fates
+from agents.water.packet_draws import fates
 
 
 def test_they_are_distributed_as_stated() -> None:
