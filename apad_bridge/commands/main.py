@@ -23,7 +23,7 @@ from apad_bridge.runs.exits import (
     memory_shortage,
     shortage,
 )
-from apad_bridge.runs.terminal import show_control_characters
+from apad_bridge.runs.terminal import discard, show_control_characters
 from apad_bridge.scenario.errors import UserError
 from firmware_model.entry_points import package_to_blame
 
@@ -263,12 +263,12 @@ def _run(arguments: list[str]) -> int:
     except BrokenPipeError:
         if not _has_lost_its_reader(sys.stdout):
             raise
-        _discard(sys.stdout)
+        discard(sys.stdout)
         return Exit.PEER_FAILED
     except OSError as error:
         if (why := shortage(error)) is not None:
             print(f"musselbed {chosen.command}: {why}", file=sys.stderr)
-            _discard(sys.stdout)
+            discard(sys.stdout)
             return Exit.PEER_FAILED
         if (why := fault_of_file(error)) is None:
             raise
@@ -294,11 +294,6 @@ def _has_lost_its_reader(stream: TextIO) -> bool:
     poll = select.poll()
     poll.register(stream.fileno(), 0)
     return any(events & select.POLLERR for _, events in poll.poll(0))
-
-
-def _discard(stream: TextIO) -> None:
-    """Lets the interpreter's own flush at its exit succeed: what could not be written once is not tried again."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 if __name__ == "__main__":

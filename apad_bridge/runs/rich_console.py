@@ -13,7 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from apad_bridge.runs.exits import Exit
-from apad_bridge.runs.terminal import PlainStream
+from apad_bridge.runs.terminal import PlainStream, hang_up
 from firmware_model.control_characters import shown
 
 
@@ -28,6 +28,12 @@ class Console(rich.console.Console):
     @file.setter
     def file(self, new: IO[str]) -> None:
         self._file = new
+
+    def on_broken_pipe(self) -> None:
+        """In place of rich's, which ends the process at once and closes stdout, whichever of the two lost its reader."""
+        if not self.stderr:
+            raise  # rich calls this where it handles the error
+        hang_up()
 
     def render_str(self, text: str, **options: Any) -> Text:
         """Shows the control characters of a plain text before rich measures it."""

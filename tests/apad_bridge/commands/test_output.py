@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shlex
@@ -138,7 +139,9 @@ def test_a_new_scenario_flies_as_it_is_and_overwrites_nothing(
     assert main(["new", str(tmp_path / "a b.yaml")]) == 2
 
 
-@pytest.mark.parametrize("command", [["doctor"], ["mu", "states"], ["layout", "foxglove", POOL]])
+@pytest.mark.parametrize(
+    "command", [["doctor"], ["mu", "states"], ["mu", "table1"], ["layout", "foxglove", POOL]]
+)
 def test_a_reader_that_leaves_is_no_traceback(command: list[str]) -> None:
     reader, writer = os.pipe()
     os.close(reader)  # before the command can have said all
@@ -147,6 +150,24 @@ def test_a_reader_that_leaves_is_no_traceback(command: list[str]) -> None:
             [*MUSSELBED, *command], cwd=ROOT, stdout=left, stderr=subprocess.PIPE, text=True, timeout=60
         )
     assert (done.returncode, done.stderr) == (3, "")
+
+
+def test_a_reader_of_the_progress_that_leaves_ends_the_flight_in_order_and_closes_nothing_else(
+    tmp_path: Path,
+) -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    with open(writer, "w") as left:
+        done = subprocess.run(
+            [*MUSSELBED, "run", "pool-12", "--time", "asap", "--out", "flown"],
+            cwd=tmp_path,
+            stdout=subprocess.PIPE,
+            stderr=left,
+            text=True,
+            timeout=60,
+        )
+    assert done.returncode == 130 and "the operator" in done.stdout
+    assert json.loads((tmp_path / "flown" / "summary.json").read_text())["end_reason"] == "the operator"
 
 
 def test_control_characters_of_others_are_shown_and_not_written(tmp_path: Path) -> None:
