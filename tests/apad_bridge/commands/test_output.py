@@ -170,6 +170,14 @@ def test_a_reader_of_the_progress_that_leaves_ends_the_flight_in_order_and_close
     assert json.loads((tmp_path / "flown" / "summary.json").read_text())["end_reason"] == "the operator"
 
 
+@pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-"])
+def test_a_run_that_begins_with_a_closed_descriptor_is_flown_and_kept(closed: str, tmp_path: Path) -> None:
+    command = ["run", "pool-12", "--time", "asap", "--out", "flown"]
+    script = ["sh", "-c", f'exec "$0" "$@" {closed}', str(ROOT / "launch_scripts" / "musselbed"), *command]
+    assert subprocess.run(script, cwd=tmp_path, capture_output=True, timeout=60).returncode == 0
+    assert json.loads((tmp_path / "flown" / "summary.json").read_text())["end_reason"] == "mission time"
+
+
 def test_control_characters_of_others_are_shown_and_not_written(tmp_path: Path) -> None:
     run = tmp_path / "run\x1b]0;title\x07"
     done = subprocess.run(
