@@ -85,6 +85,18 @@ def check_disk(folder: Path, free: int | None = None) -> Finding:
     return ok(room)
 
 
+def check_ros_log() -> Finding:
+    """Checks the folder of rospy's log. A run as root leaves one that its user cannot write."""
+    home = os.environ.get("ROS_HOME") or Path.home() / ".ros"
+    folder = Path(os.environ.get("ROS_LOG_DIR") or Path(home, "log"))
+    there = next(it for it in (folder, *folder.absolute().parents) if it.exists())
+    if there.is_dir() and (there != folder or os.access(there, os.W_OK | os.X_OK)):
+        return ok(str(folder))  # where rospy cannot make the folder, it goes on without a log
+    return fail(
+        f"rospy cannot write its log in {folder}", f"rm -r {there}, or set ROS_LOG_DIR to a folder of yours"
+    )
+
+
 def check_loopback() -> Iterator[Finding]:
     """Checks 127.0.0.1, where a run of our own needs a few free ports and picks them itself."""
     held: list[socket.socket] = []
@@ -124,6 +136,7 @@ CHECKS: tuple[Check[int], ...] = (
     Check("memory", check_memory, may_be_red_in_trial=True),
     Check("pseudo-terminals", lambda _: check_terminals()),
     Check("disk", lambda _: check_disk(Path.cwd()), may_be_red_in_trial=True),
+    Check("ROS's log", lambda _: check_ros_log()),
     Check("loopback", lambda _: check_loopback()),
 )
 """Checks for so many aMussels."""

@@ -11,6 +11,7 @@ from rospy.impl.paramserver import get_param_server_cache
 
 from apad_bridge.ros.system.handshakes import bound_handshakes
 from apad_bridge.ros_names.frames import Frames
+from apad_bridge.vehicle.link_errors import PeerFailed
 
 _HOLD_S = 30.0
 """The longest time for which an end of the node waits for the end of its flight, which takes a tick and its records."""
@@ -30,19 +31,25 @@ def start_node(
     """Joins the graph of the master at ROS_MASTER_URI. rospy waits for ever for one, so a caller asks for it first.
 
     Handshakes are bounded (`handshakes.py`), signals stay the caller's, and a line of the node's log does not wait for the
-    master. `is_anonymous` makes the name unique. Raises what `rospy.init_node` raises, and OSError if the master goes
-    away meanwhile.
+    master. `is_anonymous` makes the name unique. Raises what `rospy.init_node` raises, OSError if the master goes away
+    meanwhile, and PeerFailed where rospy cannot write its log.
     """
     bound_handshakes()
-    rospy.init_node(
-        name,
-        argv=list(remappings),
-        anonymous=is_anonymous,
-        log_level=log_level,
-        disable_rosout=not logs_on_graph,
-        disable_signals=True,
-        xmlrpc_port=xmlrpc_port,
-    )
+    try:
+        rospy.init_node(
+            name,
+            argv=list(remappings),
+            anonymous=is_anonymous,
+            log_level=log_level,
+            disable_rosout=not logs_on_graph,
+            disable_signals=True,
+            xmlrpc_port=xmlrpc_port,
+        )
+    except OSError as error:
+        if error.filename is None:  # of a connection
+            raise
+        mend = "set ROS_LOG_DIR to a folder that you may write"
+        raise PeerFailed(f"rospy cannot write its log {error.filename} ({error.strerror}): {mend}") from error
     if logs_on_graph:
         # While it is not set, rospy asks the master for it at each line of a node's log, and waits where that stands still.
         get_param_server_cache().set(_LOGS_WITHOUT_TOPICS, rospy.get_param(_LOGS_WITHOUT_TOPICS, False))

@@ -15,6 +15,7 @@ from apad_bridge.doctor.machine import (
     check_memory,
     check_open_files,
     check_processes,
+    check_ros_log,
 )
 
 
@@ -56,3 +57,10 @@ def test_a_folder_that_cannot_be_written_to(tmp_path: Path) -> None:
 def test_the_loopback_of_this_machine_works() -> None:
     (finding,) = check_loopback()
     assert finding.status is CheckStatus.OK
+
+
+def test_rospy_can_write_its_log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path / "log"))
+    assert check_ros_log().status is CheckStatus.OK
+    (tmp_path / "log").touch()
+    assert check_ros_log().status is CheckStatus.FAIL
