@@ -189,7 +189,7 @@ def resume_run(
         without_supervisor_ms = max(0, others_ms - resumed.journal.last_ms)
     elif not options.owns_master:
         # The clock that several aPads follow may be faster than the wall's.
-        siblings_ms = _newest_of_siblings_ms(directory, scenario.apad.name, options.apads)
+        siblings_ms = newest_of_siblings_ms(directory, scenario.apad.name, options.apads)
         without_supervisor_ms = max(without_supervisor_ms, siblings_ms - resumed.journal.last_ms)
     start = find_resume_point(recorder.state, options.epoch, without_supervisor_ms)
     presences = Presences(ids, scenario.area.depth_m, recorder.state.presences.values())
@@ -206,7 +206,7 @@ def resume_run(
     return StartState(recorder, presences, learned, start, resumed.journal)
 
 
-def _newest_of_siblings_ms(directory: RunDirectory, name: str, apads: Iterable[str]) -> int:
+def newest_of_siblings_ms(directory: RunDirectory, name: str, apads: Iterable[str]) -> int:
     """The mission time to which the journals of the run's other aPads have come; 0 where there are none."""
     siblings = [RunDirectory(directory.path.with_name(it)).journal for it in apads if it != name]
     return max((read_journal(it).last_ms for it in siblings if it.exists()), default=0)

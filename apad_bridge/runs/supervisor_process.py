@@ -44,12 +44,19 @@ from apad_bridge.runs.exits import Exit, shortage
 from apad_bridge.runs.nurseries import adopt
 from apad_bridge.runs.parent_protocol import Failed, Summary, say, write
 from apad_bridge.runs.several.member import join_others
-from apad_bridge.runs.start_state import StartState, begin_run, ongoing_faults, resume_run
+from apad_bridge.runs.start_state import (
+    StartState,
+    begin_run,
+    newest_of_siblings_ms,
+    ongoing_faults,
+    resume_run,
+)
 from apad_bridge.runs.supervisor_lock import supervising
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.run_options import BenchPart, RunOptions
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.amussel_orders import AMusselOrders
+from apad_bridge.supervisor.clock import CommonClock
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.control_server import control_offered
 from apad_bridge.supervisor.run_spec import ResumePoint, RunSpec
@@ -173,12 +180,26 @@ def _find_sea(config: FlightConfig, options: RunOptions) -> RemoteSea | None:
         ) from None
 
 
+def go_on_at(pace: CommonClock, now_ms: int) -> None:
+    """Mission time is `now_ms` now, also for a flight that has ticks before it to run: they are late, and do not wait."""
+    pace.begin_at(pace.clock_ms() - now_ms)
+
+
 def _begin_with_others(run: _Run, context: FlightContext) -> _Run:
-    """Waits for the flights in the same sea, so that all missions have one time. One that resumes goes on at theirs."""
-    if run.sea is None:
+    """Waits for the flights in the same sea, so that all missions have one time. One that resumes goes on at theirs.
+
+    Without a sea, one that resumes is behind by the time that it took to open its parts, and catches up.
+    """
+    options, pace = run.options, context.pace
+    if run.sea is None and not (options.is_resumed and options.is_one_of_several):
         return run
-    pace = context.pace
     assert isinstance(pace, StampedByMaster)  # several aPads follow a clock that is not theirs
+    if run.sea is None:
+        others_ms = newest_of_siblings_ms(
+            RunDirectory(run.path), run.config.scenario.apad.name, options.apads
+        )
+        go_on_at(pace, max(others_ms, run.start_state.start_ms))
+        return run
     try:
         begin = run.sea.begin(tuple(run.config.ids), pace.clock_ms())
     except SeaRefused as refused:

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, closing
 from dataclasses import replace
 from pathlib import Path
+from threading import Event
 
 import pytest
 from journals import lines_in
@@ -24,15 +25,15 @@ from apad_bridge.records.journal import JournalTail
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.flying import PreparedFlight, prepare
 from apad_bridge.runs.progress import FlightProgress
-from apad_bridge.runs.start_state import begin_run, ongoing_faults, resume_run
-from apad_bridge.runs.supervisor_process import stood_down
+from apad_bridge.runs.start_state import begin_run, newest_of_siblings_ms, ongoing_faults, resume_run
+from apad_bridge.runs.supervisor_process import go_on_at, stood_down
 from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.scenario.timed_faults import FaultAt, Faults, TimedFault
-from apad_bridge.supervisor.clock import AsFastAsPossible
+from apad_bridge.supervisor.clock import AsFastAsPossible, WallClock
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.run_spec import ResumePoint, RunSpec
 from apad_bridge.vehicle.guards.stops import NO_STOPS
@@ -145,3 +146,16 @@ def test_a_real_aPad_is_held_where_another_supervisor_keeps_its_aMussels(
         assert NO_STOPS.after(5000, events[1]).in_force == stop, (
             "the journal gives the same stop to whoever resumes"
         )
+
+
+def test_one_that_resumes_beside_others_catches_up_with_their_time(tmp_path: Path) -> None:
+    """It opened its parts from 258 s of mission time on, and meanwhile the others came to 274 s."""
+    for name, newest_ms in (("apad2", 274_000), ("apad3", 273_000), ("apad1", 300_000)):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "journal.jsonl").write_text(f'{{"t":{newest_ms},"kind":"tick"}}\n')
+    others_ms = newest_of_siblings_ms(RunDirectory(tmp_path / "apad1"), "apad1", ("apad1", "apad2", "apad3"))
+    pace = WallClock(1.0, bound_s=60.0, clock=lambda: 5000.0)
+    go_on_at(pace, others_ms)
+    for now_ms, behind_s in ((258_000, 16.0), (274_000, 0.0)):
+        pace.reach(MissionMs(now_ms), Event())
+        assert pace.behind_s == behind_s
