@@ -397,7 +397,7 @@ def _docked_spans(found: Records) -> dict[int, list[tuple[float, float]]]:
 def _spans(found: Records, faults: set[str]) -> dict[int | None, list[tuple[float, float]]]:
     """Spans of mission ms in which one of these faults lasts, by aMussel; None is the aPad."""
     spans: dict[int | None, list[tuple[float, float]]] = defaultdict(list)
-    for line in found.of_kind("fault"):
+    for line in found.faults:
         if line["fault"] in faults and "refused" not in line:
             spans[line.get("id")].append((line["t"], line["until_ms"]))
     return spans

@@ -48,6 +48,8 @@ class Records:
     sounds: int = 0
     """Messages of sound in the bags, one for each listener of a packet."""
     samples: list[Line] = field(default_factory=list)
+    faults: list[Line] = field(default_factory=list)
+    """The faults of this run, and those of other aPads' aMussels, which it may serve."""
 
     def of_kind(self, *kinds: str) -> list[Line]:
         return [it for it in self.lines if it["kind"] in kinds]
@@ -59,6 +61,9 @@ def records_of(run: Path) -> Records:
     found.lines = list(_json_lines(run / "journal.jsonl", found.unread))
     if (run / "samples.jsonl").exists():
         found.samples = list(_json_lines(run / "samples.jsonl", found.unread))
+    beside = [it for it in run.parent.glob("*/journal.jsonl") if it.parent != run]
+    theirs = [it for path in beside for it in _json_lines(path, []) if it["kind"] == "fault" and "id" in it]
+    found.faults = found.of_kind("fault") + theirs
     found.scenario = yaml.safe_load((run / "scenario.yaml").read_text())
     found.epoch = json.loads((run / "run.json").read_text()).get("epoch", 1)
     if (run / "summary.json").exists():
