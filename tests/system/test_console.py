@@ -12,10 +12,9 @@ import time
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
-from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import pytest
 from browsers import errors, load_page, text
@@ -44,9 +43,13 @@ new MutationObserver(() => {
 """
 
 
-@contextmanager
-def live_run(folder: Path) -> Iterator[Path]:
-    """Six aMussels close together, flown over ROS ten times faster than real time, for longer than any test lasts."""
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """Six aMussels close together, flown over ROS ten times faster than real time, for longer than these tests last.
+
+    The last test of this file ends it.
+    """
+    folder = tmp_path_factory.mktemp("live")
     path, out = folder / "live.yaml", folder / "run"
     write_scenario(
         path,
@@ -57,20 +60,6 @@ def live_run(folder: Path) -> Iterator[Path]:
     fly = ("run", path, "--speed", 10, "--out", out, "--json", "--on-supervisor-death", "resume")
     with begun(*MUSSELBED, *fly) as process:
         wait_until(lambda: out.is_dir() and listens(out), process)
-        yield out
-
-
-@pytest.fixture
-def run_dir(tmp_path: Path) -> Iterator[Path]:
-    """A run of the test's own, which it may end."""
-    with live_run(tmp_path) as out:
-        yield out
-
-
-@pytest.fixture(scope="module")
-def shared_run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """One run for all tests that leave it flying."""
-    with live_run(tmp_path_factory.mktemp("shared")) as out:
         yield out
     assert check_run(RunDirectory.open(out)) == []
 
@@ -118,86 +107,9 @@ def seconds(browser: webdriver.Chrome) -> float:
     return float(browser.execute_script("return document.body.dataset.timeMs")) / 1000
 
 
-def test_a_person_follows_a_run_stops_it_and_lets_it_go_on(browser: webdriver.Chrome, run_dir: Path) -> None:
-    with console_service().beside(run_dir) as url:
-        load_page(browser, url)
-        assert "token" not in browser.current_url
-        wait_until_it_moves(browser, 30)
-        assert browser.execute_script("return window.hurt === undefined")
-
-        press(browser, "#stop")
-        # Done is what the hull obeys; `test_stops_on_page.py` has what the page shows of a stop.
-        wait_until(lambda: text(browser, "answer").startswith("stop: obeyed after"))
-        pale = """
-          const of = (it) => getComputedStyle(it).color, steps = [...document.querySelectorAll("#plan span")];
-          return steps.length > 0 && steps.every((it) => of(it) === of(document.querySelector("h2")));
-        """
-        wait_until(lambda: browser.execute_script(pale))
-        # An order is answered in its tick, and its line is in the file when the tick ends.
-        wait_until(lambda: [line["order"] for line in lines_of(run_dir, "operator")] == ["stop"])
-        browser.find_element(By.ID, "remark-text").send_keys("<b>gulls</b>\n")
-        wait_until(lambda: "<b>gulls</b>" in text(browser, "events"))
-        assert [line["text"] for line in lines_of(run_dir, "remark")] == ["<b>gulls</b>"]
-
-        # Another speed, and time that stands still, with a step.
-        choose = "const it = document.getElementById('flight-speed'); it.value = arguments[0]; it.onchange()"
-        browser.execute_script(choose, "0")
-        wait_until(lambda: "time stands still" in text(browser, "about"))
-        press(browser, "#step")
-        wait_until(lambda: len(lines_of(run_dir, "speed")) == 2)
-        browser.execute_script(choose, "20")
-        wait_until(lambda: "flying at 20 times real time" in text(browser, "about"))
-        assert [line["times"] for line in lines_of(run_dir, "speed")] == [0.0, 0.0, 20.0]
-
-        # An act that moves something asks first, and "no" orders nothing.
-        confirm(browser, "#continue", "no")
-        confirm(browser, "#continue")
-        wait_until(lambda: text(browser, "answer") == "continue: done; the mission steers")
-        wait_until(lambda: browser.find_element(By.ID, "stop").is_enabled())
-        assert not browser.execute_script(pale)
-        wait_until(lambda: [line["order"] for line in lines_of(run_dir, "operator")] == ["stop", "continue"])
-
-        # A person who looks back is left there until "Live".
-        browser.execute_script("document.querySelector('#events button').click()")
-        looked_s = seconds(browser)
-        assert looked_s == lines_of(run_dir, "plan")[0]["t"] / 1000  # the first event that the page lists
-        shown = text(browser, "event-count")
-        wait_until(lambda: text(browser, "event-count") != shown)
-        assert seconds(browser) == looked_s
-        browser.find_element(By.ID, "follow").click()
-        assert seconds(browser) > looked_s
-
-        # The page says that a supervisor has died, and follows the next one.
-        browser.execute_script(WATCH_WARNINGS)
-        supervisor = pid_of_supervisor(run_dir)
-        # The next one is not started before the page has said so: it could be there sooner than a busy browser looks.
-        with standing_still(parent_of(supervisor)):
-            killed_s, others_s = time.time(), stalled_s()
-            kill_9(supervisor)
-            _, could_stop, said_s = wait_until(lambda: warned(browser, "No supervisor takes orders"))[0]
-        assert not could_stop
-        wait_until(
-            lambda: text(browser, "warning") == "" and browser.find_element(By.ID, "stop").is_enabled()
-        )
-        assert said_s - killed_s - (stalled_s() - others_s) < 3.0
-        wait_until_it_moves(browser, 10)
-
-        wait_until(lambda: is_aborted(browser))
-        wait_until(lambda: text(browser, "warning").startswith("The run has ended"))
-        shown = re.fullmatch(
-            r"The run has ended: a call: abort by console\. .* Replay: (.*)", text(browser, "warning")
-        )
-        assert shown and shown[1] == f"musselbed replay {run_dir}"
-        # The journal's last line comes before the summary.
-        wait_until((run_dir / "summary.json").exists)
-        summary = json.loads((run_dir / "summary.json").read_text())
-        wait_until(lambda: f"{summary['cost_m']:.0f} m" in text(browser, "figures"))
-        assert f"{summary['uptime_paper']['mean']:.2f} %" in text(browser, "figures")
-    assert errors(browser) == []
-
-
-def test_a_person_orders_about_one_amussel(browser: webdriver.Chrome, shared_run: Path) -> None:
-    with console_service().beside(shared_run) as url:
+def test_a_person_orders_about_one_amussel(browser: webdriver.Chrome, run: Path) -> None:
+    cause = "[data-act='cause a fault']"
+    with console_service().beside(run) as url:
         load_page(browser, url)
         browser.find_element(By.CSS_SELECTOR, "#agents [data-agent='6']").click()
         # The pool has no water to ping by; the aPad is simulated, so there are faults.
@@ -206,9 +118,7 @@ def test_a_person_orders_about_one_amussel(browser: webdriver.Chrome, shared_run
             r".+ · no aMussel empty, lost or suspect · aPad \d+(\.\d)? %", text(browser, "now")
         )
         assert not browser.find_element(By.CSS_SELECTOR, "[data-act=ping]").is_displayed()
-
         browser.execute_script("document.getElementById('fault').value = 'watchdog'")
-        cause = "[data-act='cause a fault']"
         press(browser, cause)
         # "No", and the same question again before the browser tells the page that the dialog has closed.
         browser.execute_script(
@@ -217,75 +127,71 @@ def test_a_person_orders_about_one_amussel(browser: webdriver.Chrome, shared_run
         )
         press(browser, "#sure button[value=yes]")
         wait_until(lambda: text(browser, "answer") == "cause a fault (aMussel 6): done")
-        (fault,) = wait_until(lambda: lines_of(shared_run, "fault"))
+        (fault,) = wait_until(lambda: lines_of(run, "fault"))
         assert (fault["id"], fault["fault"]) == (6, "watchdog")
         # It is among the events, and its effect on the page: the board begins anew, and works again.
         wait_until(lambda: "fault of aMussel 6: watchdog" in text(browser, "events"))
-        wait_until(lambda: states_since(shared_run, fault) >= {"BOOTING", "ACTIVE"})
+        wait_until(
+            lambda: {it["state"] for it in lines_of(run, "truth") if it["id"] == 6} >= {"BOOTING", "ACTIVE"}
+        )
         wait_until(lambda: text(browser, "one-now").startswith("6: active"))
-
         confirm(browser, "[data-act='hand over']")
-        wait_until(lambda: text(browser, "answer") == "hand over (aMussel 6): done")
-        (presence,) = wait_until(lambda: lines_of(shared_run, "presence"))
+        (presence,) = wait_until(lambda: lines_of(run, "presence"))
         assert (presence["id"], presence["is"], presence["by"]) == (6, "real", "console")
         # The roster refuses from a page what it refuses from a service.
         confirm(browser, cause)
         wait_until(lambda: "is real: faults are for simulated ones" in text(browser, "answer"))
-        assert len(lines_of(shared_run, "fault")) == 1
+        assert len(lines_of(run, "fault")) == 1
 
 
-def states_since(run_dir: Path, fault: dict[str, Any]) -> set[str]:
-    """The true states of the fault's aMussel after it."""
-    truths = lines_of(run_dir, "truth")
-    return {it["state"] for it in truths if it["id"] == fault["id"] and it["t"] >= fault["t"]}
+ABORT = b'{"act": "abort", "by": "Mallory"}'
+OF_PAGE = {"Origin": "BASE", "Sec-Fetch-Site": "same-origin"}
+TOKEN = {"X-Musselbed-Token": "TOKEN"}
+REFUSED: list[tuple[str, dict[str, str], bytes | None, int, str]] = [
+    ("/", {}, None, 403, ""),
+    ("/", TOKEN, None, 403, ""),
+    ("/?token=guess", {}, None, 403, ""),
+    ("/?token=%C3%BC", {}, None, 403, ""),
+    ("/live?counts=0,0,0,0,0", {}, None, 403, ""),
+    ("/live?token=guess&counts=0,0,0,0,0", {"Cookie": "token=TOKEN"}, None, 403, ""),
+    ("/orders", OF_PAGE, ABORT, 403, ""),
+    ("/orders?token=TOKEN", OF_PAGE, ABORT, 403, ""),
+    ("/orders", {**OF_PAGE, "Cookie": "token=TOKEN"}, ABORT, 403, ""),
+    ("/orders", {**OF_PAGE, "X-Musselbed-Token": "guess"}, ABORT, 403, ""),
+    ("/orders", TOKEN, ABORT, 403, ""),
+    ("/orders", {**TOKEN, "Origin": "http://127.0.0.1:1"}, ABORT, 403, ""),
+    ("/orders", {**TOKEN, "Origin": "null"}, ABORT, 403, ""),
+    ("/orders", {**TOKEN, "Origin": "http://[::1"}, ABORT, 403, ""),
+    ("/orders", {**TOKEN, **OF_PAGE, "Sec-Fetch-Site": "same-site"}, ABORT, 403, ""),
+    # Another host, to whose name a stranger's name service gave this machine's address.
+    ("/orders", {**TOKEN, "Origin": "http://evil.org", "Host": "evil.org"}, ABORT, 403, ""),
+    ("/?token=TOKEN", {"Host": "evil.org"}, None, 403, ""),
+    ("/live?token=TOKEN&counts=0,0,0,0,0", {"Host": "evil.org:80"}, None, 403, ""),
+    ("/orders", {**TOKEN, **OF_PAGE}, b'{"act": "stop"}', 400, '"message":"by: Field required'),
+    (
+        "/orders",
+        {**TOKEN, **OF_PAGE},
+        b'{"act": "halt", "by": "Anna"}',
+        400,
+        '"message":"act: Input should be',
+    ),
+    ("/orders", {**TOKEN, **OF_PAGE}, b"stop", 400, '"message":"Invalid JSON'),
+]
+"""Path, headers and body of a request, the code of its refusal, and words of that."""
 
 
-def test_without_its_token_a_console_shows_and_orders_nothing(shared_run: Path) -> None:
-    ordered = lines_of(shared_run, "operator")
-    with console_service().beside(shared_run) as url:
+def test_without_its_token_a_console_shows_and_orders_nothing(run: Path) -> None:
+    ordered = lines_of(run, "operator")
+    with console_service().beside(run) as url:
         base, token = url.split("/?token=")
-        of_this_page = {"Origin": base, "Sec-Fetch-Site": "same-origin"}
-        for path, headers in (
-            ("/", {}),
-            ("/", {"X-Musselbed-Token": token}),
-            ("/?token=guess", {}),
-            ("/?token=%C3%BC", {}),
-            ("/live?counts=0,0,0,0,0", {}),
-            ("/live?token=guess&counts=0,0,0,0,0", {"Cookie": f"token={token}"}),
-            ("/orders", of_this_page),
-            (f"/orders?token={token}", of_this_page),
-            ("/orders", {**of_this_page, "Cookie": f"token={token}"}),
-            ("/orders", {**of_this_page, "X-Musselbed-Token": "guess"}),
-            ("/orders", {"X-Musselbed-Token": token}),
-            ("/orders", {"X-Musselbed-Token": token, "Origin": "http://127.0.0.1:1"}),
-            ("/orders", {"X-Musselbed-Token": token, "Origin": "null"}),
-            ("/orders", {"X-Musselbed-Token": token, "Origin": "http://[::1"}),
-            ("/orders", {"X-Musselbed-Token": token, "Origin": base, "Sec-Fetch-Site": "same-site"}),
-            # Another host, to whose name a stranger's name service gave this machine's address.
-            ("/orders", {"X-Musselbed-Token": token, "Origin": "http://evil.org", "Host": "evil.org"}),
-            (f"/?token={token}", {"Host": "evil.org"}),
-            (f"/live?token={token}&counts=0,0,0,0,0", {"Host": "evil.org:80"}),
-        ):
-            request = urllib.request.Request(base + path, headers=headers)
-            if path.startswith("/orders"):
-                request.data = b'{"act": "abort", "by": "Mallory"}'
+        for path, headers, body, code, words in REFUSED:
+            filled = {name: it.replace("TOKEN", token).replace("BASE", base) for name, it in headers.items()}
+            request = urllib.request.Request(base + path.replace("TOKEN", token), body, filled)
             with pytest.raises(urllib.error.HTTPError) as refused:
                 urllib.request.urlopen(request, timeout=PATIENCE_S)
-            assert refused.value.code == 403
-            assert token not in refused.value.read().decode()
-        for order, mistake in (
-            (b'{"act": "stop"}', "by: Field required"),
-            (b'{"act": "halt", "by": "Anna"}', "act: Input should be"),
-            (b"stop", "Invalid JSON"),
-        ):
-            headers = {**of_this_page, "X-Musselbed-Token": token}
-            request = urllib.request.Request(f"{base}/orders", order, headers)
-            with pytest.raises(urllib.error.HTTPError) as refused:
-                urllib.request.urlopen(request, timeout=PATIENCE_S)
-            assert refused.value.code == 400
-            assert json.load(refused.value)["message"].startswith(mistake)
-            refused.value.close()
-    assert lines_of(shared_run, "operator") == ordered
+            told = refused.value.read().decode()
+            assert refused.value.code == code and words in told.replace('": "', '":"') and token not in told
+    assert lines_of(run, "operator") == ordered
 
 
 class Stranger(http.server.BaseHTTPRequestHandler):
@@ -313,12 +219,12 @@ Promise.all([ask({mode: "no-cors"}), ask({}), ask({headers: {"X-Musselbed-Token"
 
 
 def test_a_page_of_another_port_gets_no_cookie_and_gives_no_order(
-    browser: webdriver.Chrome, shared_run: Path
+    browser: webdriver.Chrome, run: Path
 ) -> None:
     """Cookies ignore ports, and so does SameSite: a page of another port sent a person's cookie along with its order."""
-    ordered = lines_of(shared_run, "operator")
+    ordered = lines_of(run, "operator")
     with (
-        console_service().beside(shared_run) as url,
+        console_service().beside(run) as url,
         http.server.ThreadingHTTPServer(("127.0.0.1", 0), Stranger) as stranger,
     ):
         serving = threading.Thread(target=stranger.serve_forever)
@@ -343,13 +249,11 @@ def test_a_page_of_another_port_gets_no_cookie_and_gives_no_order(
         finally:
             stranger.shutdown()
             serving.join()
-    assert lines_of(shared_run, "operator") == ordered
+    assert lines_of(run, "operator") == ordered
 
 
-def test_a_page_whose_console_stands_still_says_so_within_3_s(
-    browser: webdriver.Chrome, shared_run: Path
-) -> None:
-    with begun(*MUSSELBED, "console", shared_run, "--json", ends_by=signal.SIGKILL) as console:
+def test_a_page_whose_console_stands_still_says_so_within_3_s(browser: webdriver.Chrome, run: Path) -> None:
+    with begun(*MUSSELBED, "console", run, "--json", ends_by=signal.SIGKILL) as console:
         load_page(browser, json.loads(line_of(console))["url"])
         wait_until_it_moves(browser)
         browser.execute_script(WATCH_WARNINGS)
@@ -362,8 +266,8 @@ def test_a_page_whose_console_stands_still_says_so_within_3_s(
         assert said_s - stopped_s - (stalled_s() - others_s) < 3.0
 
 
-def test_the_line_that_the_console_prints_gives_an_order_from_a_program(shared_run: Path) -> None:
-    with begun(*MUSSELBED, "console", shared_run, "--json") as console:
+def test_the_line_that_the_console_prints_gives_an_order_from_a_program(run: Path) -> None:
+    with begun(*MUSSELBED, "console", run, "--json") as console:
         program, *words, url = shlex.split(json.loads(line_of(console))["order"])
         assert (program, words[-2:]) == ("curl", ["-d", '{"act": "stop", "by": "NAME"}'])
         # The run is shared: a remark in place of the stop.
@@ -372,7 +276,7 @@ def test_the_line_that_the_console_prints_gives_an_order_from_a_program(shared_r
         request = urllib.request.Request(url, remark, headers)
         with urllib.request.urlopen(request, timeout=PATIENCE_S) as answer:
             assert json.load(answer)["accepted"] is True
-    assert "by a program" in [it["text"] for it in lines_of(shared_run, "remark")]
+    assert "by a program" in [it["text"] for it in lines_of(run, "remark")]
 
 
 def test_a_console_of_what_is_no_run_does_not_start(
@@ -385,3 +289,78 @@ def test_a_console_of_what_is_no_run_does_not_start(
         pytest.fail("it started")
     assert code_here("console", tmp_path / "gone") == 2
     assert capsys.readouterr().err.count("\n") == 1
+
+
+CHOOSE = "const it = document.getElementById('flight-speed'); it.value = arguments[0]; it.onchange()"
+STEPS_PALE = """
+  const of = (it) => getComputedStyle(it).color, steps = [...document.querySelectorAll("#plan span")];
+  return steps.length > 0 && steps.every((it) => of(it) === of(document.querySelector("h2")));
+"""
+
+
+def test_a_person_follows_a_run_stops_it_lets_it_go_on_and_ends_it(
+    browser: webdriver.Chrome, run: Path
+) -> None:
+    def orders() -> list[str]:
+        return [line["order"] for line in lines_of(run, "operator")]
+
+    with console_service().beside(run) as url:
+        load_page(browser, url)
+        wait_until_it_moves(browser, 30)
+        errors(browser)  # of the consoles before, which have ended
+        assert "token" not in browser.current_url and browser.execute_script(
+            "return window.hurt === undefined"
+        )
+        press(browser, "#stop")
+        # Done is what the hull obeys; `test_stops_on_page.py` has what the page shows of a stop.
+        wait_until(lambda: text(browser, "answer").startswith("stop: obeyed after"))
+        wait_until(lambda: browser.execute_script(STEPS_PALE))
+        # An order is answered in its tick, and its line is in the file when the tick ends.
+        wait_until(lambda: orders() == ["stop"])
+        browser.find_element(By.ID, "remark-text").send_keys("<b>gulls</b>\n")
+        wait_until(lambda: "<b>gulls</b>" in text(browser, "events"))
+        # Another speed, and time that stands still, with a step.
+        browser.execute_script(CHOOSE, "0")
+        wait_until(lambda: "time stands still" in text(browser, "about"))
+        press(browser, "#step")
+        wait_until(lambda: len(lines_of(run, "speed")) == 2)
+        browser.execute_script(CHOOSE, "20")
+        wait_until(lambda: "flying at 20 times real time" in text(browser, "about"))
+        assert [line["times"] for line in lines_of(run, "speed")] == [0.0, 0.0, 20.0]
+        # An act that moves something asks first, and "no" orders nothing.
+        confirm(browser, "#continue", "no")
+        confirm(browser, "#continue")
+        wait_until(lambda: text(browser, "answer") == "continue: done; the mission steers")
+        wait_until(lambda: browser.find_element(By.ID, "stop").is_enabled())
+        assert not browser.execute_script(STEPS_PALE)
+        wait_until(lambda: orders() == ["stop", "continue"])
+        # A person who looks back is left there until "Live".
+        browser.execute_script("document.querySelector('#events button').click()")
+        looked_s, shown = seconds(browser), text(browser, "event-count")
+        assert looked_s == lines_of(run, "plan")[0]["t"] / 1000  # the first event that the page lists
+        wait_until(lambda: text(browser, "event-count") != shown)
+        assert seconds(browser) == looked_s
+        browser.find_element(By.ID, "follow").click()
+        assert seconds(browser) > looked_s
+        # The page says that a supervisor has died, and follows the next one.
+        browser.execute_script(WATCH_WARNINGS)
+        supervisor = pid_of_supervisor(run)
+        # The next one is not started before the page has said so: it could be there sooner than a busy browser looks.
+        with standing_still(parent_of(supervisor)):
+            killed_s, others_s = time.time(), stalled_s()
+            kill_9(supervisor)
+            _, could_stop, said_s = wait_until(lambda: warned(browser, "No supervisor takes orders"))[0]
+        assert not could_stop and said_s - killed_s - (stalled_s() - others_s) < 3.0
+        wait_until(
+            lambda: text(browser, "warning") == "" and browser.find_element(By.ID, "stop").is_enabled()
+        )
+        wait_until_it_moves(browser, 10)
+        wait_until(lambda: is_aborted(browser))
+        ended = f"The run has ended: a call: abort by console. .* Replay: musselbed replay {run}"
+        wait_until(lambda: re.fullmatch(ended, text(browser, "warning")))
+        # The journal's last line comes before the summary.
+        wait_until((run / "summary.json").exists)
+        summary = json.loads((run / "summary.json").read_text())
+        wait_until(lambda: f"{summary['cost_m']:.0f} m" in text(browser, "figures"))
+        assert f"{summary['uptime_paper']['mean']:.2f} %" in text(browser, "figures")
+        assert errors(browser) == []

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -54,31 +53,19 @@ class Story:
         self.path = directory.path
         self.now_s = 100
         self.orders: list[dict[str, Any]] = []
-        self._lock = threading.Lock()
-        self.passes()
+        self.writes("tick")
 
     def answer(self, line: bytes) -> bytes:
         self.orders.append(json.loads(line))
         return b'{"accepted": true, "message": ""}'
 
-    def ordered(self, number: int, act: str) -> dict[str, Any]:
-        """The order of this number, counted from 1, once it has come."""
-        wait_until(lambda: len(self.orders) == number)
-        assert self.orders[-1]["act"] == act
-        return self.orders[-1]
-
-    def writes(self, kind: str, **data: Any) -> None:
-        with self._lock, (self.path / "journal.jsonl").open("a") as journal:
-            journal.write(json.dumps({"t": 1000 * self.now_s, "kind": kind, **data}) + "\n")
-
-    def passes(self) -> None:
-        """A second passes."""
-        self.now_s += 1
-        self.writes("tick")
-
-    def stop(self, number: int, mode: str, by: str, state: str, **more: Any) -> None:
-        self.writes("stop", number=number, mode=mode, by=by, state=state, **more)
-        self.passes()
+    def writes(self, kind: str, passes_s: int = 1, **data: Any) -> None:
+        """A line of the journal, after which so much time passes."""
+        lines = [{"t": 1000 * self.now_s, "kind": kind, **data}]
+        lines += [{"t": 1000 * (self.now_s + 1), "kind": "tick"}] * passes_s
+        self.now_s += passes_s
+        with (self.path / "journal.jsonl").open("a") as journal:
+            journal.write("".join(json.dumps(it) + "\n" for it in lines))
 
 
 @pytest.fixture
@@ -91,127 +78,149 @@ def story(tmp_path: Path) -> Iterator[Story]:
     os.unlink(told.path / SOCKET_NAME)
 
 
-def says(browser: webdriver.Chrome, element: str, words: str) -> None:
-    wait_until(lambda: words in browser.find_element(By.ID, element).text)
+Act = Callable[[webdriver.Chrome, Story], Any]
 
 
-def seen(browser: webdriver.Chrome, element: str) -> bool:
-    return browser.find_element(By.ID, element).is_displayed()
+def tap(*selectors: str, orders: bool = True) -> Act:
+    """Taps by the browser itself, which count as a person's touch; they give an order, which comes."""
+
+    def act(browser: webdriver.Chrome, story: Story) -> None:
+        count = len(story.orders) + orders
+        for it in selectors:
+            wait_until(lambda it=it: browser.find_element(By.CSS_SELECTOR, it).is_enabled())
+            browser.find_element(By.CSS_SELECTOR, it).click()
+        wait_until(lambda: len(story.orders) == count)
+
+    return act
 
 
-def tap(browser: webdriver.Chrome, selector: str) -> None:
-    """A tap by the browser itself, which counts as a person's touch."""
-    wait_until(lambda: browser.find_element(By.CSS_SELECTOR, selector).is_enabled())
-    browser.find_element(By.CSS_SELECTOR, selector).click()
+def writes(kind: str, passes_s: int = 1, **data: Any) -> Act:
+    return lambda _, story: story.writes(kind, passes_s, **data)
 
 
-def test_a_lookout_stops_on_a_phone_and_hears_what_a_stop_comes_to(
-    phone: webdriver.Chrome, story: Story
-) -> None:
-    with console_service().beside(story.path) as page:
-        load_page(phone, page)
-        assert not seen(phone, "stopped")
-        assert phone.execute_script("return document.documentElement.scrollWidth") == WIDTH
+def stop(number: int, mode: str, by: str, state: str, passes_s: int = 1, **more: Any) -> Act:
+    return writes("stop", passes_s, number=number, mode=mode, by=by, state=state, **more)
 
-        # Somebody heard that the link was lost. When it is lost again, that is news.
-        lost_twice = """
-          const stage = data.stages[data.stages.length - 1], rings = [];
-          for (const words of ["link lost", "", "link lost", ""]) {
-            soundAlarm(stage, words);
-            rings.push(beeping !== null);
-            if (words) calm();
-          }
-          delete document.body.dataset.beeps;
-          return rings;
+
+def contrast(browser: webdriver.Chrome, _: Story) -> None:
+    assert low_contrast(browser) == []
+
+
+HELPERS = """
+const said = (id) => document.getElementById(id).innerText.replace(/\\s+/g, " ");
+const seen = (id) => document.getElementById(id).offsetParent !== null;
+const beeps = () => Number(document.body.dataset.beeps || 0);
+const lengths = () => {
+  const found = ["times_ms", "active", "cost", "apad", "docks", "stage"].map((it) => data[it].length);
+  for (const agent of data.agents) for (const it of data.live.columns) if (agent[it]) found.push(agent[it].length);
+  return new Set(found);
+};
+const rings = () => {
+  // Somebody heard that the link was lost. When it is lost again, that is news.
+  const stage = data.stages[data.stages.length - 1], found = [];
+  for (const words of ["link lost", "", "link lost", ""]) {
+    soundAlarm(stage, words);
+    found.push(beeping !== null);
+    if (words) calm();
+  }
+  delete document.body.dataset.beeps;
+  return found.join();
+};
+"""
+FITS = f"document.documentElement.scrollWidth === {WIDTH}"
+DRIFTS = "Drifts 0.31 m/s to the south-west (241°), at 5.0 m north, 20.0 m east; at the fence in 75 s"
+LOOKOUT: list[tuple[Act, str]] = [
+    (lambda *_: None, f"!seen('stopped') && {FITS} && rings() === 'true,false,true,false'"),
+    # The touch allows the sound, too.
+    (tap("#stop"), "said('sound').includes('Sound on')"),
+    (stop(1, "hold", "console", "ordered"), "true"),
+    (
+        stop(1, "hold", "console", "sent"),
+        "said('stopped').includes('sent 00:01:42') && !said('stopped-states').includes('taken')",
+    ),
+    # Of no alarm: a person ordered it.
+    (
+        stop(1, "hold", "console", "taken"),
         """
-        assert phone.execute_script(lost_twice) == [True, False, True, False]
-
-        tap(phone, "#stop")
-        assert story.ordered(1, "stop")["off"] is False
-        # The touch allowed the sound, too.
-        says(phone, "sound", "Sound on")
-        story.stop(1, "hold", "console", "ordered")
-        story.stop(1, "hold", "console", "sent")
-        says(phone, "stopped", "sent 00:01:42")
-        assert "taken" not in phone.find_element(By.ID, "stopped-states").text
-        story.stop(1, "hold", "console", "taken")
-        says(phone, "stopped", "STOPPED: the aPad holds its place")
-        says(phone, "stopped", "taken by the vehicle 00:01:43")
-        stop, off = (phone.find_element(By.ID, it) for it in ("stop", "off"))
-        assert (stop.is_enabled(), off.get_attribute("aria-pressed")) == (False, "false")
-        assert "STOPPED" in phone.title
-        assert low_contrast(phone) == []
-        # Of no alarm: a person ordered it.
-        assert phone.execute_script("return document.body.dataset.beeps") is None
-
-        tap(phone, "#continue")
-        tap(phone, "#sure button[value=yes]")
-        assert story.ordered(2, "continue")["stop"] == 1
-        story.writes("continued", number=1, by="console")
-        story.passes()
-        wait_until(lambda: not seen(phone, "stopped") and stop.is_enabled())
-
-        # A guard's stop without thrust: it drifts, and the alarm sounds until it was heard.
-        story.stop(2, "off", "guard: frozen", "ordered", reason="the position stands still")
-        story.stop(2, "off", "guard: frozen", "taken")
-        says(phone, "stopped", "MOTORS OFF: the aPad has no thrust")
-        assert low_contrast(phone) == []
-        wait_until(lambda: int(phone.execute_script("return document.body.dataset.beeps || 0")) >= 2)
-        story.writes("drift", north_m=5.0, east_m=20.0, speed_m_s=0.31, towards_rad=4.2, fence_s=75.0)
-        story.passes()
-        says(
-            phone,
-            "drift",
-            "Drifts 0.31 m/s to the south-west (241°), at 5.0 m north, 20.0 m east; at the fence in 75 s",
-        )
-        tap(phone, "#heard")
-        assert not seen(phone, "heard")
-        assert phone.execute_script("return beeping") is None
-        # The next drift is news.
-        story.writes("drift", speed_m_s=0.31, towards_rad=4.2, fence_s=None)
-        story.passes()
-        wait_until(lambda: seen(phone, "heard"))
-        assert "fence" not in phone.find_element(By.ID, "drift").text
-        says(phone, "primitive", "no thrust")
-        # Still water carries nothing away, and that alarms nobody.
-        tap(phone, "#heard")
-        story.writes("drift", speed_m_s=0.004, towards_rad=4.2, fence_s=None)
-        story.passes()
-        says(phone, "drift", "No drift is seen")
-        assert not seen(phone, "heard")
-
-        tap(phone, "#off")
-        assert story.ordered(3, "stop")["off"] is True
-        tap(phone, "#hands")
-        story.ordered(4, "hands")
-
-        # A stop that the vehicle does not take may be ordered again.
-        story.stop(3, "off", "console", "ordered")
-        story.stop(3, "off", "console", "not taken", reason="no answer within 3 s")
-        says(phone, "stopped", "STOP NOT TAKEN by the vehicle")
-        assert seen(phone, "stop")
-        assert phone.execute_script("return document.documentElement.scrollWidth") == WIDTH
-    assert errors(phone) == []
+          said("stopped").includes("STOPPED: the aPad holds its place") && document.title.includes("STOPPED")
+          && said("stopped").includes("taken by the vehicle 00:01:43") && beeps() === 0
+          && document.getElementById("stop").disabled && document.getElementById("off").ariaPressed === "false"
+        """,
+    ),
+    (contrast, "true"),
+    (tap("#continue", "#sure button[value=yes]"), "true"),
+    (
+        writes("continued", number=1, by="console"),
+        "!seen('stopped') && !document.getElementById('stop').disabled",
+    ),
+    # A guard's stop without thrust: it drifts, and the alarm sounds until it was heard.
+    (stop(2, "off", "guard: frozen", "ordered", reason="the position stands still"), "true"),
+    (
+        stop(2, "off", "guard: frozen", "taken"),
+        "said('stopped').includes('MOTORS OFF: the aPad has no thrust') && beeps() >= 2",
+    ),
+    (contrast, "true"),
+    (
+        writes("drift", north_m=5.0, east_m=20.0, speed_m_s=0.31, towards_rad=4.2, fence_s=75.0),
+        f"said('drift').includes('{DRIFTS}')",
+    ),
+    (tap("#heard", orders=False), "!seen('heard') && beeping === null"),
+    # The next drift is news.
+    (
+        writes("drift", speed_m_s=0.31, towards_rad=4.2, fence_s=None),
+        "seen('heard') && !said('drift').includes('fence') && said('primitive').includes('no thrust')",
+    ),
+    # Still water carries nothing away, and that alarms nobody.
+    (tap("#heard", orders=False), "true"),
+    (
+        writes("drift", speed_m_s=0.004, towards_rad=4.2, fence_s=None),
+        "said('drift').includes('No drift is seen') && !seen('heard')",
+    ),
+    (tap("#off"), "true"),
+    (tap("#hands"), "true"),
+    # A stop that the vehicle does not take may be ordered again.
+    (stop(3, "off", "console", "ordered"), "true"),
+    (
+        stop(3, "off", "console", "not taken", reason="no answer within 3 s"),
+        f"said('stopped').includes('STOP NOT TAKEN by the vehicle') && seen('stop') && {FITS}",
+    ),
+]
+ENDS = "said('warning').includes('The run has ended: a call: abort by console.')"
+IN_A_TICK: list[tuple[Act, str]] = [
+    (writes("tick"), "document.body.dataset.timeMs === '102000' && lengths().size === 1"),
+    (
+        lambda browser, _: browser.execute_script(f"{HELPERS} window.samples = [...lengths()][0]"),
+        "window.samples > 0",
+    ),
+    (
+        stop(1, "hold", "guard: frozen", "taken", passes_s=0, reason="it stands still"),
+        "said('stopped').includes('STOPPED: the aPad holds its place')",
+    ),
+    (
+        writes("end", passes_s=0, reason="a call: abort by console", end_reason="a call"),
+        f"{ENDS} && document.body.dataset.timeMs === '102000' && [...lengths()].join() === `${{window.samples}}`",
+    ),
+]
+"""What happens, and what then holds in the page."""
+ORDERED = [("stop", False, None), ("continue", None, 1), ("stop", True, None), ("hands", None, None)]
 
 
-def test_what_follows_in_a_tick_that_the_page_has_shown_is_shown(
-    phone: webdriver.Chrome, story: Story
+@pytest.mark.parametrize(
+    ("told", "ordered"),
+    [
+        pytest.param(LOOKOUT, ORDERED, id="a lookout stops on a phone and hears what a stop comes to"),
+        pytest.param(IN_A_TICK, [], id="what follows in a tick that the page has shown is shown"),
+    ],
+)
+def test_on_a_phone(
+    told: list[tuple[Act, str]], ordered: list[Any], phone: webdriver.Chrome, story: Story
 ) -> None:
-    columns = """
-        const lengths = ["times_ms", "active", "cost", "apad", "docks", "stage"].map((it) => data[it].length);
-        for (const agent of data.agents) for (const it of data.live.columns) if (agent[it]) lengths.push(agent[it].length);
-        return [...new Set(lengths)];
-    """
     with console_service().beside(story.path) as page:
         load_page(phone, page)
-        story.passes()
-        wait_until(lambda: phone.execute_script("return document.body.dataset.timeMs") == "102000")
-        (samples,) = phone.execute_script(columns)
-        story.writes(
-            "stop", number=1, mode="hold", by="guard: frozen", state="taken", reason="it stands still"
-        )
-        says(phone, "stopped", "STOPPED: the aPad holds its place")
-        story.writes("end", reason="a call: abort by console", end_reason="a call")
-        says(phone, "warning", "The run has ended: a call: abort by console.")
-        assert phone.execute_script(columns) == [samples]
-        assert phone.execute_script("return document.body.dataset.timeMs") == "102000"
+        errors(phone)  # of the page before, whose console has ended
+        for act, holds in told:
+            act(phone, story)
+            script = f"{HELPERS} return {holds.strip()}"
+            wait_until(lambda script=script: phone.execute_script(script), why=holds)
+        assert [(it["act"], it.get("off"), it.get("stop")) for it in story.orders] == ordered
+        assert errors(phone) == []
