@@ -202,7 +202,7 @@ IN_A_TICK: list[tuple[Act, str]] = [
     ),
 ]
 """What happens, and what then holds in the page."""
-ORDERED = [("stop", False, None), ("continue", None, 1), ("stop", True, None), ("hands", None, None)]
+ORDERED = [("stop", False, None), ("continue", False, 1), ("stop", True, None), ("hands", False, None)]
 
 
 @pytest.mark.parametrize(
@@ -222,5 +222,5 @@ def test_on_a_phone(
             act(phone, story)
             script = f"{HELPERS} return {holds.strip()}"
             wait_until(lambda script=script: phone.execute_script(script), why=holds)
-        assert [(it["act"], it.get("off"), it.get("stop")) for it in story.orders] == ordered
+        assert [(it["act"], bool(it.get("off")), it.get("stop")) for it in story.orders] == ordered
         assert errors(phone) == []

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from field_days import Recorder, Vehicle, drawn, of_generation_a, of_generation_b, write_bag
 from scenario_files import POOL_FILE
 
 from apad_bridge.commands import main
@@ -35,6 +34,14 @@ from apad_bridge.world.simulated_stack import PosePublished
 from firmware_model.packets import StatusPacket
 from firmware_model.packets.codec import load_codec
 from firmware_model.states import State
+from tests.apad_bridge.field.calibration.field_days import (
+    Recorder,
+    Vehicle,
+    drawn,
+    of_generation_a,
+    of_generation_b,
+    write_bag,
+)
 
 POOL = load(POOL_FILE)
 SEEDS = range(4)
