@@ -10,8 +10,10 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import closing
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
+from functools import partial, reduce
+from operator import xor
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +27,6 @@ from apad_bridge.acoustics.serial.table_modems import TableModems
 from apad_bridge.doctor.finding import CheckStatus
 from apad_bridge.doctor.modem import check_modem
 from apad_bridge.records.run_directory import RunDirectory
-from apad_bridge.ros.system.master import Master
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource
 from apad_bridge.scenario.starts import starts_of
@@ -68,9 +69,145 @@ class StrangersModems:
         return str(self._folder / f"modem{address}")
 
 
+def checked(line: bytes) -> bytes:
+    """The line with the template's check, by hand: the exclusive or of what stands between $ and *, as digits."""
+    return line + b"%02X" % reduce(xor, line[1:-1])
+
+
+LINE = b"$STATUS,7,0,FLOATING,0.50000,1.00000,12.50,3.00,0.00,60000*"
+"""The same status in the template's codec, without its check."""
+PERMISSION = b"$COMMAND,PERMISSION,7*"
+PACKET = b"\xb2\x07\x00" + CommandPacket(Kind.PERMISSION, 7).encode()
+LINES_DROPPED = [
+    (b"raise", "the codec raised RuntimeError: no such line"),
+    (LINE + b"00", "damaged"),
+    (checked(LINE.replace(b"S,7", b"S,9")), "aMussel 9 is none of --ids"),
+    (checked(LINE.replace(b"12.50", b"nan")), "north_m is outside"),
+]
+PACKETS_DROPPED = [
+    (b"\xb1\x07\x00" + STATUS[:-1] + b"\x00", "damaged"),
+    (b"\xb1\x08\x00" + STATUS, "names another aMussel"),
+    (b"\xb1\x09\x00" + STATUS, "none of --ids"),
+    (b"hello", "without an aMussel's id"),
+]
+
+
+@dataclass(frozen=True)
+class Road:
+    """Between the node and the bridge: what is told and dropped on it, with the reason, and the packet that is heard."""
+
+    way: str
+    told: bytes
+    dropped: list[tuple[bytes, str]] = field(default_factory=lambda: LINES_DROPPED)
+    good: bytes = checked(LINE)
+    codec: tuple[str, ...] = ("--codec", "lines")
+
+
+ROADS = {
+    "our modem": Road(
+        "modem", b"#B001%02d" % len(PACKET) + PACKET, PACKETS_DROPPED, b"\xb1\x07\x00" + STATUS, ()
+    ),
+    "lines by our modem": Road("modem", b"#B00124" + checked(PERMISSION)),
+    "lines by Wi-Fi": Road("wifi", checked(PERMISSION)),
+    "lines by a topic": Road("topic", checked(PERMISSION)),
+}
+ROADS["a stranger's modem, of a run that names the master"] = ROADS["our modem"]
+
+
 def broadcast(modem: serial.Serial, payload: bytes) -> None:
     modem.write(b"$B%02d" % len(payload) + payload)
     assert modem.read_until(b"\r\n") == b"$B%02d\r\n" % len(payload)
+
+
+def say(mission: subprocess.Popen[str], *words: object) -> None:
+    assert mission.stdin is not None
+    mission.stdin.write(json.dumps(words) + "\n")
+    mission.stdin.flush()
+
+
+def run_on(master_uri: str, path: Path) -> Path:
+    """A run's directory, which names the master in place of the shell."""
+    directory, scenario = RunDirectory.create("pool", datetime.now(UTC), path), load(POOL_FILE)
+    directory.write_inputs(scenario, starts_of(scenario))
+    options = RunOptions(BenchPart.WHOLE, APadKind.SIM, TimeSource.WALL, 1.0, OnDeath.WAIT)
+    replace(options, master_uri=master_uri, owns_master=True).save(directory.path)
+    return path
+
+
+@pytest.mark.parametrize("name", ROADS)
+def test_a_real_amussels_packets_reach_the_mission_and_the_missions_reach_it(
+    name: str,
+    modems: TableModems,
+    tmp_path: Path,
+    shell: dict[str, str],
+    begin: Begin,
+) -> None:
+    """The mission speaks the built-in codec. To a node with lines of its own the bridge translates, both ways."""
+    road, of_stranger = ROADS[name], name.startswith("a stranger")
+    install_template(tmp_path, "codec")
+    first = '        if not data.startswith(b"$"):\n'
+    raising = f'        if data == b"raise":\n            raise RuntimeError("no such\\nline")\n{first}'
+    codec = tmp_path / "lab_codec.py"
+    codec.write_text(codec.read_text().replace(first, raising))
+    inside = shell | {"PYTHONPATH": f"{ROOT}:{tmp_path}"}
+    named, bowl = POOL_FILE, StrangersModems(tmp_path / "theirs", begin) if of_stranger else modems
+    if of_stranger:
+        named = run_on(inside["ROS_MASTER_URI"], tmp_path / "run")
+    beside = Path(__file__).with_name("beside_a_bridge.py")
+    mission = begin(sys.executable, beside, env=inside, stdin=subprocess.PIPE)
+    until(mission, lambda it: it == ["ready"])
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        address = free.getsockname()
+    ports = {
+        "modem": bowl.path(1),
+        "wifi": f"udp:{address[1]}",
+        "topic": ROOT / "launch_scripts/interfaces/nodes.yaml",
+    }
+    its_shell = {key: it for key, it in inside.items() if key != "ROS_MASTER_URI" or not of_stranger}
+    words = ("bridge", named, ports[road.way], "--ids", 7, 8, *road.codec, "--json")
+    bridge = begin(*MUSSELBED, *words, env=its_shell, ends_by=signal.SIGKILL)
+
+    def drops(*reasons: str) -> None:
+        until(bridge, lambda it: all(why in it.get("dropped", "") for why in reasons))
+
+    claim = until(mission, lambda it: it[0] == "claim")
+    assert claim == ["claim", "/musselbed_bridge_7", True, [7, 8]]
+    until(bridge, lambda it: ("modem" if road.way == "modem" else "ready") in it)
+    with (
+        closing(serial.Serial(bowl.path(2), 9600, timeout=PATIENCE_S)) as modem,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as wifi,
+    ):
+        send, hears = {
+            "modem": (partial(broadcast, modem), lambda: modem.read_until(road.told)[-len(road.told) :]),
+            "wifi": (lambda data: wifi.sendto(data, address), lambda: wifi.recv(100)),
+            "topic": (
+                lambda data: say(mission, 0, "modem", data.hex()),
+                lambda: bytes.fromhex(until(mission, lambda it: it[:3] == ["request", 7, 1])[3]),
+            ),
+        }[road.way]
+        say(mission, 7, "contact", "00")
+        drops("a contact")
+        # What must be dropped comes first: nothing of it may be heard before the good packet.
+        for data, reason in road.dropped:
+            send(data)
+            drops(reason)
+        say(mission, 7, "connected", "")
+        until(mission, lambda it: it == ["connected"])
+        send(road.good)
+        *packet, mission_time_ms, late_s = until(mission, lambda it: it[0] == "heard")
+        assert packet == ["heard", 7, "wifi" if road.way == "wifi" else "sound", STATUS.hex()]
+        # A bridge that is started anew would else say that its packets are older than those before.
+        assert mission_time_ms == 0 and abs(late_s) < PATIENCE_S
+        # In the bowl there is no modem with address 7.
+        say(mission, 7, "range", "")
+        drops("a ping", "not answered" if road.way == "modem" else "measures ranges")
+        # The mission's medium for it, whatever way there is.
+        say(mission, 7, "sound", CommandPacket(Kind.PERMISSION, 7).encode().hex())
+        assert hears() == road.told
+    bridge.send_signal(signal.SIGINT)
+    counts = until(bridge, lambda it: "counts" in it)["counts"]
+    assert bridge.wait(PATIENCE_S) == 130 and counts["heard from aMussels"] == 1
 
 
 def test_a_strangers_modems_answer_with_their_distance(tmp_path: Path, begin: Begin) -> None:
@@ -78,70 +215,6 @@ def test_a_strangers_modems_answer_with_their_distance(tmp_path: Path, begin: Be
     assert (status.status, echo.status) == (CheckStatus.OK, CheckStatus.OK) and "address 1" in status.found
     metres = re.search(r"address 2 answers, ([0-9.]+) m away", echo.found)
     assert metres is not None and float(metres[1]) == pytest.approx(60, abs=1)
-
-
-@pytest.mark.parametrize(("by_run", "whose"), [(True, "ours"), (False, "a stranger's")])
-def test_a_real_amussels_packets_reach_the_mission_and_the_missions_reach_it(
-    tmp_path: Path,
-    shell: dict[str, str],
-    request: pytest.FixtureRequest,
-    begin: Begin,
-    by_run: bool,
-    whose: str,
-) -> None:
-    modems: TableModems | StrangersModems = (
-        request.getfixturevalue("modems") if whose == "ours" else StrangersModems(tmp_path / "theirs", begin)
-    )
-    inside = shell | {"PYTHONPATH": str(ROOT)}
-    named, its_shell = POOL_FILE, inside
-    if by_run:
-        # The run's directory names the master, and the shell does not.
-        named = tmp_path / "run"
-        directory = RunDirectory.create("pool", datetime.now(UTC), named)
-        scenario = load(POOL_FILE)
-        directory.write_inputs(scenario, starts_of(scenario))
-        options = RunOptions(BenchPart.WHOLE, APadKind.SIM, TimeSource.WALL, 1.0, OnDeath.WAIT)
-        replace(options, master_uri=inside["ROS_MASTER_URI"], owns_master=True).save(directory.path)
-        its_shell = {key: it for key, it in inside.items() if key != "ROS_MASTER_URI"}
-    mission = begin(
-        sys.executable, Path(__file__).with_name("beside_a_bridge.py"), env=inside, stdin=subprocess.PIPE
-    )
-    until(mission, lambda it: it == ["ready"])
-    words = ("bridge", named, modems.path(1), "--ids", 7, 8, "--json")
-    bridge = begin(*MUSSELBED, *words, env=its_shell, ends_by=signal.SIGKILL)
-    claim = until(mission, lambda it: it[0] == "claim")
-    assert claim == ["claim", "/musselbed_bridge_7", True, [7, 8]]
-    until(bridge, lambda it: "modem" in it)
-
-    node = serial.Serial(modems.path(2), 9600, timeout=PATIENCE_S)
-    # What must be dropped comes first: nothing of it may be heard before the good packet.
-    broadcast(node, b"\xb1\x07\x00" + STATUS[:-1] + b"\x00")  # its check is wrong
-    until(bridge, lambda it: "damaged" in it.get("dropped", ""))
-    broadcast(node, b"\xb1\x08\x00" + STATUS)
-    until(bridge, lambda it: "names another aMussel" in it.get("dropped", ""))
-    broadcast(node, b"\xb1\x09\x00" + STATUS)
-    until(bridge, lambda it: "none of --ids" in it.get("dropped", ""))
-    broadcast(node, b"hello")
-    until(bridge, lambda it: "without an aMussel's id" in it.get("dropped", ""))
-    broadcast(node, b"\xb1\x07\x00" + STATUS)
-    *packet, mission_time_ms, late_s = until(mission, lambda it: it[0] == "heard")
-    assert packet == ["heard", 7, "sound", STATUS.hex()]
-    # A bridge that is started anew would else say that its packets are older than those before.
-    assert mission_time_ms == 0 and abs(late_s) < PATIENCE_S
-
-    permission = CommandPacket(Kind.PERMISSION, 7).encode()
-    assert mission.stdin is not None
-    mission.stdin.write(json.dumps([7, "sound", permission.hex()]) + "\n")
-    mission.stdin.flush()
-    size = 3 + len(permission)
-    printed = node.read_until(b"\xb2\x07\x00" + permission)
-    assert printed.endswith(b"#B001%02d\xb2\x07\x00" % size + permission)
-
-    bridge.send_signal(signal.SIGINT)
-    counts = until(bridge, lambda it: "counts" in it)["counts"]
-    assert bridge.wait(PATIENCE_S) == 130
-    node.close()
-    assert counts["heard from aMussels"] == 1
 
 
 def test_a_real_node_that_sends_nothing_is_ranged_by_a_strangers_modem(tmp_path: Path, begin: Begin) -> None:
@@ -168,102 +241,6 @@ def test_a_real_node_that_sends_nothing_is_ranged_by_a_strangers_modem(tmp_path:
     bridge.send_signal(signal.SIGINT)
     counts = until(bridge, lambda it: "counts" in it)["counts"]
     assert counts["ranges to aMussels"] >= 1 and "heard from aMussels" not in counts
-
-
-LINE = b"$STATUS,7,0,FLOATING,0.50000,1.00000,12.50,3.00,0.00,60000*"
-"""The same status in the template's codec, without its check."""
-PERMISSION = b"$COMMAND,PERMISSION,7*"
-
-
-@pytest.mark.parametrize("way", ["modem", "wifi", "topic"])
-def test_nodes_with_bytes_of_their_own_are_heard_and_told_in_their_own_words(
-    way: str, modems: TableModems, shell: dict[str, str], tmp_path: Path, begin: Begin
-) -> None:
-    """The mission speaks the built-in codec, and the node the template's: the bridge translates both ways."""
-    install_template(tmp_path, "codec")
-    first = '        if not data.startswith(b"$"):\n'
-    raising = f'        if data == b"raise":\n            raise RuntimeError("no such\\nline")\n{first}'
-    codec = tmp_path / "lab_codec.py"
-    codec.write_text(codec.read_text().replace(first, raising))
-    inside = shell | {"PYTHONPATH": f"{ROOT}:{tmp_path}"}
-    mission = begin(
-        sys.executable, Path(__file__).with_name("beside_a_bridge.py"), env=inside, stdin=subprocess.PIPE
-    )
-    until(mission, lambda it: it == ["ready"])
-    assert mission.stdin is not None
-
-    def say(*words: object) -> None:
-        assert mission.stdin is not None
-        mission.stdin.write(json.dumps(words) + "\n")
-        mission.stdin.flush()
-
-    wifi, modem = socket.socket(socket.AF_INET, socket.SOCK_DGRAM), serial.Serial(modems.path(2), 9600)
-    wifi.settimeout(PATIENCE_S)
-    modem.timeout = PATIENCE_S
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    ports = {
-        "modem": modems.path(1),
-        "wifi": f"udp:{port}",
-        "topic": ROOT / "launch_scripts/interfaces/nodes.yaml",
-    }
-    send: Callable[[bytes], Any] = {
-        "modem": lambda data: broadcast(modem, data),
-        "wifi": lambda data: wifi.sendto(data, ("127.0.0.1", port)),
-        "topic": lambda data: say(0, "modem", data.hex()),
-    }[way]
-    words = ("bridge", POOL_FILE, ports[way], "--ids", 7, "--codec", "lines", "--json")
-    bridge = begin(*MUSSELBED, *words, env=inside, ends_by=signal.SIGKILL)
-    until(bridge, lambda it: "ready" in it)
-    if way == "modem":
-        until(bridge, lambda it: "modem" in it)
-
-    medium = "wifi" if way == "wifi" else "sound"
-    say(7, "contact", "00")
-    until(bridge, lambda it: "a contact" in it.get("dropped", ""))
-    send(b"raise")
-    until(bridge, lambda it: it.get("dropped", "").endswith("the codec raised RuntimeError: no such line"))
-    send(LINE + b"00")
-    until(bridge, lambda it: "damaged" in it.get("dropped", ""))
-    send(checked(LINE.replace(b"S,7", b"S,8")))
-    until(bridge, lambda it: "aMussel 8 is none of --ids" in it.get("dropped", ""))
-    send(checked(LINE.replace(b"12.50", b"nan")))
-    until(bridge, lambda it: "north_m is outside" in it.get("dropped", ""))
-    say(7, "connected", "")
-    until(mission, lambda it: it == ["connected"])
-    send(checked(LINE))
-    *packet, _, _ = until(mission, lambda it: it[0] == "heard")
-    assert packet == ["heard", 7, medium, STATUS.hex()]
-
-    say(7, "range", "")
-    # In the bowl there is no modem with address 7.
-    why = "not answered" if way == "modem" else "measures ranges"
-    until(bridge, lambda it: "a ping" in it.get("dropped", "") and why in it["dropped"])
-    # The mission's medium for it, whatever way there is.
-    say(7, "sound", CommandPacket(Kind.PERMISSION, 7).encode().hex())
-    match way:
-        case "modem":
-            assert modem.read_until(PERMISSION).endswith(b"#B00124" + PERMISSION)
-        case "wifi":
-            assert wifi.recv(100) == checked(PERMISSION)
-        case "topic":
-            told = until(mission, lambda it: it[0] == "request")
-            assert told == ["request", 7, 1, checked(PERMISSION).hex()]
-    bridge.send_signal(signal.SIGINT)
-    counts = until(bridge, lambda it: "counts" in it)["counts"]
-    assert bridge.wait(PATIENCE_S) == 130
-    modem.close()
-    wifi.close()
-    assert counts["heard from aMussels"] == 1
-
-
-def checked(line: bytes) -> bytes:
-    """The line with the template's check, by hand: the exclusive or of what stands between $ and *, as digits."""
-    check = 0
-    for byte in line[1:-1]:
-        check ^= byte
-    return line + b"%02X" % check
 
 
 def test_the_status_of_the_page_is_what_a_board_sends() -> None:
@@ -301,13 +278,9 @@ def test_modems_on_a_table_answer_and_hear_each_other_until_ctrl_c(tmp_path: Pat
     ],
 )
 def test_a_mistake_is_one_line_before_anything_starts(
-    words: list[str],
-    says: str,
-    master: Master,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    words: list[str], says: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setenv("ROS_MASTER_URI", master.uri)
+    monkeypatch.setenv("ROS_MASTER_URI", "http://127.0.0.1:9")
     assert code_here("bridge", POOL_FILE, *words) == 2
     told = capsys.readouterr()
     assert (told.out, told.err.count("\n")) == ("", 1) and says in told.err

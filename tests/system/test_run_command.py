@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 import signal
 import subprocess
 import time
@@ -110,7 +111,7 @@ def test_changes_of_the_speed_steps_and_standing_still_change_nothing_of_a_fligh
     wait_until((changed / "control.sock").is_socket, process)
     told = ["3", "2", "0", "step", "step", "4", "2", "0", "step", "5", "3", "0", "step", "2", "6", "300"]
     for times in told:
-        musselbed("speed", changed, times, "--by", "Anna")
+        assert code_here("speed", changed, times, "--by", "Anna") == 0
     ended_well(process)
     assert [it["times"] for it in lines_of(changed, "speed")] == [
         0.0 if it == "step" else float(it) for it in told
@@ -124,20 +125,20 @@ def test_while_a_person_stops_mission_time_stands_if_the_scenario_says_so(fly: F
     write_scenario(scenario, scenario, time_stands_while_stopped=True)
     process, run = fly(2, lasts_s=LONG_S)
     wait_until(lambda: lines_of(run, "apad"), process)
-    musselbed("stop", run)
+    assert code_here("stop", run) == 0
     wait_until(lambda: "at rest" in [it["state"] for it in lines_of(run, "stop")], process)
     at_rest_ms, until_s = newest_ms(run), time.monotonic() + 2
     wait_until(lambda: time.monotonic() > until_s, process)
     assert newest_ms(run) == at_rest_ms
     # An order takes a second, and the stop stays.
-    musselbed("remark", run, "gulls")
+    assert code_here("remark", run, "gulls") == 0
     assert newest_ms(run) == at_rest_ms + 1000
-    musselbed("continue", run)
+    assert code_here("continue", run) == 0
     wait_until(lambda: newest_ms(run) > at_rest_ms + 5000, process)
 
 
 def test_a_person_stops_a_run_continues_and_ends_everything_in_order_within_5_s_with_a_valid_bag(
-    fly: Fly,
+    fly: Fly, capsys: pytest.CaptureFixture[str]
 ) -> None:
     process, run = fly(5, lasts_s=LONG_S, command=PATIENT_MUSSELBED)
     wait_until(lambda: docked(run), process)
@@ -146,8 +147,9 @@ def test_a_person_stops_a_run_continues_and_ends_everything_in_order_within_5_s_
         f"to move it again: musselbed continue {run}"
     )
     for order, printed in (("stop", stopped), ("stop", stopped), ("continue", "done; the mission steers")):
-        assert musselbed(order, run, "--by", "Anna").stdout.splitlines()[-1] == printed
-    musselbed("remark", run, "gulls [red]")
+        assert code_here(order, run, "--by", "Anna") == 0
+        assert capsys.readouterr().out.splitlines()[-1] == printed
+    assert code_here("remark", run, "gulls [red]") == 0
     asked_s, others_s = time.monotonic(), stalled_s()
     process.send_signal(signal.SIGINT)
     stdout, _ = ended_well(process, 130)
@@ -320,7 +322,7 @@ def test_resume_refuses_what_cannot_be_resumed(tmp_path: Path, capsys: pytest.Ca
             2,
             "has format 1",
         ),
-        (lambda: (run / "scenario.yaml").unlink(), 2, "no run"),
+        (lambda: (shutil.rmtree(run), run.mkdir()), 2, "no run"),
     ]
     for damage, code, words in damages:
         damage()
