@@ -1,6 +1,6 @@
 """Uses every service and topic of the simulated aPad of generation A beside its action, and prints the answers as JSON.
 
-Use: ask_generation_a.py, on the master at ROS_MASTER_URI, where the aPad's node runs and nobody else publishes /clock.
+Use: ask_generation_a.py, on the master at ROS_MASTER_URI, where the aPad's node and a /clock run.
 """
 
 from __future__ import annotations
@@ -11,11 +11,9 @@ from typing import Any
 import rospy
 from actionlib import SimpleActionClient
 from programs import wait_until
-from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
-from apad_bridge.ros.system.ros_time import to_ros
 from apad_bridge.ros.types.messages import use_generated_messages
 
 use_generated_messages()
@@ -32,13 +30,6 @@ def ask(name: str, kind: Any, **request: Any) -> Any:
     return rospy.ServiceProxy(f"/apad1/{name}", kind)(**request)
 
 
-def perch(name: str) -> None:
-    client = SimpleActionClient("/apad1/action_server", aPadAction)
-    assert client.wait_for_server()
-    client.send_goal(aPadGoal(id=PERCH, object=name))
-    assert client.wait_for_result()
-
-
 def battery() -> float:
     return float(ask("get_battery_level", GetChargeInfo).battery_level)
 
@@ -48,34 +39,27 @@ def battery_after(topic: str, percent_points: float) -> float:
     publisher, before = rospy.Publisher(topic, Float64, queue_size=1), battery()
     wait_until(publisher.get_num_connections)
     publisher.publish(Float64(percent_points))
-    wait_until(lambda: battery() != before, why=f"{topic} changed nothing")
-    return battery()
+    wait_until(lambda: abs(battery() - before) > 5, why=f"{topic} changed nothing")
+    return battery() - before
 
 
-def start_clock() -> None:
-    """Publishes one time until the node confirms it: its first answer may leave before we are connected."""
-    states: list[Any] = []
-    rospy.Subscriber("/apad1/stateRef", rospy.AnyMsg, states.append)
-    clock = rospy.Publisher("/clock", Clock, queue_size=1, latch=True)
-    wait_until(
-        lambda: clock.publish(Clock(to_ros(1_000))) or states, why="the aPad's node does not follow /clock"
-    )
+def coils() -> list[bool]:
+    return [ask("send_energy", SendEnergy, coil=it).done for it in range(5)]
 
 
 def main() -> None:
     rospy.init_node("asker", disable_signals=True)
-    start_clock()
-    velocity, coils = {"ControllerName": "FADP", "desired_mode": [2] * 6}, range(5)
-    answers: dict[str, Any] = {}
-    enabled = [ask(it, EnableControl, enable=True) for it in ("FADP_enable", "VelCon_enable", "DEPTH_enable")]
-    answers["enabled"] = len(enabled)
+    for name in ("FADP_enable", "VelCon_enable", "DEPTH_enable"):
+        ask(name, EnableControl, enable=True)
+    velocity = {"ControllerName": "FADP", "desired_mode": [2] * 6}
     ask("ConfigureVelocityController", ConfigureVelocityController, **velocity)
-    answers["anchored"] = ask("anchor", Trigger).success
-    answers["coils_free"] = [ask("send_energy", SendEnergy, coil=it).done for it in coils]
-    perch("amussel7")
-    answers["coils_held"] = [ask("send_energy", SendEnergy, coil=it).done for it in coils]
+    answers: dict[str, Any] = {"anchored": ask("anchor", Trigger).success, "coils_free": coils()}
+    client = SimpleActionClient("/apad1/action_server", aPadAction)
+    assert client.wait_for_server()
+    client.send_goal(aPadGoal(id=PERCH, object="amussel7"))
+    assert client.wait_for_result()
     docks, charge = ask("check_docking_availability", GetDockingInfo), ask("charge_info", GetChargeInfo)
-    answers["docks"] = [list(docks.available_slots), list(docks.slots)]
+    answers |= {"coils_held": coils(), "docks": [list(docks.available_slots), list(docks.slots)]}
     answers["charge_info"] = [charge.type, *charge.consumers]
     release = {"slot": 0, "status": False}
     answers["result_of_change"] = ask("change_docking_status", ChangeDockingStatus, **release).result
@@ -83,11 +67,7 @@ def main() -> None:
         ask("change_docking_status", ChangeDockingStatus, **release)
     except rospy.ServiceException as refused:
         answers["refused"] = str(refused)
-    answers["battery"] = [
-        battery(),
-        battery_after("/apad1/draining", 30.0),
-        battery_after("/apad1/charging", 10.0),
-    ]
+    answers["battery"] = [battery_after("/apad1/draining", 30.0), battery_after("/apad1/charging", 10.0)]
     print(json.dumps(answers))
 
 

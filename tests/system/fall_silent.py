@@ -1,10 +1,10 @@
 """Simulates a mission that sends the aPad away and falls silent, beside the vehicle's watchdog.
 
-Use: fall_silent.py WATCHDOG a|b silent|lost PYTHON, on the master at ROS_MASTER_URI, where the aPad's node runs and
-nobody else publishes /clock. PYTHON runs the watchdog.
-`silent`: the mission falls silent, comes back, and falls silent under a pilot. `lost`: the master ends, which is asked for
-by `end the master` and confirmed by a line on the standard input; then the mission falls silent, first with a good position
-and then with a bad one.
+Use: fall_silent.py WATCHDOG a|b PYTHON, on the master at ROS_MASTER_URI, where the aPad's node runs and nobody else
+publishes /clock. PYTHON runs the watchdog.
+The mission falls silent, comes back, and falls silent under a pilot. Then the master ends, which is asked for by `end the
+master` and confirmed by a line on the standard input; then the mission falls silent, first with a good position and then
+with a bad one.
 Prints the watchdog's output, the aPad's status and its ways, as JSON.
 """
 
@@ -178,10 +178,10 @@ def held(mission: Mission, watchdog: Watchdog) -> dict[str, Any]:
     return {"falls_silent": said, "status": mission.status, "drifted_m": way_m(mission, DRIFT_S * 1000)}
 
 
-def silent(mission: Mission, watchdog: Watchdog, generation: str) -> dict[str, Any]:
+def play(mission: Mission, watchdog: Watchdog, generation: str) -> dict[str, Any]:
     pilot = rospy.Publisher("/apad1/manual", Bool, queue_size=1, latch=True)
     sent_away(mission, generation)
-    result = held(mission, watchdog)
+    result: dict[str, Any] = {"silent": held(mission, watchdog)}
     mission.heart_beats = True
     result["hears_again"] = watchdog.until("WATCHING")
     pilot.publish(Bool(True))
@@ -189,15 +189,15 @@ def silent(mission: Mission, watchdog: Watchdog, generation: str) -> dict[str, A
     wait_until(lambda: pilot.get_num_connections() >= ears, why="nobody hears the pilot")
     mission.heart_beats = False
     result["piloted"] = watchdog.until("PILOTED")
-    return result
+    pilot.publish(Bool(False))
+    mission.heart_beats = True
+    watchdog.until("WATCHING")
 
-
-def lost(mission: Mission, watchdog: Watchdog, generation: str) -> dict[str, Any]:
     sent_away(mission, generation)
     watchdog.process.send_signal(signal.SIGHUP)  # its shell was beyond the network
     print("end the master", flush=True)
     assert sys.stdin.readline()
-    result = held(mission, watchdog)
+    result["lost"] = held(mission, watchdog)
     mission.heart_beats = True
     watchdog.until("WATCHING")
     sent_away(mission, generation)
@@ -207,20 +207,16 @@ def lost(mission: Mission, watchdog: Watchdog, generation: str) -> dict[str, Any
     result["off_m"] = way_m(mission, DRIFT_S * 1000)
     mission.north_m = None
     mission.let_pass(DRIFT_S * 1000)
-    result["stays"] = mission.watchdog_says
-    return result
-
-
-PLAYS = {"silent": silent, "lost": lost}
+    return result | {"stays": mission.watchdog_says}
 
 
 def main() -> None:
     rospy.init_node("mission", disable_signals=True)
     mission = Mission(speed=5)
-    watchdog = Watchdog(sys.argv[1], sys.argv[4])
+    watchdog = Watchdog(sys.argv[1], sys.argv[3])
     try:
         hears = watchdog.until("WATCHING")
-        result = PLAYS[sys.argv[3]](mission, watchdog, sys.argv[2])
+        result = play(mission, watchdog, sys.argv[2])
         assert watchdog.process.poll() is None
     finally:
         watchdog.process.terminate()

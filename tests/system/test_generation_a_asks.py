@@ -7,28 +7,26 @@ import sys
 from pathlib import Path
 
 import pytest
+from graphs import somebodys_graph
 from programs import done, with_helpers
 from scenario_files import POOL_FILE
-
-from apad_bridge.ros.simulated_node.apad_process import start_apad_node
-from apad_bridge.ros.system.master import Master, end_process, loopback_environment
 
 pytestmark = pytest.mark.system
 
 
-def test_it_is_asked_configured_charged_and_drained(tmp_path: Path, master: Master) -> None:
-    node = start_apad_node(POOL_FILE, master.uri, tmp_path / "apad.log")
-    try:
-        asked = (sys.executable, "-m", "tests.system.ask_generation_a")
-        said = done(*asked, env=with_helpers(loopback_environment(tmp_path / "ros", master.uri))).stdout
-    finally:
-        end_process(node)
-    told = json.loads(said.splitlines()[-1])
-    assert told["enabled"] == 3 and told["anchored"]
+def test_it_is_asked_configured_charged_and_drained(tmp_path: Path) -> None:
+    with somebodys_graph(POOL_FILE, tmp_path, 1) as graph:
+        asked = done(sys.executable, "-m", "tests.system.ask_generation_a", env=with_helpers(graph))
+    told = json.loads(asked.stdout.splitlines()[-1])
+    drained_and_charged = told.pop("battery")
+    assert "dock 0 is open" in told.pop("refused")
     # The first free slot, whatever the number of the aMussel; there is no fifth coil.
-    assert told["coils_free"] == [False] * 5
-    assert told["coils_held"] == [True, False, False, False, False]
-    assert told["docks"] == [[1, 2, 3], ["amussel7"]] and told["charge_info"] == ["charger", "amussel7"]
-    assert told["result_of_change"] is False and "dock 0 is open" in told["refused"]
-    full, drained, charged = told["battery"]
-    assert drained == pytest.approx(full - 30, abs=0.01) and charged == pytest.approx(full - 20, abs=0.01)
+    assert told == {
+        "anchored": True,
+        "coils_free": [False] * 5,
+        "coils_held": [True, False, False, False, False],
+        "docks": [[1, 2, 3], ["amussel7"]],
+        "charge_info": ["charger", "amussel7"],
+        "result_of_change": False,
+    }
+    assert drained_and_charged == pytest.approx([-30, 10], abs=0.1)
