@@ -5,10 +5,13 @@ from __future__ import annotations
 import csv
 import json
 import os
+import re
 import sys
 import sysconfig
+from collections.abc import Callable
 from pathlib import Path
 from shutil import copytree, which
+from typing import Any
 
 import pytest
 from doc_blocks import TEMPLATES, blocks, file_of
@@ -87,73 +90,71 @@ def test_the_templates_board_compiles_and_runs(tmp_path: Path, environment: dict
     assert in_a_shell("make >/dev/null && musselbed mu run ./my_board", tmp_path / "board", environment)
 
 
+WITHOUT = "before/scenario.yaml: sensors: flown without the sensor salinity of lab_sensors 1.2, which is installed here"
+WITH = "run/scenario.yaml: sensors: flown with the sensor salinity of lab_sensors 1.2, which is not installed here"
+BROKEN = (
+    r"the sensor salinity of lab_sensors 1.2 \(lab_sensors:SALINITY\) cannot be loaded: Mod.*uninstall it"
+)
+
+
 def test_a_sensor_of_a_package_is_flown_and_its_runs_need_it(
     tmp_path: Path, environment: dict[str, str]
 ) -> None:
-    def musselbed(words: str, code: int = 0) -> str:
-        return in_a_shell(f"musselbed {words}", tmp_path, environment, code=code)
-
     (tmp_path / "pool-12.csv").write_text(POOL.with_suffix(".csv").read_text())
     # Its first batch is collected early, so that samples come ashore.
     whole = WHOLE.read_text().replace("pool_threshold: 0.6", "pool_threshold: 0.95")
     (tmp_path / "whole.yaml").write_text(whole.replace("duration_s: 2400", "duration_s: 20"))
-    (tmp_path / "worst.yaml").write_text(POOL.read_text().replace("duration_s: 2400", "duration_s: 20"))
     salty = "water: {fields: {salinity_psu: [[0, 10], [3, 30]]}}\n"
     (tmp_path / "salty.yaml").write_text(whole.replace("duration_s: 2400", "duration_s: 520") + salty)
-    musselbed("run worst.yaml --time asap --out worst-before")
-    musselbed("run whole.yaml --time asap --out before")
-    assert "salinity_psu: unknown key" in musselbed("run salty.yaml --time asap --out refused", code=2)
+    before, prefix = tmp_path / "before/scenario.yaml", Path(environment["PATH"].rpartition(":")[2]).parent
 
-    install(tmp_path, environment, "sensor")
-    musselbed("run salty.yaml --time asap --out run")
-    samples = [json.loads(line) for line in (tmp_path / "run/samples.jsonl").read_text().splitlines()]
+    def module() -> Path:
+        (found,) = prefix.glob("lib/*/site-packages/lab_sensors.py")
+        return found
+
+    steps: list[tuple[Callable[[], object], str, int, str]] = [
+        (lambda: None, "run whole.yaml --time asap --out before", 0, ""),
+        (lambda: None, "run salty.yaml --time asap --out refused", 2, "salinity_psu: unknown key"),
+        (lambda: install(tmp_path, environment, "sensor"), "run salty.yaml --time asap --out run", 0, ""),
+        (lambda: None, "check run", 0, "^run: all rules hold\n$"),
+        (lambda: check_salinity(tmp_path, environment), "check before", 2, WITHOUT),
+        # A run of a version that kept no list was flown without them, too.
+        (
+            lambda: before.write_text(before.read_text().replace("sensors: []\n", "")),
+            "check before",
+            2,
+            WITHOUT,
+        ),
+        (lambda: module().write_text("import nowhere\n"), "run whole.yaml", 2, BROKEN),
+        (lambda: None, "python -m pip uninstall --yes lab_sensors", 0, ""),
+        (lambda: None, "check run", 2, WITH),
+        (lambda: None, "export run --to csv", 0, ""),
+    ]
+    for act, words, code, said in steps:
+        act()
+        assert re.search(said, in_a_shell(f"musselbed {words}", tmp_path, environment, code=code)), words
+    with (tmp_path / "run/export-csv/samples.csv").open() as file:
+        exported = [float(it["salinity_psu"]) for it in csv.DictReader(file)]
+    assert exported == [it["salinity_psu"] for it in samples_of(tmp_path)]
+
+
+def samples_of(folder: Path) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in (folder / "run/samples.jsonl").read_text().splitlines()]
+
+
+def check_salinity(folder: Path, environment: dict[str, str]) -> None:
+    """By hand: 60 mW of a battery of 7.4 Wh, for as long as the sensors are on."""
+    samples = samples_of(folder)
     assert len(samples) >= 5 and len({it["salinity_psu"] for it in samples}) > 1
     for it in samples:
         # Each lies at 3 m. A noise is within 4.9 deviations of 0.02, and a count is 0.001.
         assert it["salinity_psu"] == pytest.approx(30.0, abs=4.9 * 0.02 + 0.0005)
         assert it["salinity_psu"] == pytest.approx(-1.0 + 0.001 * it["counts"][4], abs=1e-9)
-    for it in json.loads(musselbed("mu energy run --json")):
-        # 60 mW of a battery of 7.4 Wh, for as long as the sensors are on.
+    for it in json.loads(in_a_shell("musselbed mu energy run --json", folder, environment)):
         hours = it["state_hours"].get("sampling", 0) + it["state_hours"].get("reporting", 0)
         assert hours > 0 and it["is_exact"]
         assert it["by_module"]["salinity"] == pytest.approx(0.060 * hours / 7.4, rel=1e-4)
-    musselbed("report run")
-    assert "salinity" in (tmp_path / "report/report.html").read_text()
-    assert musselbed("check run") == "run: all rules hold\n"
-    assert others_of(tmp_path / "run") == {"lab_sensors 1.2": "sensors salinity"}
-    # Boards of the worst case take no samples, so their runs are read on; those of whole boards are refused.
-    assert musselbed("check worst-before") == "worst-before: all rules hold\n"
-    # A run of a version that kept no list was flown without them, too.
-    its_scenario = tmp_path / "before/scenario.yaml"
-    for text in (its_scenario.read_text(), its_scenario.read_text().replace("sensors: []\n", "")):
-        its_scenario.write_text(text)
-        assert musselbed("check before", code=2) == (
-            "musselbed check: before/scenario.yaml: sensors: flown without the sensor salinity of lab_sensors 1.2, "
-            "which is installed here: uninstall it\n"
-        )
-    assert "sensors:" not in text
-
-    # Broken, it is told in a line, and so is its lack.
-    (module,) = Path(environment["PATH"].rpartition(":")[2]).parent.glob("lib/*/site-packages/lab_sensors.py")
-    text = module.read_text()
-    module.write_text("import nowhere\n")
-    (line,) = musselbed("run whole.yaml", code=2).splitlines()
-    assert "the sensor salinity of lab_sensors 1.2 (lab_sensors:SALINITY) cannot be loaded: Mod" in line
-    assert "uninstall it" in line
-    module.write_text(text)
-    musselbed("python -m pip uninstall --yes lab_sensors")
-    lacks = "run/scenario.yaml: sensors: flown with the sensor salinity of lab_sensors 1.2, which is not installed here"
-    (line,) = musselbed("check run", code=2).splitlines()
-    assert lacks in line
-    options = json.loads((tmp_path / "run/run.json").read_text())
-    (tmp_path / "run/run.json").write_text(json.dumps(options | {"time": "wall"}))
-    (tmp_path / "run/summary.json").unlink()
-    assert lacks in musselbed("resume run", code=2)
-    musselbed("export run --to csv")
-    with (tmp_path / "run/export-csv/samples.csv").open() as file:
-        assert [float(it["salinity_psu"]) for it in csv.DictReader(file)] == [
-            it["salinity_psu"] for it in samples
-        ]
+    assert others_of(folder / "run") == {"lab_sensors 1.2": "sensors salinity"}
 
 
 def test_the_templates_install_and_fly(tmp_path: Path, environment: dict[str, str]) -> None:
