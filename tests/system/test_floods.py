@@ -6,14 +6,12 @@ import json
 import os
 import re
 import resource
-import signal
 import socket
-import subprocess
 import sys
 import urllib.request
 import xmlrpc.client
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,7 +20,18 @@ from urllib.parse import urlsplit
 import pytest
 from killing import kill_9, standing_still
 from patient import PATIENCE_S
-from programs import MUSSELBED, ROOT, begun, done, line_of, lines_of, musselbed, processes_of, wait_until
+from programs import (
+    MUSSELBED,
+    ROOT,
+    Begin,
+    begun,
+    done,
+    line_of,
+    lines_of,
+    musselbed,
+    processes_of,
+    wait_until,
+)
 from scenario_files import write_scenario
 
 from apad_bridge.commands.look.console import console_service
@@ -179,47 +188,39 @@ def serving(page: str) -> int:
     return int(pid)
 
 
-def test_a_console_of_a_flight_that_begins_late_waits_for_it(tmp_path: Path, run: Flown) -> None:
-    with beside_a_late_flight(tmp_path, run.path, "console") as (late, process):
-        assert process.stderr is not None
-        url = json.loads(line_of(process))["url"]
-        assert "no flight began" in process.stderr.readline()
+PATIENCE = (
+    "from apad_bridge.records import journal; journal._BEGINS_S = 0.1; "
+    "from apad_bridge.console import server; server._BEGUN_S = 0.1"
+)
+LATE = f"{PATIENCE}; from apad_bridge.commands.main import main; raise SystemExit(main())"
+"""The command, with little patience for a flight that has not begun."""
+
+
+def test_a_console_and_a_gateway_of_a_flight_that_begins_late_wait_for_it(
+    tmp_path: Path, run: Flown, begin: Begin
+) -> None:
+    late = tmp_path / "late"
+    late.mkdir()
+    for name in ("scenario.yaml", "run.json"):
+        (late / name).write_bytes((run.path / name).read_bytes())
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as neptus:
+        neptus.bind(("127.0.0.1", 0))
+        neptus.settimeout(PATIENCE_S)
+        asked = ("--port", 0, "--neptus", f"127.0.0.1:{neptus.getsockname()[1]}")
+        console, gateway = (
+            begin(sys.executable, "-c", LATE, *words, late, "--json")
+            for words in (("console",), ("imc", *asked))
+        )
+        url = json.loads(line_of(console))["url"]
+        for process in (console, gateway):
+            assert process.stderr is not None and "no flight began" in process.stderr.readline()
         assert "has not begun" in page_of(url)
         (late / "journal.jsonl").write_bytes((run.path / "journal.jsonl").read_bytes())
         wait_until(lambda: 'id="stop"' in page_of(url))
-
-
-def test_a_gateway_of_a_flight_that_begins_late_waits_for_it(tmp_path: Path, run: Flown) -> None:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as console:
-        console.bind(("127.0.0.1", 0))
-        console.settimeout(PATIENCE_S)
-        asked = ("--port", "0", "--neptus", f"127.0.0.1:{console.getsockname()[1]}")
-        with beside_a_late_flight(tmp_path, run.path, "imc", *asked) as (late, process):
-            assert process.stderr is not None
-            assert "no flight began" in process.stderr.readline()
-            (late / "journal.jsonl").write_bytes((run.path / "journal.jsonl").read_bytes())
-            assert console.recv(65_536)
-
-
-@contextmanager
-def beside_a_late_flight(
-    folder: Path, run: Path, command: str, *asked: str
-) -> Iterator[tuple[Path, subprocess.Popen[str]]]:
-    """A command that serves beside a flight, a copy of `run` without a journal, with little patience. It ends in order."""
-    late = folder / "late"
-    late.mkdir()
-    for name in ("scenario.yaml", "run.json"):
-        (late / name).write_bytes((run / name).read_bytes())
-    patience = (
-        "from apad_bridge.records import journal; journal._BEGINS_S = 0.1; "
-        "from apad_bridge.console import server; server._BEGUN_S = 0.1"
-    )
-    main = f"{patience}; from apad_bridge.commands.main import main; raise SystemExit(main())"
-    with begun(
-        sys.executable, "-c", main, command, late, "--json", *asked, ends_by=signal.SIGTERM
-    ) as process:
-        yield late, process
-    assert process.returncode == 0
+        assert neptus.recv(65_536)
+        for process in (console, gateway):
+            process.terminate()
+            assert process.wait(PATIENCE_S) == 0
 
 
 def page_of(url: str) -> str:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from journals import facts_of, lines_in
+from journals import facts_of
 from killing import kill_9, standing_still
 from layout_topics import named_topics
 from programs import MUSSELBED, begun, left_full, lines_of, processes_of, wait_until
@@ -68,16 +68,16 @@ def flown(scenario: Path, run: Path) -> Iterator[subprocess.Popen[str]]:
 
 def graph_of(run: Path, flying: "subprocess.Popen[str]", named: set[str]) -> dict[str, Any]:
     """Topics and services by name, and their nodes, once both supervisors and whatever is `named` are on the graph."""
-    options = wait_until((run / "apad2" / "run.json").exists, flying)
+    wait_until((run / "apad2" / "run.json").exists, flying)
     uri = wait_until(lambda: json.loads((run / "apad2" / "run.json").read_text())["master_uri"], flying)
+    # A supervisor offers this once it has heard the other's claims, and then what it shows of its mission.
+    wanted = named | {f"/musselbed/{apad}/retire" for apad in APADS}
 
     def found() -> dict[str, Any]:
         with xmlrpc.client.ServerProxy(uri) as master:
             _, _, (publishers, _, services) = master.getSystemState("/test")
         names = dict([*publishers, *services])
-        # A supervisor offers this once it has heard the other's claims, and then what it shows of its mission.
-        is_whole = sum(name.endswith("/retire") for name in names) == 2 and named <= names.keys()
-        return names if options and is_whole else {}
+        return names if wanted <= names.keys() else {}
 
     return dict(wait_until(found, flying, why="they never came to be on one graph"))
 
@@ -92,12 +92,13 @@ def misrouted(summary: dict[str, Any]) -> list[str]:
     return [why for why in summary["dropped"] if re.search("packet|felt|not of this fleet", why)]
 
 
-def taken_over(run: Path) -> bool:
-    """True if apad1 took all of apad2 on, and one of them has felt its dock."""
-    took = {line["id"] for line in lines_of(run / "apad1", "took_on")}
-    docked = {line["agent"] for line in lines_of(run / "apad1", "dock") if line["closed"]}
-    felt = {line["id"] for line in lines_of(run / "apad2", "truth") if line["docked"]}
-    return took == {2, 4, 6} and bool(docked & took) and docked & took <= felt
+def ids(run: Path, kind: str, **wanted: Any) -> set[int]:
+    """The aMussels of the lines of this kind with these values."""
+    return {it.get("id", it.get("agent")) for it in lines_of(run, kind) if wanted.items() <= it.items()}
+
+
+def ends_of(run: Path) -> list[str]:
+    return [line.split(",")[0] for line in (run / "ends.csv").read_text().splitlines()[1:]]
 
 
 def test_each_serves_its_share_and_nobody_else_and_a_node_that_stands_still_costs_no_patience(
@@ -118,45 +119,35 @@ def test_each_serves_its_share_and_nobody_else_and_a_node_that_stands_still_cost
         wait_until(lambda: all(left_full(run / apad) for apad in APADS), flying)
     stdout, stderr = flying.communicate()
     assert flying.returncode == 130, stderr
-    assert sorted(graph["/musselbed/claims"]) == ["/musselbed_1", "/musselbed_2"]
     # What is of one aPad stands below its name: calls for one fleet do not end at the other.
-    for name in ("retire", "beliefs", "apad"):
-        assert f"/musselbed/{name}" not in graph
+    assert not graph.keys() & {f"/musselbed/{name}" for name in ("retire", "beliefs", "apad")}
+    assert {name: sorted(graph[name]) for name in ("/musselbed/claims", "/clock")} == {
+        "/musselbed/claims": ["/musselbed_1", "/musselbed_2"],
+        "/clock": ["/musselbed_clock"],
+    }
     assert graph["/musselbed/apad2/retire"] == graph["/musselbed/apad2/beliefs"] == ["/musselbed_2"]
-    assert graph["/clock"] == ["/musselbed_clock"]
-
     summary = json.loads(stdout)
     # What people were told while it flew: nothing, unless the machine was too busy to keep up.
     assert isinstance(summary.pop("events"), list)
     assert summary == {**json.loads((run / "summary.json").read_text()), "run": str(run)}
     for apad, own in zip(APADS, ({1, 3, 5}, {2, 4, 6}), strict=True):
-        assert {line["id"] for line in lines_of(run / apad, "truth")} == own
-        assert {line["agent"] for line in lines_of(run / apad, "dock")} <= own
-        served = left_full(run / apad)
-        assert served and set(served) <= own
-        assert summary["apads"][apad]["services"] == len(served)
-        assert misrouted(summary["apads"][apad]) == []
-        assert summary["apads"][apad]["ended_by"] == "the operator"
+        served, told = left_full(run / apad), summary["apads"][apad]
+        assert ids(run / apad, "truth") == own and served and {*served, *ids(run / apad, "dock")} <= own
+        assert (told["services"], told["ended_by"], misrouted(told)) == (len(served), "the operator", [])
         assert not lines_of(run / apad, "vehicle_silent")
     assert summary["services"] == sum(summary["apads"][apad]["services"] for apad in APADS)
     assert summary["causes"] == {} and summary["amussels_lost"] == 0
     assert not [why for why in summary["dropped"] if "silent" in why]
     assert "fell silent" not in stderr + (run / "apad2" / "journal.jsonl").read_text()
-    assert [line.split(",")[0] for line in (run / "ends.csv").read_text().splitlines()[1:]] == list("123456")
-    assert not processes_of(run)
+    assert ends_of(run) == list("123456") and not processes_of(run)
 
 
-@pytest.mark.parametrize(
-    ("victim", "why"),
-    [
-        ("apad_node", "the simulated aPad's node ended with status -9"),
-        ("supervisor_process", "its supervisor died (SIGKILL)"),
-    ],
-)
-def test_one_that_is_killed_leaves_its_aMussels_to_the_other(
-    scenario: Path, tmp_path: Path, victim: str, why: str
+def test_one_whose_supervisor_is_killed_leaves_its_aMussels_to_the_other(
+    scenario: Path, tmp_path: Path
 ) -> None:
-    run = tmp_path / "run"
+    """So does one whose simulated aPad dies: `tests/apad_bridge/runs/test_supervisor_watch.py`."""
+    run, why = tmp_path / "run", "its supervisor died (SIGKILL)"
+    first, second = (run / apad for apad in APADS)
     # So far off that it is killed long before it has come to any.
     far = [{"name": "apad2", "start_m": [2, 190]}]
     write_scenario(
@@ -165,36 +156,40 @@ def test_one_that_is_killed_leaves_its_aMussels_to_the_other(
     # Those of apad1 need nothing.
     starts = (tmp_path / "two.csv").read_text().replace(",57,", ",14,").replace(",2,0.6", ",2,1.0")
     (tmp_path / "two.csv").write_text(starts)
+
+    def taken_over() -> bool:
+        """apad1 took all of apad2 on, and one of them has felt its dock."""
+        took, docked = ids(first, "took_on"), ids(first, "dock", closed=True)
+        return (
+            took == {2, 4, 6} and bool(docked & took) and docked & took <= ids(second, "truth", docked=True)
+        )
+
     with flown(scenario, run) as flying:
-        wait_until(lambda: lines_of(run / "apad2", "plan"), flying)
-        kill_9(process_of(run, victim))
-        wait_until(lambda: taken_over(run), flying, why="nobody of apad2 came into a dock of apad1")
+        wait_until(lambda: lines_of(second, "plan"), flying)
+        kill_9(process_of(run, "supervisor_process"))
+        wait_until(taken_over, flying, why="nobody of apad2 came into a dock of apad1")
     stdout, stderr = flying.communicate()
     assert flying.returncode == 3 and f"apad2: {why}" in stderr
     summary = json.loads(stdout)
-    first, second = (lines_in(run / apad / "journal.jsonl") for apad in APADS)
-
     # The run of apad2 goes on until it is told to end: it keeps its aMussels, and nobody else records them.
-    (reason,) = (line["reason"] for line in second if line["kind"] == "stands_down")
-    assert why.startswith(reason)
-    assert "dock" not in [line["phase"] for line in second if line["kind"] == "mission"]
+    (stands_down,) = lines_of(second, "stands_down")
+    assert why.startswith(stands_down["reason"])
+    assert "dock" not in [line["phase"] for line in lines_of(second, "mission")]
     assert [summary["apads"][apad]["ended_by"] for apad in APADS] == ["the operator"] * 2
-    assert {line["id"] for line in first if line["kind"] == "truth"} == {1, 3, 5}
-    assert {line["id"] for line in second if line["kind"] == "truth"} == {2, 4, 6}
+    assert (ids(first, "truth"), ids(second, "truth")) == ({1, 3, 5}, {2, 4, 6})
     counted_s = [summary["apads"][apad]["counted_s"] for apad in APADS]
     assert summary["counted_s"] == pytest.approx(sum(counted_s)) and min(counted_s) > 0
-
     # First given, then taken, each once; and then served by apad1, whose docks they feel.
-    assert sorted(line["id"] for line in second if line["kind"] == "handed_on") == [2, 4, 6]
-    assert sorted(line["id"] for line in first if line["kind"] == "took_on") == [2, 4, 6]
+    for journal, kind in ((second, "handed_on"), (first, "took_on")):
+        assert sorted(line["id"] for line in lines_of(journal, kind)) == [2, 4, 6]
     assert summary["handed_on"] == 3 and summary["amussels_lost"] == 0
-    felt = {line["id"] for line in second if line["kind"] == "truth" and line["docked"]}
+    felt = ids(second, "truth", docked=True)
     # One of them has felt its dock. Another may have come into one as the runs were told to end, one after the other.
-    known_ms = second[-1]["t"] - FELT_MS
-    docked = {it["agent"] for it in first if it["kind"] == "dock" and it["closed"] and it["t"] <= known_ms}
+    known_ms = lines_of(second)[-1]["t"] - FELT_MS
+    docked = {it["agent"] for it in lines_of(first, "dock") if it["closed"] and it["t"] <= known_ms}
     assert felt and felt <= {2, 4, 6} and docked & {2, 4, 6} <= felt
     assert [misrouted(summary["apads"][apad]) for apad in APADS] == [[], []]
-    assert [line.split(",")[0] for line in (run / "ends.csv").read_text().splitlines()[1:]] == list("123456")
+    assert ends_of(run) == list("123456")
 
 
 def test_two_share_one_sea_over_ros_and_end_in_order_without_it(tmp_path: Path) -> None:
