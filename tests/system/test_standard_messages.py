@@ -8,15 +8,13 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
 from graphs import echoed, served_pool
 from layout_topics import TYPES, named_topics
-from programs import MUSSELBED, Begin, begun, code_here, done, ended_well, line_of, lines_of, wait_until
+from programs import MUSSELBED, Begin, begun, done, ended_well, line_of, lines_of, wait_until
 from rosbags.highlevel import AnyReader
 from scenario_files import POOL_FILE
 
@@ -29,7 +27,6 @@ from apad_bridge.viewers.layouts.layout_content import layout_fleet
 
 pytestmark = pytest.mark.system
 HERE = Path(__file__).parent
-One = Callable[[str], dict[str, Any]]
 
 
 @pytest.fixture(scope="module")
@@ -46,65 +43,127 @@ def environment(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, 
     master.stop()
 
 
-@pytest.fixture
-def one(environment: dict[str, str]) -> One:
-    """The next message on a topic, as rostopic prints it."""
-
-    return partial(echoed, environment)
+def rounded(*values: float) -> list[float]:
+    return [round(it, 4) for it in values]
 
 
-def test_a_battery_and_a_fix(one: One) -> None:
-    battery = one("/amussel1/battery_state")
+def places(transforms: list[dict[str, Any]]) -> dict[str, tuple[str, list[float], list[float]]]:
+    """The parent, the place and the turn of each frame."""
+    return {
+        it["child_frame_id"]: (
+            it["header"]["frame_id"],
+            rounded(*it["transform"]["translation"].values()),
+            rounded(*it["transform"]["rotation"].values()),
+        )
+        for it in transforms
+    }
+
+
+def of_belief(it: dict[str, Any]) -> list[Any]:
+    charges = f"{it['charge']:.2f} {float(it['charge_deviation']):.2f}"
+    return [charges, it["north_deviation"], it["east_deviation"], it["learned_from"]]
+
+
+ENU, NO_TURN, RIGHT_ANGLE = "musselbed/enu", [0.0, 0.0, 0.0, 1.0], round(0.5**0.5, 4)
+SHOWN: dict[str, tuple[str, Callable[[dict[str, Any]], Any], Any]] = {
     # 75 % of the way from 3600 to 4200 mV
-    assert (battery["voltage"], battery["percentage"]) == pytest.approx((4.05, 0.75))
-    assert (battery["power_supply_status"], battery["location"]) == (2, "amussel1")
-    apad = one("/musselbed/apad/battery_state")
-    assert (apad["voltage"], apad["percentage"], apad["header"]["frame_id"]) == (15.0, 0.5, "apad1/base_link")
-    fix = one("/amussel1/fix")
+    "an aMussel's battery": (
+        "/amussel1/battery_state",
+        lambda it: [*rounded(it["voltage"], it["percentage"]), it["power_supply_status"], it["location"]],
+        [4.05, 0.75, 2, "amussel1"],
+    ),
+    "the aPad's battery": (
+        "/musselbed/apad/battery_state",
+        lambda it: (it["voltage"], it["percentage"], it["header"]["frame_id"]),
+        (15.0, 0.5, "apad1/base_link"),
+    ),
     # A degree of latitude is 111 111 m within 0.5 % there; one of longitude that times cos 43.93 degrees, 0.7202.
-    assert fix["latitude"] - 43.9330937 == pytest.approx(10 / 111_111, rel=0.005)
-    assert fix["longitude"] - 15.4443468 == pytest.approx(20 / (111_111 * 0.7202), rel=0.005)
+    "a fix": (
+        "/amussel1/fix",
+        lambda it: [
+            (it["latitude"] - 43.9330937) * 111_111,
+            (it["longitude"] - 15.4443468) * 111_111 * 0.7202,
+        ],
+        pytest.approx([10, 20], rel=0.005),
+    ),
     # Known variances, in the message's order: east, north, up.
-    assert one("/amussel3/fix")["position_covariance"] == [9.0, 0.5, 0.0, 0.5, 4.0, 0.0, 0.0, 0.0, 0.0]
+    "a fix with variances": (
+        "/amussel3/fix",
+        lambda it: it["position_covariance"],
+        [9.0, 0.5, 0.0, 0.5, 4.0, 0.0, 0.0, 0.0, 0.0],
+    ),
+    "how sure beliefs are": (
+        "/musselbed/beliefs",
+        lambda it: [(one["id"], of_belief(one)) for one in it["agents"]],
+        [(1, ["0.75 nan", "nan", "nan", 1]), (3, ["0.50 0.01", 2.0, 3.0, 3])],
+    ),
+    "within what a charge lies, and by what clock": (
+        "/musselbed/beliefs",
+        lambda it: [
+            *rounded(it["agents"][1]["charge_low"], it["agents"][1]["charge_high"]),
+            *(it["agents"][1]["mode_probabilities"][0], it["agents"][1]["clock_offset_ms"]),
+            it["agents"][0]["mode_probabilities"],
+        ],
+        [0.4804, 0.5196, 1.0, 250.0, []],
+    ),
+    "an ellipse of the sure one alone": (
+        "/musselbed/markers",
+        lambda it: [(m["id"], m["scale"]["x"] > 2 * 2.4 * 3) for m in it["markers"] if m["ns"] == "place_95"],
+        [(3, True)],
+    ),
+    "what a forecast foretells and what it cannot": (
+        "/musselbed/forecast",
+        lambda it: (
+            [it[f"{name}"] for name in ("next_pickup_s", "batch_full_s", "mission_end_s")]
+            + rounded(it["apad_fraction_at_end"])
+        ),
+        [200.0, "nan", 1860.0, 0.62],
+    ),
+    # Packets have a depth, positive down: 3 m. Nothing was heard of the depth of aMussel 3. North 1, east 2 is x 2, y 1;
+    # heading east is along x: no turn.
+    "frames with z up": (
+        "/tf",
+        lambda it: places(it["transforms"]),
+        {
+            "amussel1/base_link": (ENU, [20.0, 10.0, -3.0], NO_TURN),
+            "amussel3/base_link": (ENU, [20.0, 10.0, 0.0], NO_TURN),
+            "apad1/base_link": (ENU, [2.0, 1.0, 0.0], NO_TURN),
+        },
+    ),
+    "the frame with z down": (
+        "/tf_static",
+        lambda it: places(it["transforms"]),
+        {"musselbed/ned": (ENU, [0.0] * 3, [RIGHT_ANGLE, RIGHT_ANGLE, 0.0, 0.0])},
+    ),
+    "the plan from the aPad to its aMussel": (
+        "/musselbed/plan",
+        lambda it: [list(one["pose"]["position"].values()) for one in it["poses"]],
+        [[2.0, 1.0, 0.0], [20.0, 10.0, 0.0]],
+    ),
+    "the aPad's way": ("/musselbed/apad/path", lambda it: bool(it["poses"]), True),
+    "who is silent, and who wants charging": (
+        "/diagnostics",
+        lambda it: (
+            {
+                one["name"].removeprefix("musselbed: "): (one["level"], one["message"])
+                for one in it["status"]
+            }.items()
+            >= {
+                "aMussel 1": (1, "wants charging: 75 %"),
+                "aMussel 2": (3, "no report yet"),
+            }.items()
+            and {one["name"]: one["level"] for one in it["status"]}["musselbed: aPad"] == 0
+        ),
+        True,
+    ),
+}
+"""What is read in the next message on a topic, as rostopic prints it."""
 
 
-def test_how_sure_beliefs_are_and_what_a_forecast_cannot_foretell(one: One) -> None:
-    first, sure = one("/musselbed/beliefs")["agents"]
-    assert (first["id"], first["charge"], first["mode_probabilities"]) == (1, 0.75, [])
-    assert (first["charge_deviation"], first["north_deviation"]) == ("nan", "nan")
-    assert (sure["id"], sure["north_deviation"], sure["east_deviation"]) == (3, 2.0, 3.0)
-    assert (sure["charge_low"], sure["charge_high"]) == pytest.approx((0.4804, 0.5196), abs=1e-4)
-    assert (sure["mode_probabilities"][0], sure["clock_offset_ms"], sure["learned_from"]) == (1.0, 250.0, 3)
-    marked = [it for it in one("/musselbed/markers")["markers"] if it["ns"] == "place_95"]
-    assert [it["id"] for it in marked] == [3] and marked[0]["scale"]["x"] > 2 * 2.4 * 3
-    told = one("/musselbed/forecast")
-    assert (told["next_pickup_s"], told["batch_full_s"]) == (200.0, "nan")
-    assert (told["mission_end_s"], told["apad_fraction_at_end"]) == (1860.0, 0.62)
-
-
-def test_frames_have_z_up_and_the_plan_leads_from_the_aPad_to_its_aMussel(one: One) -> None:
-    transforms = {it["child_frame_id"]: it for it in one("/tf")["transforms"]}
-    assert transforms.keys() == {"amussel1/base_link", "amussel3/base_link", "apad1/base_link"}
-    # Packets have a depth, positive down: 3 m. Nothing was heard of the depth of aMussel 3.
-    depths = {name: it["transform"]["translation"]["z"] for name, it in transforms.items()}
-    assert (depths["amussel1/base_link"], depths["amussel3/base_link"]) == (-3.0, 0.0)
-    apad = transforms["apad1/base_link"]
-    assert apad["header"]["frame_id"] == "musselbed/enu"
-    # North 1, east 2 is x 2, y 1; heading east is along x: no turn.
-    assert apad["transform"]["translation"] == {"x": 2.0, "y": 1.0, "z": 0.0}
-    assert apad["transform"]["rotation"] == pytest.approx({"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0})
-    (ned,) = one("/tf_static")["transforms"]
-    assert ned["child_frame_id"] == "musselbed/ned"
-    points = [it["pose"]["position"] for it in one("/musselbed/plan")["poses"]]
-    assert points == [{"x": 2.0, "y": 1.0, "z": 0.0}, {"x": 20.0, "y": 10.0, "z": 0.0}]
-    assert one("/musselbed/apad/path")["poses"]
-
-
-def test_diagnostics_name_who_is_silent_and_who_wants_charging(one: One) -> None:
-    told = {it["name"]: (it["level"], it["message"]) for it in one("/diagnostics")["status"]}
-    assert told["musselbed: aMussel 1"] == (1, "wants charging: 75 %")
-    assert told["musselbed: aMussel 2"] == (3, "no report yet")
-    assert told["musselbed: mission"][1] == "idle wait" and told["musselbed: aPad"][0] == 0
+@pytest.mark.parametrize("name", SHOWN)
+def test_ros_tools_read(name: str, environment: dict[str, str]) -> None:
+    topic, read, wanted = SHOWN[name]
+    assert read(echoed(environment, topic)) == wanted
 
 
 def frames_in(message: Any) -> Iterator[str]:
@@ -162,32 +221,6 @@ def test_tf_has_every_frame_that_a_flight_or_its_bag_names(
             while root in parents:
                 root = parents[root]
             assert root == world, f"{topic} names {name}"
-
-
-def test_what_two_rosbags_recorded_becomes_one_bag(
-    environment: dict[str, str], tmp_path: Path, begin: Begin, capsys: pytest.CaptureFixture[str]
-) -> None:
-    bags = [tmp_path / "apad.bag", tmp_path / "station.bag"]
-    topics = {"/diagnostics": "diagnostic_msgs/DiagnosticArray", "/musselbed/plan": "nav_msgs/Path"}
-    record = ("/usr/bin/rosbag", "record", "--limit", 50, *topics, "-O")
-    for it in [begin(*record, bag, env=environment) for bag in bags]:
-        ended_well(it)
-
-    def info(bag: Path) -> Any:
-        return yaml.safe_load(done("/usr/bin/rosbag", "info", "--yaml", bag, env=environment).stdout)
-
-    assert {it["topic"]: (it["type"], it["messages"]) for it in info(bags[0])["topics"]} == {
-        topic: (kind, 50) for topic, kind in topics.items()
-    }
-    out = tmp_path / "whole.bag"
-    assert code_here("logs", "merge", *bags, "--out", out, "--json") == 0
-    told = json.loads(capsys.readouterr().out)
-    (clock,) = told["clock"]
-    assert abs(clock["offset_s"]) < 0.5  # one machine, one clock
-    messages = told["messages"]
-    assert messages["both"] > 0
-    assert messages["merged"] == messages["first"] + messages["second"] - messages["both"]
-    assert info(out)["messages"] == messages["merged"]
 
 
 def test_layouts_name_topics_that_are_there(environment: dict[str, str]) -> None:
