@@ -73,33 +73,29 @@ def test_without_root_or_sudo_it_names_what_is_missing(lacking: Path) -> None:
 
 def test_without_network_or_package_it_updates_once_and_names_what_is_missing(lacking: Path) -> None:
     """Only what is missing is asked for, and from the lists at hand first."""
+    asked = "install --yes --no-install-recommends python3-actionlib rosbash"
     noted = f'echo "$DEBIAN_FRONTEND $*" >>{lacking}/calls; echo "E: no network"; exit 100'
     replace(lacking, "apt-get", noted)
     (line,) = run_install(lacking, 1).stderr.splitlines()
     assert "is there a network?" in line
     assert "apt-get install --no-install-recommends python3-actionlib rosbash " in line
     calls = (lacking / "calls").read_text().splitlines()
+    assert calls[0].endswith(asked) and all(call.startswith("noninteractive ") for call in calls)
     assert [call.split()[4] for call in calls] == ["install", "update"]
-    assert all(call.startswith("noninteractive ") for call in calls)
-    assert calls[0].endswith("install --yes --no-install-recommends python3-actionlib rosbash")
-    log = Path(line.rsplit("its log: ", 1)[1].rstrip(")\n"))
-    assert "E: no network" in log.read_text()
+    assert "E: no network" in Path(line.rsplit("its log: ", 1)[1].rstrip(")\n")).read_text()
     replace(lacking, "apt-get", 'echo "E: Unable to locate package python3-actionlib"; exit 100')
     (line,) = run_install(lacking, 1).stderr.splitlines()
     assert re.search(r"no list of packages of \w+ \S+, \w+ has python3-actionlib\)", line)
 
 
-def test_a_machine_without_debians_tools_is_told_so(programs: Path) -> None:
+def test_a_machine_without_debians_tools_is_told_so_and_an_unknown_option_is_refused(programs: Path) -> None:
+    told = run_install(programs, 2, INSTALL, "--tests").stderr
+    assert told == "use: launch_scripts/install [--mu | --test | --ros2]\n"
     for name in ("dirname", "flock", "mktemp", "rm"):
         (programs / name).symlink_to(f"/usr/bin/{name}")
     environment = {"PATH": str(programs), "TMPDIR": str(programs.parent)}
     told = done("/bin/bash", INSTALL, env=environment, code=1).stderr
     assert told == "musselbed: Debian 12 or 13 is needed: this machine has no dpkg-query\n"
-
-
-def test_an_unknown_option_is_refused(programs: Path) -> None:
-    told = run_install(programs, 2, INSTALL, "--tests").stderr
-    assert told == "use: launch_scripts/install [--mu | --test | --ros2]\n"
 
 
 @pytest.mark.skipif(Path(sys.prefix) != ROOT / ".venv", reason="these tests do not run in an installed .venv")
@@ -219,22 +215,20 @@ def stamped(clone: Path) -> None:
     (clone / ".venv/share/musselbed/installed").write_text(f"{clone} {version}\nof an older install\n")
 
 
-@pytest.fixture
-def index(tmp_path: Path) -> Path:
-    """The folder of a package index that has tinypart 1.0, which needs a package otherpart."""
-    files = tmp_path / "index" / "simple" / "tinypart"
-    files.mkdir(parents=True)
-    with zipfile.ZipFile(files / "tinypart-1.0-py3-none-any.whl", "w") as wheel:
-        wheel.writestr("tinypart.py", "")
-        wheel.writestr(
-            "tinypart-1.0.dist-info/METADATA",
-            "Metadata-Version: 2.1\nName: tinypart\nVersion: 1.0\nRequires-Dist: otherpart\n",
-        )
-        wheel.writestr(
-            "tinypart-1.0.dist-info/WHEEL", "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n"
-        )
-        wheel.writestr("tinypart-1.0.dist-info/RECORD", "")
-    return tmp_path / "index"
+def write_wheel(index: Path, name: str, needs: str = "") -> bytes:
+    """A package of version 1.0 in an index, and its bytes."""
+    info, file = f"{name}-1.0.dist-info", index / "simple" / name / f"{name}-1.0-py3-none-any.whl"
+    file.parent.mkdir(parents=True)
+    parts = {
+        f"{name}.py": "",
+        f"{info}/METADATA": f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n{needs}",
+        f"{info}/WHEEL": "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n",
+        f"{info}/RECORD": "",
+    }
+    with zipfile.ZipFile(file, "w") as wheel:
+        for part, text in parts.items():
+            wheel.writestr(part, text)
+    return file.read_bytes()
 
 
 @contextmanager
@@ -248,19 +242,16 @@ def served(index: Path, certificate: Path | None = None) -> Iterator[int]:
 
 def pin(clone: Path, hash_of: bytes) -> None:
     """Pins tinypart for Debian's Python by the hash of these bytes."""
-    python = done(
-        "/usr/bin/python3", "-c", "import sys; print('{}.{}'.format(*sys.version_info))"
-    ).stdout.strip()
-    folder = clone / "launch_scripts" / "requirements" / python
+    shown = "import sys; print('{}.{}'.format(*sys.version_info))"
+    folder = clone / "launch_scripts" / "requirements" / done("/usr/bin/python3", "-c", shown).stdout.strip()
     folder.mkdir(exist_ok=True)
     (folder / "run.txt").write_text(f"tinypart==1.0 --hash=sha256:{sha256(hash_of).hexdigest()}\n")
 
 
 def install_from(index: str, clone: Path, programs: Path, **variables: str) -> str:
     """What an installation from an index prints; it ends with one line of an error."""
-    kept = {name: value for name, value in os.environ.items() if not name.startswith("PIP_")}
-    # requests, within pip, prefers these to PIP_CERT.
-    kept = {name: value for name, value in kept.items() if not name.endswith("_CA_BUNDLE")}
+    # requests, within pip, prefers the bundles to PIP_CERT.
+    kept = {it: value for it, value in os.environ.items() if not re.match("PIP_|.*_CA_BUNDLE$", it)}
     environment = kept | {
         "PATH": f"{programs}:/usr/bin:/bin",
         "TMPDIR": str(programs.parent),
@@ -277,69 +268,79 @@ def install_from(index: str, clone: Path, programs: Path, **variables: str) -> s
     return ended.stdout + line
 
 
-def test_a_file_that_is_not_the_pinned_one_is_called_that(clone: Path, programs: Path, index: Path) -> None:
-    pin(clone, b"another file")
-    with served(index) as port:
-        line = install_from(f"http://127.0.0.1:{port}/simple", clone, programs)
-    assert "the file of tinypart==1.0 is not the one pinned in launch_scripts/requirements/" in line
-    assert "do not trust the index" in line
+TLS, CLEAR = "https://localhost:PORT/simple", "http://127.0.0.1:PORT/simple"
+UNTRUSTED = r"the certificate of localhost:\d+ is not trusted \(self-signed certificate\).*set PIP_CERT"
+UNPINNED = (
+    r"no versions are pinned for Python 3\.\d+ on riscv64: the newest within the bounds.*"
+    r"the package index has no file of setuptools\S* for Python 3\.\d+ on riscv64"
+)
+FAULTS: dict[str, tuple[str, str, dict[str, str], str]] = {
+    "another file than the pinned one": (
+        "another file",
+        CLEAR,
+        {},
+        "the file of tinypart==1.0 is not the one pinned in launch_scripts/requirements/.*do not trust the index",
+    ),
+    "a package without a pin is no tampering": (
+        "the wheel",
+        CLEAR,
+        {},
+        "run.txt does not pin otherpart, which another one needs(?!.*trust)",
+    ),
+    "a certificate that is not trusted": ("another file", TLS, {}, UNTRUSTED),
+    "with the remedy that the line names": (
+        "another file",
+        TLS,
+        {"PIP_CERT": "server.crt"},
+        "is not the one pinned",
+    ),
+    "where that would be no remedy": (
+        "another file",
+        TLS,
+        {"PIP_CERT": "server.crt", "REQUESTS_CA_BUNDLE": "other.crt"},
+        "set REQUESTS_CA_BUNDLE to its certificate",
+    ),
+    "nobody serves": ("another file", "http://127.0.0.1:9/simple", {}, "127.0.0.1:9 refuses connections"),
+    "no such machine": (
+        "another file",
+        "https://index.invalid/simple",
+        {},
+        r"index.invalid cannot be reached: is there a network\?",
+    ),
+    "a processor without pins takes what the bounds allow": (
+        "another file",
+        CLEAR,
+        {"MACHINE": "riscv64"},
+        f"(?s)^(?!.*trust).*{UNPINNED}",
+    ),
+}
+"""What is pinned, the index, variables of the shell, and what is said."""
 
 
-def test_a_package_without_a_pin_is_no_tampering(clone: Path, programs: Path, index: Path) -> None:
-    pin(clone, (index / "simple/tinypart/tinypart-1.0-py3-none-any.whl").read_bytes())
-    (index / "simple/otherpart").mkdir()
-    with zipfile.ZipFile(index / "simple/otherpart/otherpart-1.0-py3-none-any.whl", "w") as wheel:
-        wheel.writestr(
-            "otherpart-1.0.dist-info/METADATA", "Metadata-Version: 2.1\nName: otherpart\nVersion: 1.0\n"
-        )
-    with served(index) as port:
-        line = install_from(f"http://127.0.0.1:{port}/simple", clone, programs)
-    assert "run.txt does not pin otherpart, which another one needs" in line
-    assert "trust" not in line
-
-
-def test_a_certificate_that_is_not_trusted_is_named(clone: Path, programs: Path, index: Path) -> None:
-    pin(clone, b"")
-    certificate, other = index / "server.crt", index / "other.crt"
+@pytest.fixture(scope="module")
+def index(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a package index that has tinypart 1.0, which needs otherpart; and two certificates."""
+    folder = tmp_path_factory.mktemp("index")
+    (folder / "the wheel").write_bytes(write_wheel(folder, "tinypart", "Requires-Dist: otherpart\n"))
+    (folder / "another file").touch()
+    write_wheel(folder, "otherpart")
     request = "openssl req -x509 -newkey rsa:2048 -nodes -days 2 -subj /CN=localhost -addext subjectAltName=DNS:localhost"
-    for it in (certificate, other):
-        done(*request.split(), "-out", it, "-keyout", it.with_suffix(".key"))
-    with served(index, certificate) as port:
-        address = f"https://localhost:{port}/simple"
-        line = install_from(address, clone, programs)
-        assert f"the certificate of localhost:{port} is not trusted (self-signed certificate)" in line
-        assert "set PIP_CERT" in line
-        # The remedy that the line names.
-        assert "is not the one pinned" in install_from(address, clone, programs, PIP_CERT=str(certificate))
-        # With REQUESTS_CA_BUNDLE it would be none.
-        elsewhere = {"PIP_CERT": str(certificate), "REQUESTS_CA_BUNDLE": str(other)}
-        assert "set REQUESTS_CA_BUNDLE to its certificate" in install_from(
-            address, clone, programs, **elsewhere
-        )
+    for it in ("server", "other"):
+        done(*request.split(), "-out", folder / f"{it}.crt", "-keyout", folder / f"{it}.key")
+    return folder
 
 
-def test_an_index_that_cannot_be_reached_is_named(clone: Path, programs: Path, index: Path) -> None:
-    pin(clone, b"")
-    with served(index) as port:
-        pass
-    line = install_from(f"http://127.0.0.1:{port}/simple", clone, programs)
-    assert f"127.0.0.1:{port} refuses connections" in line
-    line = install_from("https://index.invalid/simple", clone, programs)
-    assert "index.invalid cannot be reached: is there a network?" in line
-
-
-def test_a_processor_without_pins_takes_what_the_bounds_allow(
-    clone: Path, programs: Path, index: Path
+@pytest.mark.parametrize("name", FAULTS)
+def test_an_index_from_which_nothing_can_be_installed_is_named(
+    name: str, clone: Path, programs: Path, index: Path
 ) -> None:
-    pin(clone, b"another file")
-    replace(programs, "uname", "echo riscv64")
-    with served(index) as port:
-        printed = install_from(f"http://127.0.0.1:{port}/simple", clone, programs)
-    assert re.search(
-        r"no versions are pinned for Python 3\.\d+ on riscv64: the newest within the bounds", printed
-    )
-    assert re.search(r"the package index has no file of setuptools\S* for Python 3\.\d+ on riscv64", printed)
-    assert "trust" not in printed
+    pinned, address, variables, said = FAULTS[name]
+    pin(clone, (index / pinned).read_bytes())
+    replace(programs, "uname", 'echo "${MACHINE:-x86_64}"')
+    variables = {it: str(index / value) if "." in value else value for it, value in variables.items()}
+    with served(index, index / "server.crt" if address == TLS else None) as port:
+        printed = install_from(address.replace("PORT", str(port)), clone, programs, **variables)
+    assert re.search(said, printed), printed
 
 
 def test_an_environment_of_an_older_install_is_mended_and_keeps_the_users_packages(

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from fleets import KILL, PAPER, Story, deaths, fly, heard
 from native_boards import compiled
-from programs import code_here, musselbed
+from programs import code_here
 from serial_rigs import SerialRig, compiled_for_serial
 
 from agents.coordinator import Coordinator
@@ -88,12 +88,6 @@ def test_a_board_that_resets_boots_and_one_whose_cable_stays_out_stays_dead_and_
     assert (gone.agent_id, gone.reason) == (SERIAL, "its firmware hung; see nursery.log")
     assert gone.gave_up is not None
     assert set(heard(clock.advance(900_000))) == {OURS, C}
-
-
-def test_a_real_board_runs_as_a_program_does(programs: tuple[Path, Path], rig: SerialRig) -> None:
-    """It answers each turn at once, so hours of its time take seconds."""
-    shown = [musselbed("mu", "run", it).stdout for it in (programs[0], f"serial:{rig.device}")]
-    assert shown[0] == shown[1]
 
 
 @pytest.mark.parametrize(("is_whole", "cases"), [(False, CASES[::5]), (True, WHOLE_CASES[::12])])
