@@ -103,9 +103,10 @@ def test_a_sensor_of_a_package_is_flown_and_its_runs_need_it(
     (tmp_path / "pool-12.csv").write_text(POOL.with_suffix(".csv").read_text())
     # Its first batch is collected early, so that samples come ashore.
     whole = WHOLE.read_text().replace("pool_threshold: 0.6", "pool_threshold: 0.95")
-    (tmp_path / "whole.yaml").write_text(whole.replace("duration_s: 2400", "duration_s: 20"))
+    assert whole.count("duration_s: 14400") == 1
+    (tmp_path / "whole.yaml").write_text(whole.replace("duration_s: 14400", "duration_s: 20"))
     salty = "water: {fields: {salinity_psu: [[0, 10], [3, 30]]}}\n"
-    (tmp_path / "salty.yaml").write_text(whole.replace("duration_s: 2400", "duration_s: 520") + salty)
+    (tmp_path / "salty.yaml").write_text(whole.replace("duration_s: 14400", "duration_s: 520") + salty)
     before, prefix = tmp_path / "before/scenario.yaml", Path(environment["PATH"].rpartition(":")[2]).parent
 
     def module() -> Path:
