@@ -27,8 +27,8 @@ class Orders:
     hold_tries = 3
 
     def __init__(self) -> None:
-        self.taken: list[str] = []
         self.tried: list[str] = []
+        """Each order; one that was not taken has a question mark."""
         self.refuses: Exception | None = None
         self.is_told = self.is_cut = self.keeps_place = False
 
@@ -45,10 +45,9 @@ class Orders:
         self._take("off")
 
     def _take(self, order: str) -> None:
-        self.tried.append(order)
+        self.tried.append(order if self.refuses is None else f"{order}?")
         if self.refuses is not None:
             raise self.refuses
-        self.taken.append(order)
 
 
 @dataclass
@@ -74,10 +73,12 @@ class Position:
 class Vessel:
     """The watchdog of an aPad that tells its position each beat, and of a bench that sends a heartbeat each second."""
 
-    def __init__(self, home: Any = None, corners: Any = None, pilot: Any = None) -> None:
-        self.orders, self.said = Orders(), list[str]()
-        check = WATCHDOG.PositionCheck(10.0, 2.0)
-        self.watchdog = WATCHDOG.Watchdog(self.orders, check, 5.0, home, self.said.append, pilot, corners)
+    def __init__(self, home: Any = None, corners: Any = None, silence_s: float = 5.0) -> None:
+        self.orders, self.said, self.pilots_nodes = Orders(), list[str](), [1]
+        check, flag = WATCHDOG.PositionCheck(10.0, 2.0), WATCHDOG.PilotFlag(lambda: len(self.pilots_nodes))
+        self.watchdog = WATCHDOG.Watchdog(
+            self.orders, check, silence_s, home, self.said.append, flag, corners
+        )
         self.position: Position | None = Position()
         self.each_beat: Callable[[], None] = lambda: None
         self.age_s: float | None = 0.1
@@ -101,133 +102,367 @@ class Vessel:
                 self.watchdog._call.join(10)
         return self
 
-    def pilot(self, steers: bool) -> None:
-        self.watchdog.hear_pilot(SimpleNamespace(data=steers))
-
-    @property
-    def state(self) -> str:
-        return str(self.watchdog.state)
-
-    @property
-    def taken(self) -> list[str]:
-        return self.orders.taken
+    def shown(self, act: Act) -> str:
+        """The watchdog's state after an act, and what was ordered in it."""
+        before = len(self.orders.tried)
+        said = act(self)
+        counted = ((order, len(list(same))) for order, same in itertools.groupby(self.orders.tried[before:]))
+        orders = ", ".join(order if count == 1 else f"{count} x {order}" for order, count in counted)
+        return said if isinstance(said, str) else f"{self.watchdog.state}: {orders}".removesuffix(": ")
 
 
-def watched(**made: Any) -> Vessel:
-    vessel = Vessel(**made).seconds(20)
-    assert vessel.state == "WATCHING" and not vessel.orders.tried
-    return vessel
+Act = Callable[[Vessel], Any]
 
 
-@pytest.fixture
-def new() -> Vessel:
-    return Vessel()
+def passes(seconds: float, act: Act = lambda it: None, **changes: Any) -> Act:
+    """So much time passes, after an act and with these attributes from now on."""
+    return lambda it: (act(it), it.seconds(seconds, **changes))
 
 
-def test_it_waits_watches_and_holds_once_when_the_heartbeat_ends(new: Vessel) -> None:
-    assert new.seconds(60, age_s=None).state == "WAITING" and not new.orders.tried
-    assert new.seconds(60, age_s=0.5).state == "WATCHING" and not new.orders.tried
-    assert new.seconds(60, age_s=None).state == "HELD" and new.orders.tried == ["hold 10 10"]
+def silence(seconds: float, act: Act = lambda it: None, **changes: Any) -> Act:
+    """The bench is silent for so long."""
+    return passes(seconds, act, age_s=None, **changes)
 
 
-def test_a_watchdog_that_was_started_while_the_bench_is_silent_orders_nothing_whatever_happens(
-    new: Vessel,
-) -> None:
-    new.seconds(30, age_s=None)
-    new.seconds(30, position=Position(north_m=500.0))
-    assert new.seconds(600, position=None).state == "WAITING" and not new.orders.tried
+def pilot(*, steers: bool) -> Act:
+    return lambda it: it.watchdog.hear_pilot(SimpleNamespace(data=steers))
 
 
-@pytest.mark.parametrize("age_s", [3.1, math.inf, -math.inf, -0.5])
-def test_a_bench_that_has_no_fresh_position_counts_as_silent(age_s: float) -> None:
-    assert watched().seconds(8, age_s=age_s).state == "HELD"
+def charge(percent: float) -> Act:
+    return lambda it: it.watchdog.hear_battery(SimpleNamespace(data=percent))
 
 
-@pytest.fixture
-def vessel() -> Vessel:
-    return watched()
+def newest_line(vessel: Vessel) -> str:
+    return vessel.said[-1]
 
 
-def test_a_bench_that_does_not_trust_the_position_makes_it_a_bad_one(vessel: Vessel) -> None:
-    assert vessel.seconds(8, age_s=math.nan).state == "OFF" and vessel.taken == ["off"]
+def fault(vessel: Vessel) -> str:
+    return str(vessel.watchdog._position.fault())
 
 
-def test_after_an_off_of_the_bench_a_silence_means_off_too(vessel: Vessel) -> None:
-    assert vessel.seconds(60, age_s=-1.0).state == "WATCHING" and not vessel.orders.tried
-    assert vessel.seconds(60, age_s=None).state == "OFF" and vessel.taken == ["off"]
-    vessel.age_s = 0.1  # a person has continued
-    vessel.seconds(10)
-    assert vessel.seconds(8, age_s=None).state == "HELD" and vessel.taken == ["off", "hold 10 10"]
+def refused(text: str = "no", **how: bool) -> dict[str, Any]:
+    return {"refuses": WATCHDOG.NotTaken(text, **how)}
 
 
-@pytest.mark.parametrize("held_back_s", [2, 4])
-def test_a_heartbeat_that_was_held_back_does_not_end_an_off(vessel: Vessel, held_back_s: int) -> None:
-    """Of two connections one may bring what the bench sent before its OFF, when the other has told of the OFF."""
-    vessel.seconds(3, age_s=-1.0)
-    vessel.seconds(held_back_s, age_s=0.1)
-    assert vessel.seconds(60, age_s=None).state == "OFF" and vessel.taken == ["off"]
+def burst(vessel: Vessel) -> None:
+    for _ in range(50):
+        vessel.watchdog.hear_heartbeat(SimpleNamespace(data=0.1))
 
 
-def test_a_way_that_somebody_ended_in_the_silence_is_not_followed_by_a_hold(vessel: Vessel) -> None:
-    """Over a poor link a person's OFF arrives, and the heartbeats that would tell of it do not."""
-    vessel.seconds(3, age_s=None)
-    assert vessel.seconds(60, is_cut=True).state == "OFF" and set(vessel.taken) == {"off"}
-    assert "somebody ended its way in the silence" in vessel.said[-1]
+def way_to_28_m(vessel: Vessel) -> None:
+    for north_m in range(10, 30):
+        vessel.seconds(1, position=Position(float(north_m), speed_m_s=1.0), is_told=True)
 
 
-def test_a_way_that_ended_before_a_heartbeat_is_judged_by_the_heartbeat(vessel: Vessel) -> None:
-    vessel.seconds(6, is_cut=True)
-    assert vessel.seconds(30, age_s=None).state == "HELD" and set(vessel.taken) == {"hold 10 10"}
+def unstamped(vessel: Vessel) -> None:
+    vessel.each_beat = lambda: setattr(vessel, "position", Position(late_s=vessel._beats * WATCHDOG.BEAT_S))
 
 
-@pytest.mark.parametrize("held_back_s", [3, 4])
-def test_a_heartbeat_that_was_sent_before_an_off_does_not_excuse_the_end_of_the_way(
-    vessel: Vessel, held_back_s: int
-) -> None:
-    """The OFF overtook it. A link that holds heartbeats back for longer than a silence has led to OFF before."""
-    vessel.seconds(held_back_s, is_cut=True)
-    assert vessel.seconds(30, age_s=None).state == "OFF" and set(vessel.taken) == {"off"}
+def vanished(vessel: Vessel) -> None:
+    vessel.position = None
 
 
-def test_a_short_silence_does_not_shorten_the_time_for_which_the_other_connection_may_hold_one_back() -> None:
-    vessel = watched()
-    vessel.watchdog._silence_s = 2.0
-    vessel.seconds(3, age_s=-1.0)
-    vessel.seconds(2.5, age_s=0.1)
-    assert vessel.seconds(60, age_s=None).state == "OFF" and vessel.taken == ["off"]
+def home(place: tuple[float, float] = (30.0, 10.0), after_s: float = 60.0) -> Any:
+    return WATCHDOG.Home(place, after_s, SQUARE, 30.0, 0.5)
 
 
-@pytest.fixture
-def with_home() -> Vessel:
-    return watched(home=home())
+WATCHES, AWAY, HOME = (passes(20), "WATCHING"), Position(60.0), {"home": home()}
+LOW = "its charge is not known, or below 30 %"
+SCENES: dict[str, tuple[dict[str, Any], list[tuple[Act, str]]]] = {
+    "it waits, watches, and holds once when the heartbeat ends": (
+        {},
+        [(silence(60), "WAITING"), (passes(60, age_s=0.5), "WATCHING"), (silence(60), "HELD: hold 10 10")],
+    ),
+    "one that was started while the bench is silent orders nothing whatever happens": (
+        {},
+        [
+            (silence(30), "WAITING"),
+            (silence(30, position=Position(500.0)), "WAITING"),
+            (silence(600, position=None), "WAITING"),
+        ],
+    ),
+    **{
+        f"a bench whose position is {age_s} s old counts as silent": (
+            {},
+            [WATCHES, (passes(8, age_s=age_s), "HELD: hold 10 10")],
+        )
+        for age_s in (3.1, math.inf, -math.inf, -0.5)
+    },
+    "a bench that does not trust the position makes it a bad one": (
+        {},
+        [WATCHES, (passes(8, age_s=math.nan), "OFF: off")],
+    ),
+    "after an off of the bench a silence means off too, until a person has continued": (
+        {},
+        [
+            WATCHES,
+            (passes(60, age_s=-1.0), "WATCHING"),
+            (silence(60), "OFF: off"),
+            (passes(10, age_s=0.1), "WATCHING"),
+            (silence(8), "HELD: hold 10 10"),
+        ],
+    ),
+    # Of two connections one may bring what the bench sent before its OFF, when the other has told of the OFF.
+    **{
+        f"heartbeats of {held_back_s} s that were held back do not end an off": (
+            {},
+            [
+                WATCHES,
+                (passes(3, age_s=-1.0), "WATCHING"),
+                (passes(held_back_s, age_s=0.1), "WATCHING"),
+                (silence(60), "OFF: off"),
+            ],
+        )
+        for held_back_s in (2, 4)
+    },
+    "a short silence does not shorten the time for which the other connection may hold one back": (
+        {"silence_s": 2.0},
+        [
+            WATCHES,
+            (passes(3, age_s=-1.0), "WATCHING"),
+            (passes(2.5, age_s=0.1), "WATCHING"),
+            (silence(60), "OFF: off"),
+        ],
+    ),
+    # Over a poor link a person's OFF arrives, and the heartbeats that would tell of it do not.
+    "a way that somebody ended in the silence is not followed by a hold": (
+        {},
+        [
+            WATCHES,
+            (silence(3), "WATCHING"),
+            (silence(60, is_cut=True), "OFF: off"),
+            (newest_line, "OFF: somebody ended its way in the silence"),
+        ],
+    ),
+    "a way that ended before a heartbeat is judged by the heartbeat": (
+        {},
+        [WATCHES, (passes(6, is_cut=True), "WATCHING"), (silence(30), "HELD: hold 10 10")],
+    ),
+    # The OFF overtook it. A link that holds heartbeats back for longer than a silence has led to OFF before.
+    **{
+        f"heartbeats of {held_back_s} s from before an off do not excuse the end of the way": (
+            {},
+            [WATCHES, (passes(held_back_s, is_cut=True), "WATCHING"), (silence(30), "OFF: off")],
+        )
+        for held_back_s in (3, 4)
+    },
+    # It may be off: the thrusters must not turn because heartbeats are lost.
+    "an aPad that keeps its place by itself is left as it is": (
+        HOME,
+        [WATCHES, (silence(900, keeps_place=True), "LEFT"), (passes(3, age_s=0.1), "WATCHING")],
+    ),
+    "one that was left is stopped when it sets out": (
+        {},
+        [
+            WATCHES,
+            (silence(8, keeps_place=True), "LEFT"),
+            (silence(3, keeps_place=False, is_told=True), "HELD: hold 10 10"),
+        ],
+    ),
+    "one that was left is off when its position turns bad": (
+        {},
+        [WATCHES, (silence(8, keeps_place=True), "LEFT"), (silence(3, position=AWAY), "OFF: off")],
+    ),
+    "the watchdog's own hold is not somebody's end of a way": (
+        {},
+        [WATCHES, (silence(8), "HELD: hold 10 10"), (silence(30, is_cut=True), "HELD")],
+    ),
+    "an off after the watchdog's own hold keeps it from going home": (
+        HOME,
+        [
+            (passes(20, charge(80.0)), "WATCHING"),
+            (silence(6), "HELD: hold 10 10"),
+            (silence(30, is_cut=True), "HELD"),
+            (lambda it: str(it.orders.is_cut), "False"),  # it was by the watchdog's own hold
+            (silence(120, is_cut=True), "HELD"),
+            (newest_line, "not ordered yet: somebody ended its hold in the silence"),
+        ],
+    ),
+    "an off on the way home is not followed by a hold": (
+        HOME,
+        [
+            (passes(20, charge(80.0)), "WATCHING"),
+            (silence(75), "HOMEWARD: hold 10 10, go 30 10"),
+            (silence(3, is_cut=True), "OFF: off"),
+        ],
+    ),
+    "a heartbeat of an off trusts no position": (
+        {},
+        [
+            WATCHES,
+            (passes(60, age_s=-1.0, position=AWAY), "WATCHING"),
+            (fault, "the aPad's position has jumped"),
+            (passes(5, age_s=0.1), "WATCHING"),
+            (fault, ""),
+        ],
+    ),
+    "what is not taken is ordered again each second": (
+        {},
+        [
+            WATCHES,
+            (silence(15, hold_tries=60, **refused("not now")), "SILENT: 11 x hold 10 10?"),
+            (newest_line, "not ordered yet: not now"),
+            (silence(2, refuses=None), "HELD: hold 10 10"),
+        ],
+    ),
+    "a hold that nobody takes three times gives way to off": (
+        {},
+        [
+            WATCHES,
+            (silence(14, **refused()), "SILENT: 3 x hold 10 10?, 7 x off?"),
+            (silence(2, refuses=None), "OFF: off"),
+        ],
+    ),
+    "a hold that is refused once gives way to off": (
+        {},
+        [
+            WATCHES,
+            (silence(14, **refused(is_refused=True)), "SILENT: hold 10 10?, 9 x off?"),
+            (silence(2, refuses=None), "OFF: off"),
+        ],
+    ),
+    # The old one may be carried out later than the first that is taken.
+    "after an order that nobody answered the newest is given twice": (
+        {},
+        [
+            WATCHES,
+            (silence(6, **refused(is_late=True)), "SILENT: 2 x hold 10 10?"),
+            (silence(1, refuses=None), "SILENT: hold 10 10"),
+            (silence(1, position=Position(11.0)), "HELD: hold 11 10"),
+        ],
+    ),
+    "three heartbeats and not a burst of old ones end a silence": (
+        {},
+        [
+            WATCHES,
+            (silence(10), "HELD: hold 10 10"),
+            (silence(10, burst), "HELD"),
+            (passes(3, age_s=0.1), "WATCHING"),
+        ],
+    ),
+    "it tells beforehand that a silence would mean off": (
+        {},
+        [
+            WATCHES,
+            (passes(5, position=AWAY), "WATCHING"),
+            (newest_line, "a silence would mean OFF: the aPad's position has jumped"),
+            (passes(10), "WATCHING"),
+            (newest_line, "a silence would mean HOLD"),
+        ],
+    ),
+    "nothing is ordered while heartbeats come again": (
+        {},
+        [
+            WATCHES,
+            (silence(6, **refused()), "SILENT: 2 x hold 10 10?"),
+            (passes(10, refuses=None, age_s=0.1), "WATCHING"),
+        ],
+    ),
+    "a jump just before the silence is not forgotten with a heartbeat that was under way": (
+        {},
+        [WATCHES, (passes(1, position=AWAY), "WATCHING"), (silence(8), "OFF: off")],
+    ),
+    "a jump that the bench has trusted is forgotten": (
+        {},
+        [WATCHES, (passes(15, position=AWAY), "WATCHING"), (silence(8), "HELD: hold 60 10")],
+    ),
+    "a clock that is off by a constant is none of its business": (
+        {},
+        [(passes(20, position=Position(late_s=-3_600.0)), "WATCHING"), (silence(8), "HELD: hold 10 10")],
+    ),
+    "positions without stamps are judged by their arrival": (
+        {},
+        [(passes(20, unstamped), "WATCHING"), (silence(8), "HELD: hold 10 10")],
+    ),
+    "a pilot is not fought before the heartbeat is back": (
+        HOME,
+        [
+            WATCHES,
+            (silence(10, pilot(steers=True)), "PILOTED"),
+            (silence(600, pilot(steers=False)), "PILOTED"),
+            (passes(3, age_s=0.1), "WATCHING"),
+        ],
+    ),
+    "a pilot who said so once steers until he says otherwise": (
+        {},
+        [
+            WATCHES,
+            (passes(3_600, pilot(steers=True)), "WATCHING"),
+            (silence(600), "PILOTED"),
+            (silence(600, vanished), "PILOTED"),
+        ],
+    ),
+    "a flag that fell silent moves nothing and leaves the off": (
+        {},
+        [
+            (lambda it: it.seconds(20, each_beat=lambda: pilot(steers=False)(it)), "WATCHING"),
+            (silence(10, each_beat=lambda: None), "OFF: off"),
+            (newest_line, "OFF: the flag that tells whether a pilot steers fell silent"),
+        ],
+    ),
+    "a pilot's node that has gone moves nothing and leaves the off": (
+        {},
+        [
+            WATCHES,
+            (passes(1, pilot(steers=False)), "WATCHING"),
+            (silence(10, lambda it: it.pilots_nodes.clear()), "OFF: off"),
+        ],
+    ),
+    "a flag that is told once and never again is still known": (
+        {},
+        [WATCHES, (passes(60, pilot(steers=False)), "WATCHING"), (silence(10), "HELD: hold 10 10")],
+    ),
+    "inside the fence it is held": ({"corners": SQUARE}, [WATCHES, (silence(8), "HELD: hold 10 10")]),
+    "outside the fence it is not held": (
+        {"corners": [(20.0, 0.0), (40.0, 0.0), (40.0, 40.0)]},
+        [WATCHES, (silence(8), "OFF: off"), (newest_line, "OFF: the aPad is outside the fence")],
+    ),
+    "it goes home once after the stated time and holds there": (
+        HOME,
+        [
+            (passes(20, charge(50.0)), "WATCHING"),
+            (silence(20), "HELD: hold 10 10"),
+            (silence(30), "HELD"),
+            (silence(30), "HOMEWARD: go 30 10"),
+            (way_to_28_m, "HOME: hold 28 10"),
+            (silence(600, is_told=False, position=Position(29.0)), "HOME"),
+        ],
+    ),
+    # 60 s and three times the 40 s that the way takes are over.
+    "a way home that does not end is held": (
+        HOME,
+        [
+            (passes(20, charge(50.0)), "WATCHING"),
+            (silence(80), "HOMEWARD: hold 10 10, go 30 10"),
+            (silence(200), "HELD: hold 10 10"),
+        ],
+    ),
+    **{
+        f"it stays where charge or fence forbid the way: {name}": (
+            {"home": at},
+            [
+                (passes(20, act), "WATCHING"),
+                (silence(320), "HELD: hold 10 10"),
+                (newest_line, f"not ordered yet: {why}"),
+            ],
+        )
+        for name, act, at, why in [
+            ("29 %", charge(29.0), home(), LOW),
+            ("nan %", charge(math.nan), home(), LOW),
+            ("unknown charge", lambda it: None, home(), LOW),
+            ("a home outside", charge(90.0), home((50.0, 10.0)), "the aPad or its home is outside the fence"),
+        ]
+    },
+}
 
 
-def test_an_aPad_that_keeps_its_place_by_itself_is_left_as_it_is(with_home: Vessel) -> None:
-    """It may be off: the thrusters must not turn because heartbeats are lost."""
-    assert (
-        with_home.seconds(900, keeps_place=True, age_s=None).state == "LEFT" and with_home.orders.tried == []
-    )
-    assert with_home.seconds(3, age_s=0.1).state == "WATCHING"
+@pytest.mark.parametrize(("how", "steps"), SCENES.values(), ids=SCENES)
+def test_its_state_and_what_it_orders(how: dict[str, Any], steps: list[tuple[Act, str]]) -> None:
+    vessel = Vessel(**how)
+    assert [vessel.shown(act) for act, _ in steps] == [shown for _, shown in steps]
 
 
-def test_an_aPad_that_was_left_is_stopped_when_it_sets_out_and_off_when_its_position_turns_bad() -> None:
-    vessel = watched()
-    vessel.seconds(8, keeps_place=True, age_s=None)
-    assert vessel.seconds(3, keeps_place=False, is_told=True).state == "HELD" and set(vessel.taken) == {
-        "hold 10 10"
-    }
-    vessel = watched()
-    vessel.seconds(8, keeps_place=True, age_s=None)
-    assert vessel.seconds(3, position=Position(60.0)).state == "OFF" and set(vessel.taken) == {"off"}
-
-
-def test_the_watchdog_s_own_hold_is_not_somebody_s_end_of_a_way(vessel: Vessel) -> None:
-    vessel.seconds(8, age_s=None)
-    vessel.orders.is_cut = True  # by the hold, which was given meanwhile
-    assert vessel.seconds(30).state == "HELD" and set(vessel.taken) == {"hold 10 10"}
-
-
-RUNNING, PREEMPTED, DONE = 1, 2, 3
+RUNNING, PREEMPTED, DONE, IDLE = 1, 2, 3, 0
 
 
 @pytest.mark.parametrize(
@@ -242,11 +477,18 @@ RUNNING, PREEMPTED, DONE = 1, 2, 3
         ([("end",), ("goto", RUNNING)], False),
         ([("goto", RUNNING), ("goto", DONE), ("end",), ("end",)], True),  # the hold that followed
         ([("goto", DONE), ("docking", PREEMPTED)], False),  # of before the watchdog came
+        ([("goto", RUNNING), ("goto", PREEMPTED)], True),
+        ([("goto", RUNNING), ("goto", DONE)], False),
+        ([("goto", RUNNING), ("goto", IDLE)], False),
+        ([("goto", RUNNING), ("goto", PREEMPTED), ("goto", RUNNING)], False),
+        ([("goto", RUNNING), ("goto", PREEMPTED), ("goto", IDLE)], True),
     ],
 )
 def test_generation_b_tells_of_each_end_that_an_order_made(told: list[tuple[Any, ...]], is_cut: bool) -> None:
-    """`stop_mission` ends a hold without a status; `eventString` tells of it as of every end."""
-    orders = primitives()
+    """`stop_mission` ends a hold without a status; `eventString` tells of it as of every end. Statuses are the stack's."""
+    orders = object.__new__(WATCHDOG.Primitives)
+    orders.is_told = orders._docks = False
+    orders.forget_cut()
     hear = {"goto": orders._hear_status, "docking": orders._hear_docking, "end": orders._hear_end}
     for topic, *status in told:
         hear[topic](SimpleNamespace(data=status[0] if status else "/PRIMITIVE_FINISHED"))
@@ -255,85 +497,11 @@ def test_generation_b_tells_of_each_end_that_an_order_made(told: list[tuple[Any,
     assert not orders.is_cut
 
 
-def test_an_off_after_the_watchdog_s_own_hold_keeps_it_from_going_home(with_home: Vessel) -> None:
-    with_home.watchdog.hear_battery(SimpleNamespace(data=80.0))
-    with_home.seconds(6, age_s=None)
-    with_home.orders.is_cut = True  # by the watchdog's own hold
-    assert with_home.seconds(30).state == "HELD" and not with_home.orders.is_cut
-    with_home.orders.is_cut = True  # by somebody's order
-    assert with_home.seconds(120).state == "HELD" and with_home.taken == ["hold 10 10"]
-    assert "somebody ended its hold in the silence" in with_home.said[-1]
-
-
-def test_an_off_on_the_way_home_is_not_followed_by_a_hold(with_home: Vessel) -> None:
-    with_home.watchdog.hear_battery(SimpleNamespace(data=80.0))
-    assert with_home.seconds(75, age_s=None).state == "HOMEWARD"
-    assert with_home.seconds(3, is_cut=True).state == "OFF" and with_home.taken[-1] == "off"
-
-
-def test_a_heartbeat_of_an_off_trusts_no_position() -> None:
-    vessel = watched()
-    vessel.seconds(60, age_s=-1.0, position=Position(60.0))
-    assert vessel.seconds(5, age_s=0.1).watchdog._position.fault() == ""
-    vessel = watched()
-    vessel.seconds(60, age_s=-1.0, position=Position(60.0))
-    assert "jumped" in vessel.watchdog._position.fault()
-
-
-def test_what_is_not_taken_is_ordered_again_each_second(vessel: Vessel) -> None:
-    assert (
-        vessel.seconds(15, hold_tries=60, age_s=None, refuses=WATCHDOG.NotTaken("not now")).state == "SILENT"
-        and "not ordered yet: not now" in vessel.said
-    )
-    assert len(vessel.orders.tried) == pytest.approx(10, abs=1)
-    assert vessel.seconds(2, refuses=None).state == "HELD"
-
-
-@pytest.mark.parametrize(("tries", "is_refused"), [(3, False), (1, True)])
-def test_a_hold_that_nobody_takes_gives_way_to_off(vessel: Vessel, tries: int, is_refused: bool) -> None:
-    vessel.seconds(14, age_s=None, refuses=WATCHDOG.NotTaken("no", is_refused=is_refused))
-    assert vessel.orders.tried[: tries + 1] == ["hold 10 10"] * tries + ["off"]
-    assert set(vessel.orders.tried[tries:]) == {"off"}
-    assert vessel.seconds(2, refuses=None).state == "OFF"
-
-
-def test_after_an_order_that_nobody_answered_the_newest_is_given_twice(vessel: Vessel) -> None:
-    """The old one may be carried out later than the first that is taken."""
-    vessel.seconds(6, age_s=None, refuses=WATCHDOG.NotTaken("no answer", is_late=True))
-    assert vessel.orders.tried
-    assert (vessel.seconds(1, refuses=None).state, vessel.taken) == ("SILENT", ["hold 10 10"])
-    vessel.seconds(1, position=Position(11.0))
-    assert (vessel.state, vessel.taken) == ("HELD", ["hold 10 10", "hold 11 10"])
-
-
-def test_three_heartbeats_and_not_a_burst_of_old_ones_end_a_silence(vessel: Vessel) -> None:
-    assert vessel.seconds(10, age_s=None).state == "HELD"
-    for _ in range(50):
-        vessel.watchdog.hear_heartbeat(SimpleNamespace(data=0.1))
-    assert vessel.seconds(10).state == "HELD"
-    assert vessel.seconds(3, age_s=0.1).state == "WATCHING" and vessel.taken == ["hold 10 10"]
-
-
-def test_it_tells_beforehand_that_a_silence_would_mean_off(vessel: Vessel) -> None:
-    vessel.seconds(5, position=Position(60.0))
-    assert vessel.said[-1] == "a silence would mean OFF: the aPad's position has jumped"
-    assert vessel.seconds(10).said[-1] == "a silence would mean HOLD" and not vessel.orders.tried
-
-
-def test_nothing_is_ordered_while_heartbeats_come_again(vessel: Vessel) -> None:
-    vessel.seconds(6, age_s=None, refuses=WATCHDOG.NotTaken("not now"))
-    assert vessel.seconds(10, refuses=None, age_s=0.1).state == "WATCHING" and not vessel.taken
-
-
 def spoiled(**changes: float) -> Callable[[Vessel], None]:
     def spoil(vessel: Vessel) -> None:
         vessel.position = replace(Position(), **changes)
 
     return spoil
-
-
-def vanished(vessel: Vessel) -> None:
-    vessel.position = None
 
 
 def two_places(vessel: Vessel) -> None:
@@ -385,41 +553,33 @@ BAD = [
 ]
 
 
+# A bench needs 3 s; two of these heartbeats may be under way, and a frozen one shows after 5 s. Afterwards all is well
+# again, as far as the watchdog can see.
 @pytest.mark.parametrize(("spoil", "why"), BAD)
 def test_a_bad_position_means_off_and_is_not_believed_again_before_heartbeats_come(
-    vessel: Vessel, spoil: Callable[[Vessel], None], why: str
+    spoil: Act, why: str
 ) -> None:
-    spoil(vessel)
-    vessel.seconds(
-        6
-    )  # a bench needs 3 s; two of these heartbeats may be under way, and a frozen one shows after 5 s
-    assert vessel.seconds(8, age_s=None).state == "OFF" and vessel.taken == ["off"]
-    assert why in vessel.said[-1]
-    vessel.seconds(
-        900, each_beat=lambda: None, is_told=False, position=Position(60.0)
-    )  # all is well again, as far as the watchdog can see
-    assert vessel.state == "OFF" and vessel.taken == ["off"]
-    assert vessel.seconds(4, age_s=0.1).state == "WATCHING"
-    assert vessel.seconds(8, age_s=None).state == "HELD" and vessel.taken == ["off", "hold 60 10"]
-
-
-@pytest.mark.parametrize(("spoil", "why"), BAD)
-def test_of_a_position_that_turns_bad_the_hold_ends(
-    vessel: Vessel, spoil: Callable[[Vessel], None], why: str
-) -> None:
-    assert vessel.seconds(8, age_s=None).state == "HELD"
-    spoil(vessel)
-    assert vessel.seconds(10).state == "OFF" and vessel.taken == ["hold 10 10", "off"]
-    assert any(why in it for it in vessel.said)
-
-
-def test_a_jump_just_before_the_silence_is_not_forgotten_with_a_heartbeat_that_was_under_way() -> None:
-    vessel = watched()
-    vessel.seconds(1, position=Position(60.0))
-    assert vessel.seconds(8, age_s=None).state == "OFF"
-    vessel = watched()
-    vessel.seconds(15, position=Position(60.0))  # the bench trusts it
-    assert vessel.seconds(8, age_s=None).state == "HELD"
+    again = {"each_beat": lambda: None, "is_told": False}
+    in_flight = [
+        WATCHES,
+        (passes(6, spoil), "WATCHING"),
+        (silence(8), "OFF: off"),
+        (lambda it: str(why in it.said[-1]), "True"),
+        (silence(900, position=AWAY, **again), "OFF"),
+        (passes(4, age_s=0.1), "WATCHING"),
+        (silence(8), "HELD: hold 60 10"),
+    ]
+    held = [WATCHES, (silence(8), "HELD: hold 10 10"), (silence(10, spoil), "OFF: off")]
+    homeward = [
+        (passes(20, charge(50.0)), "WATCHING"),
+        (silence(80), "HOMEWARD: hold 10 10, go 30 10"),
+        (silence(10, spoil), "OFF: off"),
+        (silence(300, position=Position(), **again), "OFF"),
+    ]
+    for steps in (in_flight, held, homeward):
+        vessel = Vessel(home() if steps is homeward else None)
+        assert [vessel.shown(act) for act, _ in steps] == [shown for _, shown in steps]
+        assert any(why in it for it in vessel.said)
 
 
 @settings(deadline=None, max_examples=60)
@@ -428,7 +588,7 @@ def test_a_healthy_position_never_turns_bad(
     seed: int, noise_m: float, wave_m: float, is_under_way: bool
 ) -> None:
     """Noise, waves of 4 s, stamps late by another half second each time, gaps of 1 s and a clock that is 50 ppm fast."""
-    vessel, at, random = watched(), itertools.count(), Random(seed)
+    vessel, at, random = Vessel().seconds(20), itertools.count(), Random(seed)
 
     def sail() -> None:
         t_s = next(at) * WATCHDOG.BEAT_S
@@ -446,127 +606,6 @@ def test_a_healthy_position_never_turns_bad(
 
     vessel.seconds(120, each_beat=sail, is_told=is_under_way and noise_m > 0.001)
     assert vessel.watchdog._position.fault() == ""
-
-
-def test_a_clock_that_is_off_by_a_constant_is_none_of_its_business(new: Vessel) -> None:
-    new.seconds(20, position=Position(late_s=-3_600.0))
-    assert new.seconds(8, age_s=None).state == "HELD"
-
-
-def test_positions_without_stamps_are_judged_by_their_arrival(new: Vessel) -> None:
-    made = new.position
-    assert made is not None
-    new.seconds(
-        20,
-        each_beat=lambda: setattr(new, "position", replace(made, late_s=(new._beats) * WATCHDOG.BEAT_S)),
-    )
-    assert new.seconds(8, age_s=None).state == "HELD"
-
-
-def test_a_pilot_is_not_fought_before_the_heartbeat_is_back(with_home: Vessel) -> None:
-    with_home.age_s = None
-    with_home.pilot(True)
-    with_home.seconds(10)
-    with_home.pilot(False)
-    assert with_home.seconds(600).state == "PILOTED" and not with_home.orders.tried
-    assert with_home.seconds(3, age_s=0.1).state == "WATCHING"
-
-
-@pytest.mark.parametrize("spoil", [None, vanished])
-def test_a_pilot_who_said_so_once_steers_until_he_says_otherwise(vessel: Vessel, spoil: Any) -> None:
-    vessel.pilot(True)
-    vessel.seconds(3_600)
-    vessel.age_s = None
-    if spoil is not None:
-        spoil(vessel)
-    assert vessel.seconds(600).state == "PILOTED" and not vessel.orders.tried
-
-
-def test_a_flag_that_fell_silent_moves_nothing_and_leaves_the_off(new: Vessel) -> None:
-    new.seconds(20, each_beat=lambda: new.pilot(False))
-    assert new.seconds(10, each_beat=lambda: None, age_s=None).state == "OFF" and new.taken == ["off"]
-    assert "fell silent" in new.said[-1]
-
-
-def test_a_pilot_s_node_that_has_gone_moves_nothing_and_leaves_the_off() -> None:
-    nodes = [1]
-    vessel = Vessel(pilot=WATCHDOG.PilotFlag(lambda: nodes[0]))
-    vessel.seconds(10)
-    vessel.pilot(False)
-    nodes[0], vessel.age_s = 0, None
-    assert vessel.seconds(10).state == "OFF" and vessel.taken == ["off"]
-
-
-def test_a_flag_that_is_told_once_and_never_again_is_still_known_and_no_flag_is_no_pilot() -> None:
-    for tell in (lambda it: it.pilot(False), lambda it: None):
-        vessel = Vessel().seconds(10)
-        tell(vessel)
-        vessel.seconds(60)
-        assert vessel.seconds(10, age_s=None).state == "HELD"
-
-
-def test_outside_the_fence_it_is_not_held() -> None:
-    vessel = watched(corners=SQUARE)
-    assert vessel.seconds(8, age_s=None).state == "HELD"
-    vessel = watched(corners=[(20.0, 0.0), (40.0, 0.0), (40.0, 40.0)])
-    assert vessel.seconds(8, age_s=None).state == "OFF" and "outside the fence" in vessel.said[-1]
-
-
-def home(place: tuple[float, float] = (30.0, 10.0), after_s: float = 60.0) -> Any:
-    return WATCHDOG.Home(place, after_s, SQUARE, 30.0, 0.5)
-
-
-def silent_with(percent: float | None, at: Any) -> Vessel:
-    vessel = Vessel(at)
-    if percent is not None:
-        vessel.watchdog.hear_battery(SimpleNamespace(data=percent))
-    vessel.seconds(20)
-    assert vessel.seconds(20, age_s=None).state == "HELD"
-    return vessel
-
-
-def test_it_goes_home_once_after_the_stated_time_and_holds_there() -> None:
-    vessel = silent_with(50.0, home())
-    assert vessel.seconds(30).taken == ["hold 10 10"]
-    assert vessel.seconds(30).state == "HOMEWARD" and vessel.taken[1:] == ["go 30 10"]
-    vessel.orders.is_told = True
-    for north_m in range(10, 30):
-        vessel.seconds(1, position=Position(float(north_m), speed_m_s=1.0))
-    assert vessel.state == "HOME" and vessel.taken[2:] == ["hold 28 10"]
-    assert len(vessel.seconds(600, is_told=False, position=Position(29.0)).taken) == 3
-
-
-@pytest.mark.parametrize(
-    ("percent", "at", "why"),
-    [
-        (29.0, home(), "below 30 %"),
-        (math.nan, home(), "below 30 %"),
-        (None, home(), "not known"),
-        (90.0, home((50.0, 10.0)), "outside the fence"),
-    ],
-)
-def test_it_stays_where_charge_or_fence_forbid_the_way(percent: float | None, at: Any, why: str) -> None:
-    vessel = silent_with(percent, at)
-    assert vessel.seconds(300).state == "HELD" and len(vessel.taken) == 1
-    assert any(why in it for it in vessel.said)
-
-
-@pytest.mark.parametrize(("spoil", "why"), BAD)
-def test_a_bad_position_on_the_way_home_means_off(spoil: Callable[[Vessel], None], why: str) -> None:
-    vessel = silent_with(50.0, home()).seconds(60)
-    assert vessel.state == "HOMEWARD"
-    spoil(vessel)
-    vessel.seconds(10)
-    assert vessel.seconds(
-        300, each_beat=lambda: None, position=Position(), is_told=False
-    ).state == "OFF" and vessel.taken[1:] == ["go 30 10", "off"]
-
-
-def test_a_way_home_that_does_not_end_is_held() -> None:
-    vessel = silent_with(50.0, home()).seconds(60)
-    assert vessel.state == "HOMEWARD"
-    vessel.seconds(200)  # 60 s and three times the 40 s that the way takes are over
-    assert vessel.state == "HELD" and vessel.taken[-1] == "hold 10 10"
 
 
 @settings(deadline=None, max_examples=120)
@@ -596,7 +635,7 @@ def test_whatever_happens_it_moves_nothing_at_a_bad_position_under_a_pilot_or_wh
         if kind == "age":
             vessel.age_s = value
         elif kind == "pilot":
-            vessel.pilot(value)
+            pilot(steers=value)(vessel)
             steers = value
         elif kind == "refuses":
             vessel.orders.refuses = WATCHDOG.NotTaken(value, is_late=value == "late") if value else None
@@ -610,7 +649,7 @@ def test_whatever_happens_it_moves_nothing_at_a_bad_position_under_a_pilot_or_wh
         new = vessel.orders.tried[before:]
         assert not (new and steers), "a pilot is fought"
         assert not new or was_heard, "it orders before the first heartbeat"
-        assert not (is_bad and any(it != "off" for it in new)), "a place from a bad position"
+        assert not (is_bad and any(it.rstrip("?") != "off" for it in new)), "a place from a bad position"
 
 
 @given(st.tuples(st.floats(-10, 50), st.floats(-10, 50)), st.tuples(st.floats(-10, 50), st.floats(-10, 50)))
@@ -635,6 +674,23 @@ def test_corners_that_are_none_are_refused(text: str) -> None:
     assert WATCHDOG.corners_of("0,0 30,0 30,-20.5") == [(0.0, 0.0), (30.0, 0.0), (30.0, -20.5)]
 
 
+def starred(nodes: list[ast.expr]) -> int:
+    return len([it for it in nodes if isinstance(it, ast.Starred)])
+
+
+AS_IN_PYTHON_2: dict[type, Callable[[Any], bool]] = {
+    ast.FunctionDef: lambda it: (
+        not (
+            it.returns or it.args.kwonlyargs or any(a.annotation for a in it.args.posonlyargs + it.args.args)
+        )
+    ),
+    ast.ClassDef: lambda it: bool(it.bases) and not it.keywords,  # without a base it is of the old kind
+    ast.Raise: lambda it: it.cause is None,
+    **dict.fromkeys((ast.List, ast.Tuple, ast.Set), lambda it: not starred(it.elts)),
+    ast.Call: lambda it: starred(it.args) < 2 and (ast.unparse(it.func) != "super" or bool(it.args)),
+}
+
+
 def test_it_keeps_to_the_syntax_of_python_2_7() -> None:
     """By a parser of that grammar, which also takes some of Python 3; those constructs are looked for by themselves."""
     with warnings.catch_warnings():
@@ -648,47 +704,8 @@ def test_it_keeps_to_the_syntax_of_python_2_7() -> None:
     newer = (ast.JoinedStr, ast.AnnAssign, ast.Nonlocal, ast.YieldFrom, ast.NamedExpr, ast.MatMult)
     newer += (ast.AsyncFunctionDef, ast.Match)
     for node in ast.walk(ast.parse(text)):
-        assert not isinstance(node, newer), ast.unparse(node)
-        if isinstance(node, ast.FunctionDef):
-            arguments = node.args.posonlyargs + node.args.args
-            assert node.returns is None and not node.args.kwonlyargs, node.name
-            assert not any(it.annotation for it in arguments), node.name
-        if isinstance(node, ast.ClassDef):
-            assert node.bases and not node.keywords, f"{node.name} is a class of the old kind in Python 2"
-        if isinstance(node, ast.Raise):
-            assert node.cause is None
-        if isinstance(node, ast.List | ast.Tuple | ast.Set):
-            assert not any(isinstance(it, ast.Starred) for it in node.elts)
-        if isinstance(node, ast.Call):
-            assert sum(isinstance(it, ast.Starred) for it in node.args) < 2
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "super":
-            assert node.args
-
-
-def primitives() -> Any:
-    orders = object.__new__(WATCHDOG.Primitives)
-    orders.is_told = orders._docks = False
-    orders.forget_cut()
-    return orders
-
-
-def goals() -> Any:
-    orders = object.__new__(WATCHDOG.Goals)
-    orders.is_told, orders.is_cut, orders._active, orders._name = False, False, (), None
-    orders._taken = SimpleNamespace(set=lambda: None)
-    return orders
-
-
-@pytest.mark.parametrize(
-    ("told", "is_cut"),
-    [([1, 2], True), ([1, 3], False), ([1, 0], False), ([1, 2, 1], False), ([1, 2, 0], True), ([2], False)],
-)
-def test_generation_b_tells_a_way_that_was_ended_by_its_goto_status(told: list[int], is_cut: bool) -> None:
-    """Of the published stack: 0 idle, 1 running, 2 pre-empted, 3 done."""
-    orders = primitives()
-    for status in told:
-        orders._hear_status(SimpleNamespace(data=status))
-    assert orders.is_cut is is_cut
+        is_old = not isinstance(node, newer) and AS_IN_PYTHON_2.get(type(node), lambda it: True)(node)
+        assert is_old, ast.unparse(node)
 
 
 @pytest.mark.parametrize(
@@ -703,7 +720,9 @@ def test_generation_b_tells_a_way_that_was_ended_by_its_goto_status(told: list[i
 )
 def test_generation_a_tells_it_by_the_status_of_its_goals(told: list[dict[str, int]], is_cut: bool) -> None:
     """actionlib_msgs/GoalStatus: 1 ACTIVE, 2 PREEMPTED, 3 SUCCEEDED."""
-    orders = goals()
+    orders = object.__new__(WATCHDOG.Goals)
+    orders.is_told, orders.is_cut, orders._active, orders._name = False, False, (), None
+    orders._taken = SimpleNamespace(set=lambda: None)
     for statuses in told:
         rows = [
             SimpleNamespace(goal_id=SimpleNamespace(id=it), status=status) for it, status in statuses.items()
