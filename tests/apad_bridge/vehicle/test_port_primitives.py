@@ -74,14 +74,11 @@ def stalling() -> DockingPort:
     return DockingPort(VIRTUAL, stall_s=20)
 
 
-def test_a_go_to_succeeds_when_its_own_arrival_is_heard(port):
-    assert played(port, (0, GO), Arrived(900, 99)) == [GO]
-    assert played(port, Arrived(2000, 1)) == [PrimitiveSucceeded(2000, 1)] and port.next_due_ms is None
-    assert port.dropped == {"arrived: not of the running primitive": 1}
-
-
 CLOSE = CloseDock(1, 2, 9)
 """The first command of `dock`."""
+ACCEPTED = CommandAccepted(0, 1)
+SILENT = "the vehicle did not answer within 60 s"
+SECOND, THIRD = replace(GO, command_id=7), replace(GO, command_id=8)
 STORIES: dict[str, tuple[Callable[[], DockingPort], list[Any], list[Any], dict[str, int]]] = {
     "a go-to that the vehicle gives up fails with its reason": (
         partial(DockingPort, VIRTUAL),
@@ -188,6 +185,195 @@ STORIES: dict[str, tuple[Callable[[], DockingPort], list[Any], list[Any], dict[s
         [CLOSE, NothingCaught(15_000, 4)],
         {"a dock was tried again: missed": 1},
     ),
+    "a go-to succeeds when its own arrival is heard": (
+        partial(DockingPort, VIRTUAL),
+        [(0, GO), Arrived(900, 99), Arrived(2000, 1)],
+        [GO, PrimitiveSucceeded(2000, 1)],
+        {"arrived: not of the running primitive": 1},
+    ),
+    "a virtual docking waits": (partial(DockingPort, VIRTUAL), [dock(1000), 15_999], [], {}),
+    "a virtual docking then closes and hears": (
+        partial(DockingPort, VIRTUAL),
+        [dock(1000), 15_999, 16_000, DockClosed(16_010, 2, 9)],
+        [CLOSE, DockChanged(16_010, 2, 9, True, ((2, 9),)), PrimitiveSucceeded(16_010, 4)],
+        {},
+    ),
+    "a virtual undocking waits its own time": (
+        partial(DockingPort, VIRTUAL),
+        [DockClosed(0, 2, 9), (1000, OpenDock(5, 2, 9)), 5999],
+        [DockChanged(0, 2, 9, True, ((2, 9),))],
+        {},
+    ),
+    "a virtual undocking then opens and hears": (
+        partial(DockingPort, VIRTUAL),
+        [DockClosed(0, 2, 9), (1000, OpenDock(5, 2, 9)), 5999, 6000, DockOpened(6000, 2, 9)],
+        [
+            *(DockChanged(0, 2, 9, True, ((2, 9),)), OpenDock(1, 2, 9)),
+            *(DockChanged(6000, 2, 9, False, ()), PrimitiveSucceeded(6000, 5)),
+        ],
+        {},
+    ),
+    "visual docking adds no time": (
+        partial(DockingPort, VISUAL),
+        [dock(1000), DockClosed(42_000, 2, 9), (50_000, OpenDock(5, 2, 9))],
+        [
+            *(CLOSE, DockChanged(42_000, 2, 9, True, ((2, 9),)), PrimitiveSucceeded(42_000, 4)),
+            OpenDock(2, 2, 9),
+        ],
+        {},
+    ),
+    "another aMussel in the dock is passed on, and is not the one asked for": (
+        partial(DockingPort, VISUAL),
+        [dock(0), DockClosed(10, 2, 8), DockOpened(20, 2, 9)],
+        [CLOSE, DockChanged(10, 2, 8, True, ((2, 8),)), DockChanged(20, 2, 9, False, ((2, 8),))],
+        {},
+    ),
+    **{
+        f"a silent vehicle ends a {name} docking by {type(order).__name__} at the time-out": (
+            partial(DockingPort, docking),
+            [(1000, order), *[16_000] * (docking is VIRTUAL), 60_999, 61_000],
+            [replace(order, command_id=1), PrimitiveFailed(61_000, 4, SILENT)],
+            {},
+        )
+        for name, docking in {"virtual": VIRTUAL, "visual": VISUAL}.items()
+        for order in (CloseDock(4, 2, 9), OpenDock(4, 2, 9))
+    },
+    "a vehicle that does not accept a go-to stalls after 20 s": (
+        partial(DockingPort, VIRTUAL, stall_s=20),
+        [(1000, GO), 20_999, 21_000],
+        [GO, PrimitiveFailed(21_000, 1, "stalled: the vehicle did not accept the go-to within 20 s")],
+        {"hold: the vehicle never sent a pose": 1},
+    ),
+    "one that falls silent stalls 20 s after its acceptance, and not after another order's": (
+        partial(DockingPort, VIRTUAL, stall_s=20),
+        [(1000, GO), CommandAccepted(3000, 7), CommandAccepted(5000, 1), 24_999, 25_000],
+        [GO, PrimitiveFailed(25_000, 1, "stalled: the vehicle sent no pose for 20 s")],
+        {"hold: the vehicle never sent a pose": 1},
+    ),
+    "one that falls silent on the way is told apart from one that is stuck": (
+        partial(DockingPort, VIRTUAL, stall_s=20),
+        [(0, GO), ACCEPTED, pose(3000, 1.5), 22_999, 23_000],
+        [GO, PrimitiveFailed(23_000, 1, "stalled: the vehicle sent no pose for 20 s"), Hold(2, 1.5, 0.0)],
+        {},
+    ),
+    # 0.4 m are too little to count; 0.5 m since the start count.
+    "a vehicle that gets no nearer stalls and is told to hold where it is": (
+        partial(DockingPort, VIRTUAL, stall_s=20),
+        [
+            *(pose(0, 0.0), (0, GO), ACCEPTED, pose(10_000, 0.4), pose(19_000, 0.5), pose(30_000, 0.9)),
+            *(38_999, 39_000),
+        ],
+        [
+            GO,
+            PrimitiveFailed(39_000, 1, "stalled: not 0.5 m nearer within 20 s, 9.5 m to go"),
+            Hold(2, 0.9, 0.0),
+        ],
+        {},
+    ),
+    **{
+        f"a dock whose mechanism was commanded is waited for: {name}": (
+            partial(DockingPort, VIRTUAL),
+            [dock(0), 15_000, (15_001, SECOND), (15_002, THIRD), end],
+            [CLOSE, PrimitiveFailed(15_002, 7, "pre-empted"), *told, replace(GO, command_id=2)],
+            {},
+        )
+        for name, end, told in [
+            (
+                "it closes",
+                DockClosed(16_000, 0, 9),
+                [DockChanged(16_000, 0, 9, True, ((0, 9),)), PrimitiveSucceeded(16_000, 4)],
+            ),
+            ("it does not", 60_000, [PrimitiveFailed(60_000, 4, SILENT)]),
+        ]
+    },
+    "a hold lasts until it is replaced, and has then succeeded": (
+        partial(DockingPort, VIRTUAL),
+        [(0, Hold(3, 1.0, 2.0)), 10_000_000, (10_000_000, GO)],
+        [Hold(1, 1.0, 2.0), PrimitiveSucceeded(10_000_000, 3), replace(GO, command_id=2)],
+        {},
+    ),
+    **{
+        f"a report that makes no sense is dropped and counted: {fact}": (
+            partial(DockingPort, VISUAL),
+            [dock(0), fact],
+            [CLOSE],
+            {reason: 1},
+        )
+        for fact, reason in [
+            (pose(10, math.nan), "pose: north_m is outside -50000 to 50000"),
+            (DockClosed(10, 4, 1), "dock: no such dock"),
+            (DockOpened(10, -1, 1), "dock: no such dock"),
+            (Arrived(10, 1), "arrived: while acting"),
+            (CommandFailed(10, 0, "?"), "command_failed: not of the running primitive"),
+        ]
+    },
+    "a mechanism that misses is tried again, and its first cause told": (
+        partial(DockingPort, replace(VIRTUAL, attempts=3)),
+        [
+            dock(0),
+            *(
+                step
+                for n in (1, 2, 3)
+                for step in (n * 15_000 - 1, n * 15_000, CommandFailed(n * 15_000, n, f"miss {n}"))
+            ),
+        ],
+        [*(CloseDock(n, 2, 9) for n in (1, 2, 3)), PrimitiveFailed(45_000, 4, "miss 1")],
+        {f"a dock was tried again: miss {n}": 1 for n in (1, 2)},
+    ),
+    "one that holds at the second try has succeeded": (
+        partial(DockingPort, replace(VIRTUAL, attempts=2)),
+        [dock(0), 15_000, CommandFailed(15_000, 1, "missed"), 30_000, DockClosed(30_000, 2, 9)],
+        [
+            *(CLOSE, CloseDock(2, 2, 9)),
+            *(DockChanged(30_000, 2, 9, True, ((2, 9),)), PrimitiveSucceeded(30_000, 4)),
+        ],
+        {"a dock was tried again: missed": 1},
+    ),
+    "what waits behind a mechanism is not kept waiting by another try": (
+        partial(DockingPort, replace(VIRTUAL, attempts=3)),
+        [dock(0), 15_000, (16_000, Hold(2, 0.0, 0.0)), CommandFailed(17_000, 1, "missed")],
+        [CLOSE, PrimitiveFailed(17_000, 4, "missed"), Hold(2, 0.0, 0.0)],
+        {},
+    ),
+    "a virtual docking may open the arm meanwhile": (
+        partial(DockingPort, replace(VIRTUAL, arm=ArmUse.MOVED), capabilities=OF_B),
+        [dock(0), 15_000, DockClosed(15_000, 2, 9)],
+        [
+            *(MoveArm(1, 2, True), CloseDock(2, 2, 9), DockChanged(15_000, 2, 9, True, ((2, 9),))),
+            *(PrimitiveSucceeded(15_000, 4), MoveArm(3, 2, False)),
+        ],
+        {},
+    ),
+    "a single aMussel may be docked visually": (
+        partial(DockingPort, replace(VIRTUAL, camera_ids=(9,), visual_ids=(8,)), capabilities=OF_B),
+        [
+            *(dock(0, 8, 2, 8), CommandFailed(0, 1, "?"), dock(0, 9, 2, 9), CommandFailed(0, 2, "?")),
+            dock(0, 7, 2, 7),
+        ],
+        [
+            *(CloseDock(1, 2, 8), PrimitiveFailed(0, 8, "?")),
+            *(CloseDock(2, 2, 9), PrimitiveFailed(0, 9, "?")),
+        ],
+        {},
+    ),
+    **{
+        f"a virtual docking with the aMussel {distance_m} m off and a radius of 0.5 m": (
+            partial(
+                DockingPort,
+                replace(VIRTUAL, catch_radius_m=0.5),
+                distance_m=partial(lambda it, *_: it, distance_m),
+            ),
+            [pose(0, 1.0, 2.0), dock(0), 15_000],
+            [told],
+            {},
+        )
+        for distance_m, told in [
+            (0.5, CLOSE),
+            (0.51, NothingCaught(0, 4)),
+            (math.inf, NothingCaught(0, 4)),
+            (None, CLOSE),
+        ]
+    },
     "battery reports are none of its business": (
         partial(DockingPort, VISUAL),
         [BatteryReported(0, 12.0, 0.4)],
@@ -201,95 +387,22 @@ STORIES: dict[str, tuple[Callable[[], DockingPort], list[Any], list[Any], dict[s
 def test_a_story_has_commands_and_outcomes(make, story, told, dropped):
     port = make()
     assert played(port, *story) == told and port.dropped == dropped
+    # What the port says of itself agrees with what it told: the docks, what runs, and the first failure.
+    docks = next((it.docked for it in reversed(told) if isinstance(it, DockChanged)), ())
+    ends = [it for it in told if isinstance(it, PrimitiveSucceeded | PrimitiveFailed | NothingCaught)]
+    given = [it[1].command_id for it in story if isinstance(it, tuple)]
+    left = [it for it in given if it not in {end.primitive_id for end in ends}]
+    running = None if port.running is None else port.running.command_id
+    assert (port.docked, running) == (docks, left[-1] if left else None)
+    assert left or port.next_due_ms is None
+    failed = [it for it in ends if isinstance(it, PrimitiveFailed) and it.reason != "pre-empted"]
+    has_succeeded = any(isinstance(it, PrimitiveSucceeded) for it in ends)
+    assert has_succeeded or port.first_failure == (failed[0] if failed else None)
 
 
-def test_virtual_docking_waits_then_closes_and_hears(port):
-    assert played(port, dock(1000), 15_999) == [] and port.next_due_ms == 16_000
-    assert port.advance(16_000) == [CloseDock(1, 2, 9)]
-    assert port.receive(DockClosed(16_010, 2, 9), 17_000) == [
-        DockChanged(16_010, 2, 9, True, ((2, 9),)),
-        PrimitiveSucceeded(17_000, 4),
-    ]
-    assert dict(port.docked) == {2: 9}
-
-
-def test_virtual_undocking_waits_its_own_time(port):
-    played(port, DockClosed(0, 2, 9))
-    assert played(port, (1000, OpenDock(5, 2, 9)), 5999, 6000, DockOpened(6000, 2, 9)) == [
-        OpenDock(1, 2, 9),
-        DockChanged(6000, 2, 9, False, ()),
-        PrimitiveSucceeded(6000, 5),
-    ]
-    assert dict(port.docked) == {}
-
-
-def test_visual_docking_adds_no_time(visual):
-    assert played(visual, dock(1000)) == [CloseDock(1, 2, 9)]
-    assert played(visual, DockClosed(42_000, 2, 9))[-1] == PrimitiveSucceeded(42_000, 4)
-    assert played(visual, (50_000, OpenDock(5, 2, 9))) == [OpenDock(2, 2, 9)]
-
-
-def test_another_aMussel_in_the_dock_is_passed_on_and_is_not_the_one_asked_for(visual):
-    assert played(visual, dock(0), DockClosed(10, 2, 8), DockOpened(20, 2, 9))[1:] == [
-        DockChanged(10, 2, 8, True, ((2, 8),)),
-        DockChanged(20, 2, 9, False, ((2, 8),)),
-    ]
-    assert visual.running == CloseDock(4, 2, 9)
-
-
-@pytest.mark.parametrize("docking", [VIRTUAL, VISUAL])
-@pytest.mark.parametrize("primitive", [CloseDock(4, 2, 9), OpenDock(4, 2, 9)])
-def test_a_silent_vehicle_ends_a_docking_at_the_time_out(docking, primitive):
-    port = DockingPort(docking)
-    played(port, (1000, primitive), 60_999)
-    [failure] = port.advance(61_000)
-    assert isinstance(failure, PrimitiveFailed) and "within 60 s" in failure.reason
-    assert (failure.at_ms, failure.primitive_id, port.next_due_ms) == (61_000, 4, None)
-
-
-ACCEPTED = CommandAccepted(0, 1)
-
-
-@pytest.mark.parametrize(
-    ("story", "stalls_ms", "why"),
-    [
-        ([(1000, GO)], 21_000, "did not accept"),
-        # From its acceptance on; that at 3 s is of another order.
-        ([(1000, GO), CommandAccepted(3000, 7), CommandAccepted(5000, 1)], 25_000, "no pose"),
-        # One that falls silent on the way is told apart from one that is stuck.
-        ([(0, GO), ACCEPTED, pose(3000, 1.5)], 23_000, "no pose"),
-    ],
-)
-def test_a_silent_vehicle_stalls_a_go_to(stalling, story, stalls_ms, why):
-    played(stalling, *story)
-    assert stalling.advance(stalls_ms - 1) == []
-    failure = stalling.advance(stalls_ms)[0]
-    assert isinstance(failure, PrimitiveFailed) and failure.at_ms == stalls_ms and why in failure.reason
-
-
-def test_a_vehicle_that_gets_no_nearer_stalls_and_is_told_to_hold_where_it_is(stalling):
-    """0.4 m are too little to count; 0.5 m since the start count."""
-    nearer = pose(10_000, 0.4), pose(19_000, 0.5), pose(30_000, 0.9)
-    assert played(stalling, pose(0, 0.0), (0, GO), ACCEPTED, *nearer, 38_999) == [GO]
-    failure, hold = stalling.advance(39_000)
-    assert isinstance(failure, PrimitiveFailed) and "9.5 m to go" in failure.reason
-    assert hold == Hold(2, 0.9, 0.0)
-
-
-@pytest.mark.parametrize("closed", [True, False])
-def test_a_dock_whose_mechanism_was_commanded_is_waited_for(port, closed):
-    played(port, dock(0), 15_000)
-    ways = (15_001, replace(GO, command_id=7)), (15_002, replace(GO, command_id=8))
-    assert played(port, *ways) == [PrimitiveFailed(15_002, 7, "pre-empted")]
-    *_, docked, then = played(port, DockClosed(16_000, 0, 9) if closed else 60_000)
-    assert docked.primitive_id == 4 and isinstance(docked, PrimitiveSucceeded) is closed
-    assert (then, port.running) == (replace(GO, command_id=2), replace(GO, command_id=8))
-
-
-def test_a_hold_lasts_until_it_is_replaced_and_has_then_succeeded(port):
-    assert played(port, (0, Hold(3, 1.0, 2.0)), 10_000_000) == [Hold(1, 1.0, 2.0)]
-    assert port.next_due_ms is None
-    assert played(port, (10_000_000, GO))[0] == PrimitiveSucceeded(10_000_000, 3)
+def test_a_virtual_docking_is_due_after_its_time(port):
+    played(port, dock(1000))
+    assert port.next_due_ms == 16_000
 
 
 def test_the_first_cause_of_a_run_of_failures_is_kept_until_something_succeeds(visual):
@@ -305,60 +418,12 @@ def test_the_first_cause_of_a_run_of_failures_is_kept_until_something_succeeds(v
     assert visual.first_failure is None
 
 
-@pytest.mark.parametrize(
-    ("fact", "reason"),
-    [
-        (pose(10, math.nan), "pose: north_m is outside -50000 to 50000"),
-        (DockClosed(10, 4, 1), "dock: no such dock"),
-        (DockOpened(10, -1, 1), "dock: no such dock"),
-        (Arrived(10, 1), "arrived: while acting"),
-        (CommandFailed(10, 0, "?"), "command_failed: not of the running primitive"),
-    ],
-)
-def test_a_report_that_makes_no_sense_is_dropped_and_counted(visual, fact, reason):
-    assert played(visual, dock(0), fact) == [CloseDock(1, 2, 9)]
-    assert (visual.dropped, visual.running) == ({reason: 1}, CloseDock(4, 2, 9))
-
-
 def test_time_going_back_and_a_stall_time_of_nothing_are_refused(port):
     port.advance(10)
     with pytest.raises(ValueError, match="back"):
         port.advance(9)
     with pytest.raises(ValueError, match="stall_s"):
         DockingPort(VIRTUAL, stall_s=0)
-
-
-def test_a_mechanism_that_misses_is_tried_again_and_its_first_cause_told() -> None:
-    port = DockingPort(replace(VIRTUAL, attempts=3))
-    played(port, dock(0))
-    for attempt in (1, 2, 3):
-        due_ms = attempt * 15_000
-        assert played(port, due_ms - 1, due_ms) == [CloseDock(attempt, 2, 9)]
-        told = played(port, CommandFailed(due_ms, attempt, f"miss {attempt}"))
-        assert told == ([] if attempt < 3 else [PrimitiveFailed(45_000, 4, "miss 1")])
-    assert port.first_failure == PrimitiveFailed(45_000, 4, "miss 1")
-    assert port.dropped == {f"a dock was tried again: miss {attempt}": 1 for attempt in (1, 2)}
-
-
-def test_one_that_holds_at_the_second_try_has_succeeded() -> None:
-    port = DockingPort(replace(VIRTUAL, attempts=2))
-    played(port, dock(0), 15_000, CommandFailed(15_000, 1, "missed"), 30_000)
-    assert PrimitiveSucceeded(30_000, 4) in played(port, DockClosed(30_000, 2, 9))
-    assert port.first_failure is None
-
-
-def test_what_waits_behind_a_mechanism_is_not_kept_waiting_by_another_try() -> None:
-    port = DockingPort(replace(VIRTUAL, attempts=3))
-    played(port, dock(0), 15_000, (16_000, Hold(2, 0.0, 0.0)))
-    told = played(port, CommandFailed(17_000, 1, "missed"))
-    assert PrimitiveFailed(17_000, 4, "missed") in told and port.running == Hold(2, 0.0, 0.0)
-
-
-def test_a_virtual_docking_may_open_the_arm_meanwhile() -> None:
-    port = DockingPort(replace(VIRTUAL, arm=ArmUse.MOVED), capabilities=OF_B)
-    *arm, changed, done, back = played(port, dock(0), 15_000, DockClosed(15_000, 2, 9))
-    assert arm == [MoveArm(1, 2, True), CloseDock(2, 2, 9)] and isinstance(changed, DockChanged)
-    assert (done, back) == (PrimitiveSucceeded(15_000, 4), MoveArm(3, 2, False))
 
 
 @pytest.mark.parametrize(("stack", "counted"), [(Generation.A, 2), (Generation.B, 0)])
@@ -369,25 +434,3 @@ def test_a_speed_or_radius_that_a_stack_cannot_be_told_is_counted(stack: Generat
     sent = played(port, *((0, it) for it in orders))
     assert [it for it in sent if isinstance(it, GoTo)] == orders
     assert port.dropped["speed or victory radius of a go-to: the aPad uses its own"] == counted
-
-
-def test_a_single_amussel_may_be_docked_visually() -> None:
-    port = DockingPort(replace(VIRTUAL, camera_ids=(9,), visual_ids=(8,)), capabilities=OF_B)
-    for agent_id in (8, 9):
-        assert isinstance(played(port, dock(0, agent_id, 2, agent_id))[-1], CloseDock)
-        played(port, CommandFailed(0, agent_id - 7, "?"))
-    assert played(port, dock(0, 7, 2, 7)) == []
-
-
-@pytest.mark.parametrize(
-    ("distance_m", "told"),
-    [
-        (0.5, [CloseDock(1, 2, 9)]),
-        (0.51, [NothingCaught(0, 4)]),
-        (math.inf, [NothingCaught(0, 4)]),
-        (None, [CloseDock(1, 2, 9)]),
-    ],
-)
-def test_a_virtual_docking_catches_what_floats_within_its_radius(distance_m, told):
-    port = DockingPort(replace(VIRTUAL, catch_radius_m=0.5), distance_m=lambda *place: distance_m)
-    assert played(port, pose(0, 1.0, 2.0), dock(0), 15_000) == told and port.first_failure is None

@@ -10,6 +10,7 @@ from __future__ import annotations
 import random
 from collections import deque
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from itertools import combinations, count
 from typing import Any
 
@@ -230,90 +231,87 @@ def test_drawn_interleavings_of_four_calls_and_stops(generation: Generation, dat
 
 # The road alone.
 
-
-class Alone:
-    def __init__(self) -> None:
-        self.road = SendingRoad(lambda _: True)
-        for line in ("orders", "hold", "off"):
-            self.road.add_line(line)
-            self.road.opened(line)
-
-    def put(self, rank: Rank, now_ms: int) -> Outgoing:
-        let_out = Gate.without_guards().clear(Stop(1), 0)
-        assert isinstance(let_out, Cleared)
-        outgoing = Outgoing(let_out, rank, {Rank.ORDER: "orders", Rank.HOLD: "hold", Rank.OFF: "off"}[rank])
-        self.road.put(outgoing, now_ms)
-        return outgoing
-
-
-@pytest.fixture
-def alone() -> Alone:
-    return Alone()
-
-
-def test_an_order_waits_for_the_one_before_it_and_makes_way_for_a_newer_one(alone: Alone) -> None:
-    first = alone.put(Rank.ORDER, 0)
-    assert alone.road.advance(0) == [Write(first)]
-    second = alone.put(Rank.ORDER, 10)
-    third = alone.put(Rank.ORDER, 20)
-    assert alone.road.advance(20) == [Ended(second, REPLACED)]
-    alone.road.answered("orders", None)
-    assert alone.road.advance(30) == [Ended(first, None), Write(third)]
-
-
-def test_a_stop_ends_the_order_under_way_and_the_one_that_waits_and_leaves_in_the_same_step(
-    alone: Alone,
-) -> None:
-    under_way = alone.put(Rank.ORDER, 0)
-    alone.road.advance(0)
-    waits = alone.put(Rank.ORDER, 10)
-    stop = alone.put(Rank.HOLD, 20)
-    actions = alone.road.advance(20)
-    assert actions[:4] == [
-        Ended(waits, STOPPED_BEFORE),
-        CutLine("orders"),
-        Ended(under_way, CUT),
-        Write(stop),
-    ]
-    assert actions[4:] == [OpenLine("orders")]
-
-
-def test_an_off_ends_a_hold_under_way_and_no_hold_ends_an_off(alone: Alone) -> None:
-    hold = alone.put(Rank.HOLD, 0)
-    alone.road.advance(0)
-    off = alone.put(Rank.OFF, 10)
-    assert alone.road.advance(10)[:3] == [CutLine("hold"), Ended(hold, CUT), Write(off)]
-    alone.road.opened("hold")
-    later = alone.put(Rank.HOLD, 20)
-    assert alone.road.advance(20) == [Write(later)]
-
-
-@pytest.mark.parametrize(("rank", "patience_ms"), [(Rank.ORDER, PATIENCE_MS), (Rank.OFF, STOP_PATIENCE_MS)])
-def test_no_answer_is_awaited_for_ever(alone: Alone, rank: Rank, patience_ms: int) -> None:
-    order = alone.put(rank, 0)
-    alone.road.advance(0)
-    assert alone.road.next_due_ms() == patience_ms and alone.road.advance(patience_ms - 1) == []
-    assert Ended(order, TOO_LATE) in alone.road.advance(patience_ms)
+LINES = {Rank.ORDER: "orders", Rank.HOLD: "hold", Rank.OFF: "off"}
+LET_OUT = Gate.without_guards().clear(Stop(1), 0)
+assert isinstance(LET_OUT, Cleared)
+FIRST, SECOND, THIRD = (Outgoing(replace(LET_OUT), Rank.ORDER, "orders") for _ in range(3))
+HOLD, LATER, OFF_ORDER = (
+    Outgoing(replace(LET_OUT), rank, LINES[rank]) for rank in (Rank.HOLD, Rank.HOLD, Rank.OFF)
+)
+Step = tuple[str, Any, int, list[RoadAction]]
+"""What the road is told, with its argument and the time, and the actions that follow at that time."""
+STORIES: dict[str, list[Step]] = {
+    "an order waits for the one before it and makes way for a newer one": [
+        ("put", FIRST, 0, [Write(FIRST)]),
+        ("put", SECOND, 10, []),
+        ("put", THIRD, 20, [Ended(SECOND, REPLACED)]),
+        ("answered", "orders", 30, [Ended(FIRST, None), Write(THIRD)]),
+    ],
+    "a stop ends the order under way and the one that waits, and leaves in the same step": [
+        ("put", FIRST, 0, [Write(FIRST)]),
+        ("put", SECOND, 10, []),
+        (
+            *("put", HOLD, 20),
+            [
+                *(Ended(SECOND, STOPPED_BEFORE), CutLine("orders"), Ended(FIRST, CUT), Write(HOLD)),
+                OpenLine("orders"),
+            ],
+        ),
+    ],
+    "an off ends a hold under way, and no hold ends an off": [
+        ("put", HOLD, 0, [Write(HOLD)]),
+        ("put", OFF_ORDER, 10, [CutLine("hold"), Ended(HOLD, CUT), Write(OFF_ORDER), OpenLine("hold")]),
+        ("opened", "hold", 20, []),
+        ("put", LATER, 20, [Write(LATER)]),
+    ],
+    **{
+        f"no answer is awaited for ever: {order.line}": [
+            ("put", order, 0, [Write(order)]),
+            ("wait", None, patience_ms - 1, []),
+            ("wait", None, patience_ms, [CutLine(order.line), Ended(order, TOO_LATE), OpenLine(order.line)]),
+        ]
+        for order, patience_ms in ((FIRST, PATIENCE_MS), (OFF_ORDER, STOP_PATIENCE_MS))
+    },
+    "a line that had ended at the vehicle carries its order once more and no third time": [
+        ("put", FIRST, 0, [Write(FIRST)]),
+        ("ended", "orders", 10, [OpenLine("orders")]),
+        ("opened", "orders", 20, [Write(FIRST)]),
+        ("ended", "orders", 30, [Ended(FIRST, "the connection ended"), OpenLine("orders")]),
+    ],
+    "a stop without a line waits for one and fails in time": [
+        ("ended", "off", 0, [OpenLine("off")]),
+        ("put", OFF_ORDER, 0, []),
+        ("not_opened", "off", 10, []),
+        ("wait", None, 600, [OpenLine("off")]),
+        ("wait", None, STOP_PATIENCE_MS, [Ended(OFF_ORDER, "no connection to the vehicle within 3 s")]),
+    ],
+}
 
 
-def test_a_line_that_had_ended_at_the_vehicle_carries_its_order_once_more_and_no_third_time(
-    alone: Alone,
-) -> None:
-    order = alone.put(Rank.ORDER, 0)
-    alone.road.advance(0)
-    alone.road.ended("orders", 10)
-    assert alone.road.advance(10) == [OpenLine("orders")]
-    alone.road.opened("orders")
-    assert alone.road.advance(20) == [Write(order)]
-    alone.road.ended("orders", 30)
-    assert [type(it) for it in alone.road.advance(30)] == [Ended, OpenLine]
+@pytest.mark.parametrize("story", STORIES.values(), ids=STORIES)
+def test_the_road_alone(story: list[Step]) -> None:
+    road = SendingRoad(lambda _: True)
+    for line in LINES.values():
+        road.add_line(line)
+        road.opened(line)
+    told: dict[str, Callable[[Any, int], object]] = {
+        "put": road.put,
+        "answered": lambda line, _: road.answered(line, None),
+        "opened": lambda line, _: road.opened(line),
+        "ended": road.ended,
+        "not_opened": lambda line, now_ms: road.not_opened(line, "nobody listens", now_ms),
+        "wait": lambda _, now_ms: None,
+    }
+    for number, (what, argument, now_ms, actions) in enumerate(story):
+        told[what](argument, now_ms)
+        assert road.advance(now_ms) == actions, number
 
 
-def test_a_stop_without_a_line_waits_for_one_and_fails_in_time(alone: Alone) -> None:
-    alone.road.ended("off", 0)
-    off = alone.put(Rank.OFF, 0)
-    assert alone.road.advance(0) == [OpenLine("off")]
-    alone.road.not_opened("off", "nobody listens", 10)
-    assert alone.road.advance(600) == [OpenLine("off")]
-    (ended,) = alone.road.advance(STOP_PATIENCE_MS)
-    assert isinstance(ended, Ended) and ended.outgoing is off and ended.refused is not None
+@pytest.mark.parametrize(("order", "patience_ms"), [(FIRST, PATIENCE_MS), (OFF_ORDER, STOP_PATIENCE_MS)])
+def test_an_order_is_due_when_its_patience_ends(order: Outgoing, patience_ms: int) -> None:
+    road = SendingRoad(lambda _: True)
+    road.add_line(order.line)
+    road.opened(order.line)
+    road.put(order, 0)
+    road.advance(0)
+    assert road.next_due_ms() == patience_ms

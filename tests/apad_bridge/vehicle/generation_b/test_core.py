@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -94,13 +95,17 @@ class Apad:
         self._orders: list[ServiceOrder] = []
 
     def played(self, *story: Any) -> list[LinkFact]:
-        """The new facts of a story: of messages, of orders with their times, and of times that merely come.
+        """The new facts of a story: of messages, of orders with their times, of times that merely come, and of what is done
+        to the vehicle.
 
         Left out are readings of pose and battery, acceptances, and places that only moved. A hold that the core asks for is
         ordered, as the gate's owner does.
         """
         told: list[LinkFact] = []
         for it in story:
+            if callable(it):
+                it(self)
+                continue
             at_ms = fed(self.core, it)
             self._answer(at_ms)
             for fact in self.core.advance(at_ms):
@@ -124,14 +129,232 @@ class Apad:
                 self.core.receive(ServiceAnswered(at_ms, call.number, self.refusal), at_ms)
 
 
-@pytest.fixture
-def apad() -> Apad:
-    return Apad()
-
-
 OURS = GoTo(0, 5.0, 6.0, 0.5, 0.5)
 """THERE, as the vehicle gets it."""
-STORIES: dict[str, tuple[Callable[[], Apad], list[Any], list[LinkFact], list[ServiceOrder]]] = {
+HELD, REAL = Hold(0, 2.0, 3.0), partial(Apad, takes_back=False)
+
+
+def answers(*, comes: bool) -> Callable[[Apad], None]:
+    return lambda it: setattr(it, "answers", comes)
+
+
+def refuses(why: str) -> Callable[[Apad], None]:
+    return lambda it: setattr(it, "refusal", why)
+
+
+def holding(still_running_ms: int = 0) -> list[Any]:
+    """A hold that was taken at 0, and a late status of the go-to that it pre-empted."""
+    return [(0, Hold(1, 2.0, 3.0)), goes(still_running_ms, RUNNING), goes(1_000, PREEMPTED)]
+
+
+UNDOCKED = [
+    *((0, CloseDock(1, 2, 8)), docks(0, RUNNING), docks(40_000, DONE), (50_000, OpenDock(2, 2, 8))),
+    *(ArmReceived(50_000, 2), docks(50_000, RUNNING), 60_000),
+]
+UNDOCKING_TOLD = [DockClosed(40_000, 2, 8), DockOpened(50_000, 2, 8), LetGo(50_000, 8)]
+UNDOCKING_ORDERS = [BY_EYE, HELD, replace(BY_EYE, docks=False, agent_id=8)]
+PILOTED = [(0, THERE), goes(0, RUNNING), ManualReceived(1_000, True), goes(1_000, PREEMPTED)]
+AGAIN = "the aPad did not hold its position, and got the hold again"
+SENT_AWAY = "goto_status: another client sent the aPad away from its hold"
+STORIES: dict[str, tuple[Callable[[], Apad], list[Any], list[LinkFact | str], list[ServiceOrder]]] = {
+    "a hold that was taken at 4 s is not astray at 13 s": (
+        Apad,
+        [answers(comes=False), (0, Hold(1, 20.0, 20.0)), answers(comes=True), 4_000, at(13_000, 2.0, 3.0)],
+        [],
+        [Hold(0, 20.0, 20.0)],
+    ),
+    "a hold that was taken at 4 s is astray at 14 s": (
+        Apad,
+        [answers(comes=False), (0, Hold(1, 20.0, 20.0)), answers(comes=True), 4_000, at(14_000, 2.0, 3.0)],
+        [AGAIN],
+        [Hold(0, 20.0, 20.0)] * 2,
+    ),
+    "the end of the go-to before is not the end of this one": (
+        Apad,
+        [
+            *((0, THERE), goes(0, RUNNING), answers(comes=False), (1_000, GoTo(2, -5.0, -6.0, 0.5, 0.5))),
+            *(
+                goes(1_000, RUNNING),
+                goes(1_000, PREEMPTED),
+                answers(comes=True),
+                1_000,
+                goes(1_000, PREEMPTED),
+            ),
+            *(2_000, goes(2_000, RUNNING), 10_000, at(30_000, -5.0, -6.0), goes(30_000, DONE)),
+        ],
+        [Arrived(30_000, 2)],
+        [OURS, *[GoTo(0, -5.0, -6.0, 0.5, 0.5)] * 2, Hold(0, -5.0, -6.0)],
+    ),
+    "without any message on goto_status the position decides": (
+        Apad,
+        [(0, THERE), *(at(at_ms, 5.1, 6.0) for at_ms in range(10_000, 14_000, 1_000))],
+        [Arrived(13_000, 1), "goto_status was silent: arrival by position"],
+        [OURS, Hold(0, 5.0, 6.0)],
+    ),
+    "a service that refuses is asked three times, and the first cause kept": (
+        Apad,
+        [refuses("first"), (0, THERE), refuses("later"), *range(1_000, 6_000, 1_000)],
+        [CommandFailed(3_000, 1, "first")],
+        [OURS] * 3 + [HELD] * 3,
+    ),
+    "a service that does not answer fails by time-out": (
+        Apad,
+        [answers(comes=False), (0, THERE), *range(0, 30_000, 1_000)],
+        [CommandFailed(18_000, 1, "its service did not answer within 5 s")],
+        [],
+    ),
+    "a vehicle that does not hold for 9 s is left alone": (
+        Apad,
+        [(0, Hold(1, 2.0, 3.0, 0.7)), at(5_000, 2.0, 7.0), 9_000],
+        [],
+        [Hold(0, 2.0, 3.0, 0.7)],
+    ),
+    "a vehicle that does not hold for 10 s is told again": (
+        Apad,
+        [(0, Hold(1, 2.0, 3.0, 0.7)), at(5_000, 2.0, 7.0), 9_000, 10_000],
+        [AGAIN],
+        [Hold(0, 2.0, 3.0, 0.7)] * 2,
+    ),
+    "a go-to of another's during a hold is noticed and let go on": (
+        Apad,
+        [
+            *(*holding(), at(11_000, 2.5, 3.0), goes(11_000, RUNNING), goes(12_000, RUNNING)),
+            at(30_000, 9.0, 3.0),
+        ],
+        [SENT_AWAY],
+        [HELD],
+    ),
+    # It has ended somewhere, and the controllers are off since. The hold is ordered every ten seconds at most; a go-to that
+    # still runs a moment later is a late status.
+    "a go-to of another's that has ended is followed by the hold, once": (
+        Apad,
+        [
+            *(*holding(), at(11_000, 2.5, 3.0), goes(11_000, RUNNING), goes(12_000, RUNNING)),
+            *(at(30_000, 9.0, 3.0), goes(31_000, DONE), at(31_000, 2.5, 3.0)),
+            *(goes(31_500, RUNNING), goes(32_000, PREEMPTED), 60_000),
+        ],
+        [SENT_AWAY, AGAIN],
+        [HELD, HELD],
+    ),
+    "a goal that nobody here ordered is another's and ends our go-to": (
+        REAL,
+        [
+            *((0, THERE), GoalOfOthers(100, "/apad1/commander", THERE.north_m, THERE.east_m), 1_000),
+            *(GoalOfOthers(2_000, "/apad1/commander", 80.0, 6.0), goes(3_000, RUNNING), goes(9_000, DONE)),
+        ],
+        [
+            CommandFailed(2_000, THERE.command_id, REPLACED),
+            GoalOfOthers(2_000, "/apad1/commander", 80.0, 6.0),
+            CommandedByOthers(2_000, "/apad1/commander"),
+        ],
+        [OURS],
+    ),
+    **{
+        f"a goal at {north_m:g} m is counted": (
+            REAL,
+            [GoalOfOthers(1_000, "/planner", north_m, 0.0)],
+            ["go2point/goal: north_m is outside -50000 to 50000"],
+            [],
+        )
+        for north_m in (math.nan, math.inf, 1e12)
+    },
+    "a go-to of ours that a hold pre-empts is nobody else's": (Apad, [*holding(900), 20_000], [], [HELD]),
+    "a docking of another's during a hold is let go on": (
+        Apad,
+        [*holding(), docks(2_000, RUNNING), at(40_000, 2.0, 8.0)],
+        [],
+        [HELD],
+    ),
+    "a docking of another's that has ended is followed by the hold": (
+        Apad,
+        [*holding(), docks(2_000, RUNNING), at(40_000, 2.0, 8.0), docks(41_000, DONE), at(41_000, 2.0, 4.0)],
+        [AGAIN, "docking by hand: no arm was seen to open"],
+        [HELD, HELD],
+    ),
+    **{
+        f"a {name} of another's that never ends holds nothing up {'for ever' if again else 'for 199 s'}": (
+            Apad,
+            [*holding(), runs, at(201_000, 2.0, 8.0), *[202_000] * again],
+            [*[SENT_AWAY] * (name == "go-to"), *[AGAIN] * again],
+            [HELD] * (1 + again),
+        )
+        for name, runs in {"go-to": goes(2_000, RUNNING), "docking": docks(2_000, RUNNING)}.items()
+        for again in (0, 1)
+    },
+    # The aMussel is believed at (2, 4), the boat is west of it: two metres west, with dock 2, the stern, towards it.
+    "a visual docking stands off, orders, and ends by its status and not by an earlier one's": (
+        Apad,
+        [
+            *((0, GoTo(1, 2.0, 4.0, 0.5, 0.5)), goes(0, RUNNING), goes(0, DONE), (1_000, CloseDock(2, 2, 8))),
+            *(docks(1_000, DONE), at(5_000, 2.0, 2.1, -1.5), docks(5_000, RUNNING)),
+            *(60_000, docks(60_000, DONE)),
+        ],
+        [Arrived(0, 1), DockClosed(60_000, 2, 8)],
+        [
+            *(GoTo(0, 2.0, 4.0, 0.5, 0.5), Hold(0, 2.0, 4.0)),
+            Hold(0, pytest.approx(2.0), pytest.approx(2.0), pytest.approx(-math.pi / 2)),
+            *(BY_EYE, Hold(0, 2.0, 2.1)),
+        ],
+    ),
+    "an undocking lets go when the arm opens, and the next order waits while it still pulls back": (
+        Apad,
+        [*UNDOCKED, (60_000, THERE)],
+        UNDOCKING_TOLD,
+        UNDOCKING_ORDERS,
+    ),
+    "the next order follows when it has pulled back": (
+        Apad,
+        [*UNDOCKED, (60_000, THERE), docks(85_000, DONE)],
+        UNDOCKING_TOLD,
+        [*UNDOCKING_ORDERS, OURS],
+    ),
+    "a real aMussel takes a dock, and no simulated one does then": (
+        Apad,
+        [(0, CloseDock(1, 2, 20)), docks(0, RUNNING), docks(40_000, DONE), (42_000, CloseDock(2, 2, 7))],
+        [DockClosed(40_000, 2, 20), CommandFailed(42_000, 2, "dock 3 holds aMussel 20")],
+        [BY_EYE, HELD],
+    ),
+    "a docking by hand far from all is counted": (
+        partial(Apad, {6: (9.0, 9.0)}),
+        [ArmReceived(0, 1), docks(0, RUNNING), docks(40_000, DONE)],
+        ["a docking by others: no simulated aMussel was near"],
+        [],
+    ),
+    "a pilot is not fought": (
+        Apad,
+        [*PILOTED, (2_000, GoTo(2, 7.0, 8.0, 0.5, 0.5)), 20_000],
+        [CommandFailed(1_000, 1, PILOT)],
+        [OURS],
+    ),
+    "a simulated vehicle goes on when its pilot lets go": (
+        Apad,
+        [*PILOTED, (2_000, GoTo(2, 7.0, 8.0, 0.5, 0.5)), 20_000, ManualReceived(21_000, False)],
+        [CommandFailed(1_000, 1, PILOT)],
+        [OURS, GoTo(0, 7.0, 8.0, 0.5, 0.5)],
+    ),
+    "a real vehicle stays with its pilot when the pilot lets go, until a person gives it back": (
+        REAL,
+        [
+            *(*PILOTED, (2_000, Hold(2, 7.0, 8.0)), 20_000, ManualReceived(21_000, False)),
+            *(at(at_ms, 30.0, 30.0) for at_ms in range(22_000, 120_000, 1_000)),
+            (120_000, GoTo(3, 7.0, 8.0, 0.5, 0.5)),
+        ],
+        [
+            *(CommandFailed(1_000, 1, PILOT), PilotReported(1_000, True), CommandedByOthers(1_000)),
+            *(CommandFailed(2_000, 2, PILOT), PilotReported(21_000, False)),
+        ],
+        [OURS, GoTo(0, 7.0, 8.0, 0.5, 0.5)],
+    ),
+    # It may have rebooted, and a go-to that nobody runs would stall.
+    "a vehicle that is heard again after a silence is told again": (
+        Apad,
+        [
+            *((0, THERE), goes(0, RUNNING), *range(1_000, 8_000, 1_000)),
+            *(at(8_000, 2.0, 3.0), at(9_000, 2.0, 3.0)),
+        ],
+        [],
+        [OURS, OURS],
+    ),
     "a go-to arrives by its status and is then held: a primitive's end leaves the controllers off": (
         Apad,
         [(0, THERE), goes(0, RUNNING), 1_000, at(9_000, 4.8, 6.0), goes(9_000, DONE)],
@@ -209,11 +432,11 @@ STORIES: dict[str, tuple[Callable[[], Apad], list[Any], list[LinkFact], list[Ser
 
 @pytest.mark.parametrize(("vehicle", "story", "told", "orders"), STORIES.values(), ids=STORIES)
 def test_a_story_tells_and_orders(
-    vehicle: Callable[[], Apad], story: list[Any], told: list[LinkFact], orders: list[ServiceOrder]
+    vehicle: Callable[[], Apad], story: list[Any], told: list[LinkFact | str], orders: list[ServiceOrder]
 ) -> None:
-    """Each fact bears the time of the step that tells it."""
+    """Each fact bears the time of the step that tells it; last comes what was dropped, each once."""
     apad = vehicle()
-    assert apad.played(*story) == told
+    assert [*apad.played(*story), *apad.core.dropped.elements()] == told
     assert apad.orders() == orders
 
 
@@ -227,122 +450,14 @@ def test_an_order_is_accepted_by_its_service_s_answer(command: GoTo | Hold) -> N
     assert core.advance(3_000) == [CommandAccepted(2_000, 1)]
 
 
-def test_a_hold_is_astray_by_its_acceptance_and_not_by_its_order(apad: Apad) -> None:
-    apad.answers = False
-    apad.played((0, Hold(1, 20.0, 20.0)))
-    apad.answers = True
-    apad.played(4_000, at(13_000, 2.0, 3.0))
-    assert apad.orders() == [Hold(0, 20.0, 20.0)]
-    apad.played(at(14_000, 2.0, 3.0))
-    assert apad.orders() == [Hold(0, 20.0, 20.0)]
-
-
-def test_the_end_of_the_go_to_before_is_not_the_end_of_this_one(apad: Apad) -> None:
-    apad.played((0, THERE), goes(0, RUNNING))
-    apad.answers = False
-    apad.played((1_000, GoTo(2, -5.0, -6.0, 0.5, 0.5)), goes(1_000, RUNNING), goes(1_000, PREEMPTED))
-    apad.answers = True
-    runs = goes(1_000, PREEMPTED), 2_000, goes(2_000, RUNNING), 10_000, at(30_000, -5.0, -6.0)
-    assert apad.played(1_000, *runs) == []
-    assert apad.played(goes(30_000, DONE)) == [Arrived(30_000, 2)]
-
-
-def test_without_any_message_on_goto_status_the_position_decides(apad: Apad) -> None:
-    there = (at(at_ms, 5.1, 6.0) for at_ms in range(10_000, 14_000, 1_000))
-    assert apad.played((0, THERE), *there) == [Arrived(13_000, 1)]
-    assert apad.core.dropped == {"goto_status was silent: arrival by position": 1}
-
-
-def test_a_service_that_refuses_is_asked_three_times_and_the_first_cause_kept(apad: Apad) -> None:
-    apad.refusal = "first"
-    apad.played((0, THERE))
-    apad.refusal = "later"
-    assert apad.played(*range(1_000, 6_000, 1_000)) == [CommandFailed(3_000, 1, "first")]
-
-
-def test_a_service_that_does_not_answer_fails_by_time_out(apad: Apad) -> None:
-    apad.answers = False
-    failed = CommandFailed(18_000, 1, "its service did not answer within 5 s")
-    assert apad.played((0, THERE), *range(0, 30_000, 1_000)) == [failed]
-
-
-def test_a_vehicle_that_does_not_hold_is_told_again(apad: Apad) -> None:
-    apad.played((0, Hold(1, 2.0, 3.0, 0.7)), at(5_000, 2.0, 7.0), 9_000)
-    assert apad.orders() == [Hold(0, 2.0, 3.0, 0.7)]
-    apad.played(10_000)
-    assert apad.orders() == [Hold(0, 2.0, 3.0, 0.7)]
-
-
-def holding(still_running_ms: int = 0) -> Apad:
-    """A hold that was taken at 0, and a late status of the go-to that it pre-empted."""
-    apad = Apad()
-    late = goes(still_running_ms, RUNNING), goes(1_000, PREEMPTED)
-    assert apad.played((0, Hold(1, 2.0, 3.0)), *late) == [] and apad.orders() == [Hold(0, 2.0, 3.0)]
-    return apad
-
-
-def test_a_go_to_of_anothers_during_a_hold_is_noticed_and_let_end() -> None:
-    apad = holding()
-    away = at(11_000, 2.5, 3.0), goes(11_000, RUNNING), goes(12_000, RUNNING), at(30_000, 9.0, 3.0)
-    assert apad.played(*away) == [] and apad.orders() == []
-    assert apad.core.dropped["goto_status: another client sent the aPad away from its hold"] == 1
-    # That go-to has ended somewhere, and the controllers are off since.
-    assert apad.played(goes(31_000, DONE), at(31_000, 2.5, 3.0)) == []
-    assert apad.orders() == [Hold(0, 2.0, 3.0)]
-    # Ordered every ten seconds at most; a go-to that still runs a moment later is a late status.
-    assert apad.played(goes(31_500, RUNNING), goes(32_000, PREEMPTED), 60_000) == [] and apad.orders() == []
-
-
-@pytest.fixture
-def real() -> Apad:
-    return Apad(takes_back=False)
-
-
-def test_a_goal_that_nobody_here_ordered_is_anothers_and_ends_our_go_to(real: Apad) -> None:
-    ours = GoalOfOthers(100, "/apad1/commander", THERE.north_m, THERE.east_m)
-    assert real.played((0, THERE), ours, 1_000) == []
-    assert real.played(GoalOfOthers(2_000, "/apad1/commander", 80.0, 6.0)) == [
-        CommandFailed(2_000, THERE.command_id, REPLACED),
-        GoalOfOthers(2_000, "/apad1/commander", 80.0, 6.0),
-        CommandedByOthers(2_000, "/apad1/commander"),
-    ]
-    assert real.played(goes(3_000, RUNNING), goes(9_000, DONE)) == [] and len(real.orders()) == 1
-
-
 @pytest.mark.parametrize(("ran_ms", "is_anothers"), [(0, False), (500, False), (3_000, True), (40_000, True)])
-def test_a_go_to_that_runs_where_ours_was_pre_empted_is_anothers(
-    real: Apad, ran_ms: int, is_anothers: bool
-) -> None:
+def test_a_go_to_that_runs_where_ours_was_pre_empted_is_anothers(ran_ms: int, is_anothers: bool) -> None:
     """Its server shows no goal. Soon after our order, the pre-empted one was an earlier order of ours."""
+    real = Apad(takes_back=False)
     assert real.played((0, THERE), goes(100, RUNNING), goes(100 + ran_ms, PREEMPTED)) == []
     told = [CommandFailed(110 + ran_ms, THERE.command_id, REPLACED), CommandedByOthers(110 + ran_ms)]
     assert real.played(goes(110 + ran_ms, RUNNING)) == (told if is_anothers else [])
     assert (real.played(goes(9_000 + ran_ms, DONE)) == []) is is_anothers
-
-
-@pytest.mark.parametrize("north_m", (math.nan, math.inf, 1e12))
-def test_a_goal_at_no_place_is_counted(real: Apad, north_m: float) -> None:
-    assert real.played(GoalOfOthers(1_000, "/planner", north_m, 0.0)) == []
-    assert [it for it in real.core.dropped if it.startswith("go2point/goal: ")]
-
-
-def test_a_go_to_of_ours_that_a_hold_pre_empts_is_nobody_elses() -> None:
-    apad = holding(still_running_ms=900)
-    assert apad.played(20_000) == [] and apad.orders() == [] and not apad.core.dropped
-
-
-def test_a_docking_of_anothers_during_a_hold_is_let_end_and_then_held() -> None:
-    apad = holding()
-    assert apad.played(docks(2_000, RUNNING), at(40_000, 2.0, 8.0)) == [] and apad.orders() == []
-    assert apad.played(docks(41_000, DONE), at(41_000, 2.0, 4.0)) == []
-    assert apad.orders() == [Hold(0, 2.0, 3.0)]
-
-
-@pytest.mark.parametrize("runs", [goes(2_000, RUNNING), docks(2_000, RUNNING)], ids=["go-to", "docking"])
-def test_a_primitive_of_anothers_that_never_ends_holds_nothing_up_for_ever(runs: StatusReceived) -> None:
-    apad = holding()
-    assert apad.played(runs, at(201_000, 2.0, 8.0)) == [] and apad.orders() == []
-    assert apad.played(202_000) == [] and apad.orders() == [Hold(0, 2.0, 3.0)]
 
 
 def test_a_virtual_docking_is_the_benchs_contact_and_is_carried_along() -> None:
@@ -357,69 +472,6 @@ def test_a_virtual_docking_is_the_benchs_contact_and_is_carried_along() -> None:
     assert core.advance(2_000) == [DockOpened(2_000, 1, 7), LetGo(2_000, 7)] and core.take_calls() == []
 
 
-def test_visual_docking_stands_off_orders_and_ends_by_its_status(apad: Apad) -> None:
-    """The aMussel is believed at (2, 4), the boat is west of it: two metres west, with dock 2, the stern, towards it."""
-    apad.played(
-        (0, GoTo(1, 2.0, 4.0, 0.5, 0.5)), goes(0, RUNNING), goes(0, DONE), (1_000, CloseDock(2, 2, 8))
-    )
-    stand = Hold(0, pytest.approx(2.0), pytest.approx(2.0), pytest.approx(-math.pi / 2))
-    assert apad.orders()[-1] == stand
-    of_an_earlier_docking = docks(1_000, DONE)
-    assert apad.played(of_an_earlier_docking, at(5_000, 2.0, 2.1, -1.5)) == [] and apad.orders() == [BY_EYE]
-    assert apad.played(docks(5_000, RUNNING), 60_000, docks(60_000, DONE)) == [DockClosed(60_000, 2, 8)]
-    assert apad.orders() == [Hold(0, 2.0, 2.1)]
-
-
-def test_an_undocking_lets_go_when_the_arm_opens_and_the_next_order_waits_until_the_vehicle_has_pulled_back(
-    apad: Apad,
-) -> None:
-    apad.played((0, CloseDock(1, 2, 8)), docks(0, RUNNING), docks(40_000, DONE))
-    opens = (50_000, OpenDock(2, 2, 8)), ArmReceived(50_000, 2), docks(50_000, RUNNING), 60_000
-    assert apad.played(*opens) == [DockOpened(50_000, 2, 8), LetGo(50_000, 8)]
-    apad.orders()
-    assert apad.played((60_000, THERE)) == [] and apad.orders() == []  # it still pulls back
-    assert apad.played(docks(85_000, DONE)) == [] and apad.orders() == [GoTo(0, 5.0, 6.0, 0.5, 0.5)]
-
-
-def test_a_real_amussel_takes_a_dock_and_no_simulated_one_does_then(apad: Apad) -> None:
-    by_eye = (0, CloseDock(1, 2, 20)), docks(0, RUNNING), docks(40_000, DONE)
-    assert apad.played(*by_eye) == [DockClosed(40_000, 2, 20)]
-    assert not any(isinstance(it, Carried) for it in apad.core.advance(41_000))
-    failed = CommandFailed(42_000, 2, "dock 3 holds aMussel 20")
-    assert apad.played((42_000, CloseDock(2, 2, 7))) == [failed]
-
-
-def test_a_docking_by_hand_far_from_all_is_counted() -> None:
-    apad = Apad({6: (9.0, 9.0)})
-    assert apad.played(ArmReceived(0, 1), docks(0, RUNNING), docks(40_000, DONE)) == []
-    assert apad.core.dropped == {"a docking by others: no simulated aMussel was near": 1}
-
-
-def test_a_pilot_is_not_fought(apad: Apad) -> None:
-    steers = ManualReceived(1_000, True), goes(1_000, PREEMPTED)
-    assert apad.played((0, THERE), goes(0, RUNNING), *steers) == [CommandFailed(1_000, 1, PILOT)]
-    apad.orders()
-    assert apad.played((2_000, GoTo(2, 7.0, 8.0, 0.5, 0.5)), 20_000) == [] and apad.orders() == []
-    apad.played(ManualReceived(21_000, False))
-    assert apad.orders() == [GoTo(0, 7.0, 8.0, 0.5, 0.5)]
-
-
-def test_a_real_vehicle_stays_with_its_pilot_when_the_pilot_lets_go(real: Apad) -> None:
-    steers = ManualReceived(1_000, True), goes(1_000, PREEMPTED)
-    assert real.played((0, THERE), goes(0, RUNNING), *steers, (2_000, Hold(2, 7.0, 8.0)), 20_000) == [
-        CommandFailed(1_000, 1, PILOT),
-        PilotReported(1_000, True),
-        CommandedByOthers(1_000),
-        CommandFailed(2_000, 2, PILOT),
-    ]
-    real.orders()
-    far_from_any_order = (at(at_ms, 30.0, 30.0) for at_ms in range(22_000, 120_000, 1_000))
-    told = real.played(ManualReceived(21_000, False), *far_from_any_order)
-    assert told == [PilotReported(21_000, False)] and real.orders() == []
-    real.played((120_000, GoTo(3, 7.0, 8.0, 0.5, 0.5)))  # a person has given it back
-    assert real.orders() == [GoTo(0, 7.0, 8.0, 0.5, 0.5)]
-
-
 def test_an_answer_to_an_order_that_was_replaced_changes_nothing() -> None:
     core = Apad().core
     core.command(cleared(THERE), 0)
@@ -427,11 +479,3 @@ def test_an_answer_to_an_order_that_was_replaced_changes_nothing() -> None:
     core.command(cleared(Hold(2, 2.0, 3.0)), 0)
     core.receive(ServiceAnswered(0, call.number, None), 0)
     assert core.unacknowledged == ["order 2"]
-
-
-def test_a_vehicle_that_is_heard_again_after_a_silence_is_told_again(apad: Apad) -> None:
-    """The vehicle may have rebooted, and a go-to that nobody runs would stall."""
-    assert apad.played((0, THERE), goes(0, RUNNING), *range(1_000, 8_000, 1_000)) == []
-    assert len(apad.orders()) == 1
-    assert apad.played(at(8_000, 2.0, 3.0), at(9_000, 2.0, 3.0)) == []
-    assert apad.orders() == [GoTo(0, 5.0, 6.0, 0.5, 0.5)]
