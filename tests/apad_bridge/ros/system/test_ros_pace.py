@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
@@ -71,49 +72,81 @@ def topics(monkeypatch: pytest.MonkeyPatch) -> list[Topic]:
     return made
 
 
-def test_a_tick_is_over_when_goals_are_taken_the_node_is_done_and_all_is_heard(topics: list[Topic]) -> None:
-    vehicle = Vehicle()
-    clock = ros_pace.OwnMasterClock(None, vehicle)
-    for now_ms in (0, 1_000):
-        clock.reach(now_ms, threading.Event())
-    assert topics[0].published_ms == [0, 1_000]
-    assert vehicle.calls == ["taken", "done 0", "heard 0", "taken", "done 1000", "heard 1000"]
+def tick(now_ms: int) -> list[str]:
+    """What the link is asked for in a tick that is reached at once."""
+    return ["taken", f"done {now_ms}", f"heard {now_ms}"]
 
 
-@pytest.mark.parametrize(("speed", "steps"), [(1000.0, [5_000, 6_000]), (20.0, [5_000, 5_500, 6_000])])
-def test_between_ticks_the_clock_comes_no_oftener_than_50_times_a_second(
-    topics: list[Topic], speed: float, steps: list[int]
+OWN: dict[str, tuple[float | None, int, dict[str, int], list[int], list[int], list[str]]] = {
+    "a tick is over when goals are taken, the node is done and all is heard": (
+        *(None, 0, {}, [0, 1_000]),
+        *([0, 1_000], [*tick(0), *tick(1_000)]),
+    ),
+    "between ticks the clock comes every half second, at 20 times": (
+        *(20.0, 5_000, {}, [5_000, 6_000]),
+        *([5_000, 5_500, 6_000], [*tick(5_000), *tick(6_000)]),
+    ),
+    "at 1000 times it comes each tick: no oftener than 50 times a second": (
+        *(1000.0, 5_000, {}, [5_000, 6_000]),
+        *([5_000, 6_000], [*tick(5_000), *tick(6_000)]),
+    ),
+    "an answer that was lost is asked for again at the same time": (
+        *(None, 0, {"lost": 2}, [1_000]),
+        *([1_000] * 3, ["taken", *["done 1000"] * 3, "heard 1000"]),
+    ),
+    "when stopped the vehicle still comes to the tick": (
+        *(0.001, 0, {}, [0, -1_000]),
+        *([0, 1_000], [*tick(0), *tick(1_000)]),
+    ),
+    "a stopped flight waits no minute for a node that is silent": (
+        *(None, 0, {"done_ms": 0}, [-1_000]),
+        *([1_000], ["taken", "done 1000"]),
+    ),
+}
+
+
+@pytest.mark.parametrize(("speed", "start_ms", "made", "ticks", "published", "calls"), OWN.values(), ids=OWN)
+def test_the_own_clock_publishes_and_waits(
+    topics: list[Topic],
+    speed: float | None,
+    start_ms: int,
+    made: dict[str, int],
+    ticks: list[int],
+    published: list[int],
+    calls: list[str],
 ) -> None:
-    clock = ros_pace.OwnMasterClock(speed, Vehicle(), start_ms=5_000)
-    clock.reach(5_000, threading.Event())
-    clock.reach(6_000, threading.Event())
-    assert topics[0].published_ms == steps
-
-
-def test_who_does_not_come_along_is_named(topics: list[Topic]) -> None:
-    clock = ros_pace.OwnMasterClock(None, Vehicle(done_ms=1_000), patience_s=0.5)
-    clock.reach(1_000, threading.Event())
-    with pytest.raises(TimeoutError, match=r"/apad1 did not say within 0.5 s.* come to 2 s of mission time"):
-        clock.reach(2_000, threading.Event())
-
-
-def test_an_answer_that_was_lost_is_asked_for_again_at_the_same_time(topics: list[Topic]) -> None:
-    ros_pace.OwnMasterClock(None, Vehicle(lost=2)).reach(1_000, threading.Event())
-    assert topics[0].published_ms == [1_000] * 3
-
-
-def test_the_own_clock_is_latched_and_bounded(topics: list[Topic]) -> None:
-    ros_pace.OwnMasterClock(None, Vehicle())
+    """A tick below zero is one of a flight that has been stopped. On the way the clock tells each time but the ticks'."""
+    vehicle, stopped, between_ms = Vehicle(**made), threading.Event(), list[int]()
+    clock = ros_pace.OwnMasterClock(speed, vehicle, start_ms)
+    for now_ms in ticks:
+        if now_ms < 0:
+            stopped.set()
+        clock.reach(abs(now_ms), stopped, between_ms.append)
+    assert (topics[0].published_ms, vehicle.calls) == (published, calls)
     assert topics[0].options["latch"] and 0 < topics[0].options["queue_size"] <= 1000
+    assert set(published) - set(map(abs, ticks)) <= set(between_ms) and between_ms == sorted(between_ms)
+    assert not set(map(abs, ticks)) & set(between_ms)
 
 
-def test_when_stopped_the_vehicle_still_comes_to_the_tick(topics: list[Topic]) -> None:
-    stopped = threading.Event()
-    clock = ros_pace.OwnMasterClock(0.001, Vehicle())
-    clock.reach(0, stopped)
-    stopped.set()
-    clock.reach(1_000, stopped)
-    assert topics[0].published_ms == [0, 1_000]
+def gone() -> str:
+    return "the ROS master is gone (refused)"
+
+
+@pytest.mark.parametrize(
+    ("how", "why"),
+    [
+        ({"patience_s": 0.5}, r"/apad1 did not say within 0.5 s.* come to 2 s of mission time"),
+        ({"why_gone": gone}, "the ROS master is gone"),
+    ],
+    ids=["who does not come along is named", "without a master nobody is waited for"],
+)
+def test_a_clock_that_cannot_go_on_says_why(topics: list[Topic], how: dict[str, Any], why: str) -> None:
+    vehicle = Vehicle(done_ms=1_000)
+    clock = ros_pace.OwnMasterClock(None, vehicle, **how)
+    clock.reach(1_000, threading.Event())
+    with pytest.raises(ros_pace.ClockLost, match=why):
+        clock.reach(2_000, threading.Event())
+    assert vehicle.calls.count("done 2000") == 1 or "patience_s" in how
 
 
 def deliver(topics: list[Topic], clock_ms: int) -> None:
@@ -126,103 +159,133 @@ def reached_ms(topics: list[Topic]) -> list[int]:
     return reached.published_ms
 
 
-def test_a_followed_clock_counts_from_the_newest_one_at_the_first_tick(topics: list[Topic]) -> None:
-    clock = ros_pace.FollowedClock(start_ms=2_000, standstill_s=0.3)
-    deliver(topics, 1_000_000)  # the flight's other parts open until the first tick
-    deliver(topics, 7_000_000)
-    clock.reach(2_000, threading.Event())
-    assert clock.behind_s == 0.0
-    deliver(topics, 7_005_000)
-    clock.reach(3_000, threading.Event())
-    assert clock.behind_s == 4.0
-    clock.close()
-    assert not any(it.is_open for it in topics)
+Act = Callable[["Followed"], object]
 
 
-def test_a_followed_clock_begins_where_several_missions_agreed(topics: list[Topic]) -> None:
-    """A supervisor that resumes is at the others' time, whatever the time of its own first tick."""
-    clock = ros_pace.FollowedClock(start_ms=2_000, standstill_s=0.1)
-    with pytest.raises(TimeoutError, match="no /clock came"):
-        clock.clock_ms()
-    deliver(topics, 7_000_000)
-    assert clock.clock_ms() == 7_000_000
-    clock.begin_at(6_990_000)
-    clock.reach(9_000, threading.Event())
-    assert clock.behind_s == 1.0
-    assert reached_ms(topics) == [6_999_000]
-    with pytest.raises(TimeoutError):
-        clock.reach(11_000, threading.Event())
+class Followed:
+    """Somebody else's clock, and a vehicle."""
+
+    def __init__(self, topics: list[Topic], start_ms: int) -> None:
+        self.topics, self.vehicle, self.stopped = topics, Vehicle(), threading.Event()
+        self.clock = ros_pace.FollowedClock(start_ms=start_ms, link=self.vehicle, standstill_s=0.2)
+
+    def shown(self, act: Callable[[Followed], object]) -> str:
+        """What an act tells, or why it fails; and the times that are told to who publishes the clock."""
+        before = len(reached_ms(self.topics))
+        try:
+            said = act(self)
+        except TimeoutError as error:
+            said = next(it for it in ("no /clock came", "paused, gone or started anew") if it in str(error))
+        return " ".join(map(str, [*([] if said is None else [said]), *reached_ms(self.topics)[before:]]))
 
 
-def test_a_followed_clock_wakes_who_waits_for_it(topics: list[Topic]) -> None:
-    clock = ros_pace.FollowedClock(standstill_s=20.0)
-    deliver(topics, 500)
-    clock.reach(0, threading.Event())
-    waiter = threading.Thread(target=clock.reach, args=(1_000, threading.Event()))
-    waiter.start()
-    deliver(topics, 1_500)
-    waiter.join(10)
-    assert not waiter.is_alive()
+def delivers(clock_ms: int) -> Act:
+    return lambda it: deliver(it.topics, clock_ms)
 
 
-def test_who_publishes_the_clock_learns_before_which_time_everything_is_handled(topics: list[Topic]) -> None:
-    clock = ros_pace.FollowedClock(start_ms=2_000, standstill_s=0.1)
-    deliver(topics, 6_000_000)
-    assert reached_ms(topics) == []  # the flight has not begun
-    deliver(topics, 7_000_000)
-    clock.reach(2_000, threading.Event())
-    with pytest.raises(TimeoutError):
-        clock.reach(3_000, threading.Event())
-    deliver(topics, 7_000_400)
-    assert reached_ms(topics) == [7_000_000, 7_001_000]
+def reaches(now_ms: int) -> Act:
+    return lambda it: it.clock.reach(now_ms, it.stopped)
 
 
-def test_a_flight_that_waits_for_the_first_clock_begins_with_it(topics: list[Topic]) -> None:
-    clock = ros_pace.FollowedClock(standstill_s=20.0)
-    stopped = threading.Event()
-    stopped.set()
-    clock.reach(0, stopped)
-    deliver(topics, 7_000_000)
-    assert reached_ms(topics) == [7_000_000]
-    clock.reach(0, threading.Event())
-    assert clock.behind_s == 0.0
+def behind_s(it: Followed) -> object:
+    return it.clock.behind_s
 
 
-def test_a_clock_that_waits_passes_no_tick_before_the_vehicles_answers(topics: list[Topic]) -> None:
-    vehicle = Vehicle()
-    clock = ros_pace.FollowedClock(link=vehicle, standstill_s=20.0)
-    deliver(topics, 7_000_000)
-    clock.reach(0, threading.Event())
-    assert vehicle.calls == []  # nobody waits on somebody else's clock: it would run on
-    topics[0].readers = 1
-    clock.reach(0, threading.Event())
-    assert vehicle.calls == ["taken"]
+def stops(it: Followed) -> None:
+    it.stopped.set()
 
 
-def test_no_clock_and_one_that_stands_still_are_told_apart(topics: list[Topic]) -> None:
-    clock = ros_pace.FollowedClock(standstill_s=0.2)
-    with pytest.raises(TimeoutError, match="no /clock came"):
-        clock.reach(0, threading.Event())
-    deliver(topics, 500)
-    with pytest.raises(TimeoutError, match="paused, gone or started anew"):
-        clock.reach(1_000, threading.Event())
+def goes_on(it: Followed) -> None:
+    it.stopped.clear()
 
 
-def test_a_stopped_flight_does_not_wait_for_somebody_elses_clock(topics: list[Topic]) -> None:
-    stopped = threading.Event()
-    stopped.set()
-    ros_pace.FollowedClock(standstill_s=20.0).reach(1_000, stopped)
+def has_reader(it: Followed) -> None:
+    it.topics[0].readers = 1
 
 
-def test_on_the_way_it_tells_the_time_that_has_come(topics: list[Topic]) -> None:
-    times_ms: list[int] = []
-    clock = ros_pace.OwnMasterClock(20.0, Vehicle())
-    clock.reach(0, threading.Event(), times_ms.append)
-    clock.reach(4_000, threading.Event(), times_ms.append)
-    assert times_ms and times_ms == sorted(times_ms) and all(0 < it < 4_000 for it in times_ms)
+def asked(it: Followed) -> object:
+    return it.vehicle.calls
 
 
-def test_a_followed_clock_tells_what_has_come_between(topics: list[Topic]) -> None:
+FOLLOWED: dict[str, tuple[int, list[tuple[Act, str]]]] = {
+    "it counts from the newest time at the first tick": (
+        2_000,
+        [
+            (delivers(1_000_000), ""),  # the flight's other parts open until the first tick
+            (delivers(7_000_000), ""),
+            (reaches(2_000), "7000000"),
+            (behind_s, "0.0"),
+            (delivers(7_005_000), ""),
+            (reaches(3_000), "7001000"),
+            (behind_s, "4.0"),
+            (lambda it: it.clock.close(), ""),
+            (lambda it: any(topic.is_open for topic in it.topics), "False"),
+        ],
+    ),
+    # A supervisor that resumes is at the others' time, whatever the time of its own first tick.
+    "it begins where several missions agreed": (
+        2_000,
+        [
+            (lambda it: it.clock.clock_ms(), "no /clock came"),
+            (delivers(7_000_000), ""),
+            (lambda it: it.clock.clock_ms(), "7000000"),
+            (lambda it: it.clock.begin_at(6_990_000), ""),
+            (reaches(9_000), "6999000"),
+            (behind_s, "1.0"),
+            (reaches(11_000), "paused, gone or started anew 7001000"),
+        ],
+    ),
+    "who publishes the clock learns before which time everything is handled": (
+        2_000,
+        [
+            (delivers(6_000_000), ""),  # the flight has not begun
+            (delivers(7_000_000), ""),
+            (reaches(2_000), "7000000"),
+            (reaches(3_000), "paused, gone or started anew 7001000"),
+            (delivers(7_000_400), ""),
+        ],
+    ),
+    "a flight that waits for the first clock begins with it": (
+        0,
+        [
+            (stops, ""),
+            (reaches(0), ""),
+            (delivers(7_000_000), "7000000"),
+            (goes_on, ""),
+            (reaches(0), "7000000"),
+            (behind_s, "0.0"),
+        ],
+    ),
+    "a clock that waits passes no tick before the vehicle's answers": (
+        0,
+        [
+            (delivers(7_000_000), ""),
+            (reaches(0), "7000000"),
+            (asked, "[]"),  # nobody waits on somebody else's clock: it would run on
+            (has_reader, ""),
+            (reaches(0), "7000000"),
+            (asked, "['taken']"),
+        ],
+    ),
+    "no clock and one that stands still are told apart": (
+        0,
+        [
+            (reaches(0), "no /clock came"),
+            (delivers(500), "500"),
+            (reaches(1_000), "paused, gone or started anew 1500"),
+        ],
+    ),
+    "a stopped flight does not wait for somebody else's clock": (0, [(stops, ""), (reaches(1_000), "")]),
+}
+
+
+@pytest.mark.parametrize(("start_ms", "steps"), FOLLOWED.values(), ids=FOLLOWED)
+def test_a_followed_clock(topics: list[Topic], start_ms: int, steps: list[tuple[Act, str]]) -> None:
+    followed = Followed(topics, start_ms)
+    assert [followed.shown(act) for act, _ in steps] == [shown for _, shown in steps]
+
+
+def test_a_followed_clock_wakes_who_waits_for_it_and_tells_what_has_come_between(topics: list[Topic]) -> None:
     times_ms: list[int] = []
 
     def between(now_ms: int) -> None:
@@ -232,24 +295,11 @@ def test_a_followed_clock_tells_what_has_come_between(topics: list[Topic]) -> No
     clock = ros_pace.FollowedClock(standstill_s=20.0)
     deliver(topics, 0)
     clock.reach(0, threading.Event())
+    waiter = threading.Thread(target=clock.reach, args=(1_000, threading.Event(), between))
+    waiter.start()
     deliver(topics, 100)
-    clock.reach(1_000, threading.Event(), between)
-    assert times_ms == [100, 500, 900]
-
-
-def test_a_stopped_flight_waits_no_minute_for_a_node_that_is_silent(topics: list[Topic]) -> None:
-    vehicle, stopped = Vehicle(done_ms=0), threading.Event()
-    stopped.set()
-    ros_pace.OwnMasterClock(None, vehicle).reach(1_000, stopped)
-    assert vehicle.calls.count("done 1000") == 1
-
-
-def test_without_a_master_nobody_is_waited_for_and_the_master_is_named(topics: list[Topic]) -> None:
-    vehicle = Vehicle(done_ms=0)
-    clock = ros_pace.OwnMasterClock(None, vehicle, why_gone=lambda: "the ROS master is gone (refused)")
-    with pytest.raises(ros_pace.ClockLost, match="the ROS master is gone"):
-        clock.reach(1_000, threading.Event())
-    assert vehicle.calls.count("done 1000") == 1
+    waiter.join(10)
+    assert not waiter.is_alive() and times_ms == [100, 500, 900]
 
 
 class BusyVehicle(Vehicle):
