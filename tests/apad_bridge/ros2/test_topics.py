@@ -9,6 +9,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from pytest import approx
 
 from apad_bridge.ros2.topics import RunTopics, TopicMessage
 
@@ -30,66 +31,200 @@ def state(story: Any, pool: Any, read: Read) -> Callable[[], dict[str, Any]]:
     return messages
 
 
-def test_an_aMussels_battery(story: Any, state: Callable[[], dict[str, Any]]) -> None:
-    story.belief(5500, 7, charge=0.75, secondary=0.5, heard=4500)
-    battery = state()["/amussel7/battery_state"]
-    # 75 % and 50 % of the way from 3.6 to 4.2 V
-    assert (battery.voltage, battery.percentage) == pytest.approx((4.05, 0.75))
-    assert battery.cell_voltage.tolist() == pytest.approx([4.05, 3.9])
-    unknown = ("temperature", "current", "charge", "capacity", "design_capacity")
-    assert all(math.isnan(getattr(battery, it)) for it in unknown)
-    assert (battery.power_supply_status, battery.power_supply_health) == (2, 1)
-    assert (battery.power_supply_technology, battery.present, battery.location) == (3, True, "amussel7")
-    assert (battery.header.frame_id, battery.header.stamp.sec) == ("amussel7/base_link", 4)
-    assert battery.header.stamp.nanosec == 500_000_000
-
-
-def test_an_aMussels_place(story: Any, state: Callable[[], dict[str, Any]]) -> None:
-    story.belief(5000, 7, north_m=10.0, east_m=20.0, reported={"depth_m": 3.0})
-    story.belief(5000, 8, north_m=10.0, east_m=20.0, place_cov=[4.0, 0.5, 9.0], mode="IDLE")
-    came = state()
-    known, fix = came["/amussel8/fix"], came["/amussel7/fix"]
-    # A degree of latitude is 111 111 m within 0.5 % there; one of longitude that times cos 43.93 degrees.
-    assert fix.latitude - 43.9330937 == pytest.approx(10 / 111_111, rel=0.005)
-    assert fix.longitude - 15.4443468 == pytest.approx(20 / (111_111 * 0.7202), rel=0.005)
-    assert (math.isnan(fix.altitude), fix.status.status, fix.status.service) == (True, 0, 1)
-    assert (fix.position_covariance_type, known.position_covariance_type) == (0, 3)
-    assert (known.position_covariance[0], known.header.frame_id) == (9.0, "amussel8/base_link")
-
-    believed, sure = came["/amussel7/belief/pose"], came["/amussel8/belief/pose"]
-    assert believed.header.frame_id == "musselbed/enu"
-    assert vector(believed.pose.pose.position) == (20.0, 10.0, -3.0)
-    assert quaternion(believed.pose.pose.orientation) == (0.0, 0.0, 0.0, 1.0)
-    assert (believed.pose.covariance[0], sure.pose.covariance[0]) == (0.0, 9.0)
-
-
-def test_the_truth_of_a_simulated_aMussel(story: Any, state: Callable[[], dict[str, Any]]) -> None:
+def marked(story: Any) -> None:
+    story.apad(5000, 1.0, 2.0, EAST_RAD, docks=(9, 7))
     story.belief(5000, 7)
-    story.truth(5000, 4, depth=[150_000, 3_000_000], buoyancy="SINK")
+    story.belief(5000, 8, place_cov=[4.0, 0.0, 9.0], mode="IDLE")
+
+
+def diagnosed(story: Any) -> None:
+    story.apad(300_000, 1.0, 2.0, docks=(7,))
+    story.belief(300_000, 7, charge=0.9)
+    story.poll()
+
+
+NAN, UNTURNED = approx(math.nan, nan_ok=True), (0.0, 0.0, 0.0, 1.0)
+NORTH_DEG, EAST_DEG = 1 / 111_111, 1 / (111_111 * 0.7202)
+"""A degree of latitude is 111 111 m within 0.5 % there; one of longitude that times cos 43.93 degrees."""
+ORIGIN_DEG = 43.9330937, 15.4443468
+
+
+def plain(value: Any) -> Any:
+    """A part of a message as numbers and texts."""
+    if hasattr(value, "w"):
+        return quaternion(value)
+    return vector(value) if hasattr(value, "x") else value.tolist() if hasattr(value, "tolist") else value
+
+
+MESSAGES: dict[str, tuple[Callable[[Any], object], str, dict[str, Any]]] = {
+    # 75 % and 50 % of the way from 3.6 to 4.2 V.
+    "an aMussel's battery": (
+        lambda it: it.belief(5500, 7, charge=0.75, secondary=0.5, heard=4500),
+        "/amussel7/battery_state",
+        {
+            "voltage": approx(4.05),
+            "percentage": approx(0.75),
+            "cell_voltage": approx([4.05, 3.9]),
+            "location": "amussel7",
+        }
+        | dict.fromkeys(("temperature", "current", "charge", "capacity", "design_capacity"), NAN)
+        | {"power_supply_status": 2, "power_supply_health": 1, "power_supply_technology": 3, "present": True}
+        | {"header.frame_id": "amussel7/base_link"}
+        | {"header.stamp.sec": 4, "header.stamp.nanosec": 500_000_000},
+    ),
+    "an aMussel's place in degrees": (
+        lambda it: it.belief(5000, 7, north_m=10.0, east_m=20.0, reported={"depth_m": 3.0}),
+        "/amussel7/fix",
+        {"altitude": NAN, "status.status": 0, "status.service": 1, "position_covariance_type": 0}
+        | {"latitude": (10 * NORTH_DEG, 0), "longitude": (20 * EAST_DEG, 1)},
+    ),
+    "a place in degrees that is known to some metres": (
+        lambda it: it.belief(5000, 8, place_cov=[4.0, 0.5, 9.0], mode="IDLE"),
+        "/amussel8/fix",
+        {
+            "position_covariance_type": 3,
+            "position_covariance.0": 9.0,
+            "header.frame_id": "amussel8/base_link",
+        },
+    ),
+    "a belief": (
+        lambda it: it.belief(5000, 7, north_m=10.0, east_m=20.0, reported={"depth_m": 3.0}),
+        "/amussel7/belief/pose",
+        {"header.frame_id": "musselbed/enu", "pose.pose.position": (20.0, 10.0, -3.0)}
+        | {"pose.pose.orientation": UNTURNED, "pose.covariance.0": 0.0},
+    ),
+    "a belief that is known to some metres": (
+        lambda it: it.belief(5000, 8, place_cov=[4.0, 0.5, 9.0], mode="IDLE"),
+        "/amussel8/belief/pose",
+        {"pose.covariance.0": 9.0},
+    ),
+    "the truth of a simulated aMussel": (
+        lambda it: it.truth(5000, 4, depth=[150_000, 3_000_000], buoyancy="SINK"),
+        "/amussel4/truth/pose",
+        {"pose.position": (2.5, 1.5, -3.0), "header.frame_id": "musselbed/enu", "header.stamp.sec": 5},
+    ),
+    # North is a quarter turn from x.
+    "the aPad's way": (
+        lambda it: (it.apad(1000, 2.0, 3.0, 0.2), it.apad(2000, 4.0, 4.0, 0.0)),
+        "/apad1/odometry",
+        {"header.frame_id": "musselbed/enu", "child_frame_id": "apad1/base_link"}
+        | {"pose.pose.position": (4.0, 4.0, 0.0), "pose.pose.orientation": approx((0.0, 0.0, HALF, HALF))}
+        | {"twist.twist.linear": approx((2.0, -1.0, 0.0)), "twist.twist.angular": approx((0.0, 0.0, 0.2))},
+    ),
+    "the aPad's battery": (
+        lambda it: it.apad(2000, 4.0, 4.0, 0.0),
+        "/apad1/battery_state",
+        {
+            "voltage": approx(15.5),
+            "percentage": approx(0.9),
+            "location": "apad1",
+            "header.frame_id": "apad1/base_link",
+        }
+        | {"power_supply_status": 2, "power_supply_health": 0, "header.stamp.sec": 2},
+    ),
+    "the aPad's place in degrees": (
+        lambda it: it.apad(2000, 4.0, 4.0, 0.0),
+        "/apad1/fix",
+        {"latitude": (4 * NORTH_DEG, 0), "position_covariance_type": 0},
+    ),
+    "the screen is cleared before the markers": (
+        marked,
+        "/apad1/markers",
+        {
+            "markers.0.action": 3,
+            "markers.0.pose.orientation.w": 1.0,
+            "markers.0.header.frame_id": "musselbed/enu",
+        },
+    ),
+    "a ball is an aMussel": (
+        marked,
+        "/apad1/markers",
+        {"markers.1.ns": "amussels", "markers.1.id": 7, "markers.1.type": 2, "markers.1.action": 0}
+        | {"markers.1.pose.position": (2.0, 1.0, 0.0), "markers.1.scale": (0.5, 0.5, 0.5)}
+        | {
+            "markers.1.color.r": approx(0.0),
+            "markers.1.color.g": approx(0.8),
+            "markers.1.color.b": approx(0.9),
+            "markers.1.color.a": approx(1.0),
+        },
+    ),
+    "a text is its label": (
+        marked,
+        "/apad1/markers",
+        {"markers.2.text": "7: 75 %", "markers.2.scale.z": 0.6},
+    ),
+    "the aPad's diagnosis": (
+        diagnosed,
+        "/diagnostics",
+        {"header.stamp.sec": 300, "status.0.name": "musselbed: aPad apad1", "status.0.hardware_id": "apad1"}
+        | {"status.0.level": 0, "status.0.values": {"services": "0", "docks": "7 - - -", "primitive": ""}},
+    ),
+    "the diagnosis of an aMussel that has reported nothing": (
+        diagnosed,
+        "/diagnostics",
+        {"status.1.level": 3, "status.1.message": "no report yet", "status.1.values": {}},
+    ),
+    "the diagnosis of an aMussel": (
+        diagnosed,
+        "/diagnostics",
+        {"status.7.name": "musselbed: aMussel 7", "status.7.level": 0, "status.7.message": "90 %"}
+        | {"status.7.values": {"state": "ACTIVE", "primary": "0.9", "secondary": "1.0"}},
+    ),
+    "the first failure": (
+        lambda it: (
+            diagnosed(it),
+            setattr(it.run.state, "first_failure", SimpleNamespace(reason="no position")),
+        ),
+        "/diagnostics",
+        {"status.0.level": 2, "status.0.message": "first failure: no position"},
+    ),
+    "the phase": (
+        lambda it: (diagnosed(it), setattr(it.run.state, "phase", "go to aMussel")),
+        "/diagnostics",
+        {"status.0.message": "go to aMussel"},
+    ),
+    "the end": (
+        lambda it: (
+            diagnosed(it),
+            it.write(301_000, "end", reason="mission time", end_reason="mission time"),
+        ),
+        "/diagnostics",
+        {"status.0.message": "mission time"},
+    ),
+}
+
+
+@pytest.mark.parametrize(("write", "topic", "told"), MESSAGES.values(), ids=MESSAGES)
+def test_a_message(
+    story: Any,
+    state: Callable[[], dict[str, Any]],
+    write: Callable[[Any], object],
+    topic: str,
+    told: dict[str, Any],
+) -> None:
+    """Of degrees, the row has those from the origin's, and which of the two."""
+    write(story)
+    message = state()[topic]
+    for path, wanted in told.items():
+        value = message
+        for name in path.split("."):
+            value = value[int(name)] if name.isdigit() else getattr(value, name)
+        if name == "values":
+            value = {it.key: it.value for it in value}
+        if name in ("latitude", "longitude"):
+            assert value - ORIGIN_DEG[wanted[1]] == approx(wanted[0], rel=0.005), path
+        else:
+            assert plain(value) == wanted, path
+
+
+def test_only_what_is_known_of_an_aMussel_is_told(story: Any, state: Callable[[], dict[str, Any]]) -> None:
+    story.belief(5000, 7)
+    story.truth(5000, 4)
     came = state()
     assert "/amussel7/truth/pose" not in came and "/amussel4/belief/pose" not in came
-    truth = came["/amussel4/truth/pose"]
-    assert vector(truth.pose.position) == (2.5, 1.5, -3.0)
-    assert (truth.header.frame_id, truth.header.stamp.sec) == ("musselbed/enu", 5)
-
-
-def test_the_aPad(story: Any, state: Callable[[], dict[str, Any]]) -> None:
-    story.apad(1000, 2.0, 3.0, 0.2)
-    story.apad(2000, 4.0, 4.0, 0.0)
-    came = state()
-    odometry = came["/apad1/odometry"]
-    assert (odometry.header.frame_id, odometry.child_frame_id) == ("musselbed/enu", "apad1/base_link")
-    assert vector(odometry.pose.pose.position) == (4.0, 4.0, 0.0)
-    # North is a quarter turn from x.
-    assert quaternion(odometry.pose.pose.orientation) == pytest.approx((0.0, 0.0, HALF, HALF))
-    assert vector(odometry.twist.twist.linear) == pytest.approx((2.0, -1.0, 0.0))
-    assert vector(odometry.twist.twist.angular) == pytest.approx((0.0, 0.0, 0.2))
-    battery = came["/apad1/battery_state"]
-    assert (battery.voltage, battery.percentage) == pytest.approx((15.5, 0.9))
-    assert (battery.power_supply_status, battery.power_supply_health, battery.location) == (2, 0, "apad1")
-    assert (battery.header.frame_id, battery.header.stamp.sec) == ("apad1/base_link", 2)
-    assert came["/apad1/fix"].latitude - 43.9330937 == pytest.approx(4 / 111_111, rel=0.005)
-    assert came["/apad1/fix"].position_covariance_type == 0
+    assert [it.hardware_id for it in came["/diagnostics"].status[1:]] == [
+        f"amussel{it}" for it in range(1, 13)
+    ]
 
 
 def test_values_that_a_vehicle_does_not_tell(story: Any, state: Callable[[], dict[str, Any]]) -> None:
@@ -138,58 +273,26 @@ def test_frames_are_one_tree_with_z_up(story: Any, pool: Any, read: Read) -> Non
     )
     assert (apad.child_frame_id, apad.header.stamp.sec) == ("apad1/base_link", 5)
     assert vector(apad.transform.translation) == (2.0, 1.0, 0.0)
-    assert quaternion(apad.transform.rotation) == pytest.approx((0.0, 0.0, 0.0, 1.0))
+    assert quaternion(apad.transform.rotation) == approx((0.0, 0.0, 0.0, 1.0))
     fixed = topics.fixed_frames()
     (ned,) = read(fixed).transforms
     assert (fixed.topic, fixed.kept) == ("/tf_static", 1)
     assert (ned.header.frame_id, ned.child_frame_id) == ("musselbed/enu", "musselbed/ned")
     # Half a turn about the axis between x and y: x becomes y, y becomes x, z its opposite.
-    assert quaternion(ned.transform.rotation) == pytest.approx((HALF, HALF, 0.0, 0.0))
+    assert quaternion(ned.transform.rotation) == approx((HALF, HALF, 0.0, 0.0))
 
 
-def test_markers_begin_with_a_clear_screen(story: Any, state: Callable[[], dict[str, Any]]) -> None:
-    story.apad(5000, 1.0, 2.0, EAST_RAD, docks=(9, 7))
-    story.belief(5000, 7)
-    story.belief(5000, 8, place_cov=[4.0, 0.0, 9.0], mode="IDLE")
-    clear, *markers = state()["/apad1/markers"].markers
-    assert (clear.action, clear.pose.orientation.w, clear.header.frame_id) == (3, 1.0, "musselbed/enu")
-    assert [(it.ns, it.id, it.type) for it in markers] == [
-        ("amussels", 7, 2),
-        ("labels", 7, 9),
-        ("amussels", 8, 2),
-        ("labels", 8, 9),
-        ("place_95", 8, 3),
-        ("apad", 0, 0),
+def test_markers_come_in_layers(story: Any, state: Callable[[], dict[str, Any]]) -> None:
+    marked(story)
+    _, *markers = state()["/apad1/markers"].markers
+    assert [(it.ns, it.id, it.type, it.action) for it in markers] == [
+        ("amussels", 7, 2, 0),
+        ("labels", 7, 9, 0),
+        ("amussels", 8, 2, 0),
+        ("labels", 8, 9, 0),
+        ("place_95", 8, 3, 0),
+        ("apad", 0, 0, 0),
     ]
-    assert {it.action for it in markers} == {0}
-    ball, label, *_ = markers
-    assert vector(ball.pose.position) == (2.0, 1.0, 0.0) and vector(ball.scale) == (0.5, 0.5, 0.5)
-    assert (ball.color.r, ball.color.g, ball.color.b, ball.color.a) == pytest.approx((0.0, 0.8, 0.9, 1.0))
-    assert (label.text, label.scale.z) == ("7: 75 %", 0.6)
-
-
-def test_diagnostics(story: Any, state: Callable[[], dict[str, Any]]) -> None:
-    story.apad(300_000, 1.0, 2.0, docks=(7,))
-    story.belief(300_000, 7, charge=0.9)
-    came = state()["/diagnostics"]
-    assert came.header.stamp.sec == 300
-    apad, *amussels = came.status
-    assert (apad.name, apad.hardware_id, apad.level) == ("musselbed: aPad apad1", "apad1", 0)
-    values = {it.key: it.value for it in apad.values}
-    assert values == {"services": "0", "docks": "7 - - -", "primitive": ""}
-    assert [it.hardware_id for it in amussels] == [f"amussel{it}" for it in range(1, 13)]
-    assert (amussels[0].level, amussels[0].message, amussels[0].values) == (3, "no report yet", [])
-    assert (amussels[6].name, amussels[6].level, amussels[6].message) == ("musselbed: aMussel 7", 0, "90 %")
-    values = {it.key: it.value for it in amussels[6].values}
-    assert values == {"state": "ACTIVE", "primary": "0.9", "secondary": "1.0"}
-    story.run.state.first_failure = SimpleNamespace(reason="no position")
-    apad = state()["/diagnostics"].status[0]
-    assert (apad.level, apad.message) == (2, "first failure: no position")
-    story.run.state.first_failure = None
-    story.run.state.phase = "go to aMussel"
-    assert state()["/diagnostics"].status[0].message == "go to aMussel"
-    story.write(301_000, "end", reason="mission time", end_reason="mission time")
-    assert state()["/diagnostics"].status[0].message == "mission time"
 
 
 def test_events_are_those_with_a_text(story: Any, pool: Any, read: Read) -> None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -51,92 +54,234 @@ def written(actions: list[NanomodemAction]) -> bytes:
     return b"".join(it.data for it in actions if isinstance(it, WriteLine))
 
 
-def reasons(actions: list[NanomodemAction]) -> list[str]:
-    return [it.reason for it in actions if isinstance(it, PacketDropped)]
+TEXTS: dict[type, Callable[[Any], str]] = {
+    WriteLine: lambda it: str(it.data),
+    PacketSent: lambda it: f"{it.packet.agent_id} sent at {it.at_ms}",
+    PacketReceived: lambda it: f"{it.packet.direction.name} {it.packet.agent_id} {it.packet.data!r}",
+    PacketDropped: lambda it: (
+        f"{it.packet.agent_id if it.packet else 'nobody'}: {it.reason.removeprefix('sound: ')}"
+    ),
+    ModemRanged: lambda it: f"{it.agent_id} {it.steps} at {it.at_ms}",
+    ModemNotice: lambda it: it.what,
+}
 
 
-def test_it_asks_who_is_there_and_never_sets_an_address() -> None:
-    queue = ModemQueue()
-    assert written(queue.port_opened(0)) == b"$W$?"
+def shown(actions: list[NanomodemAction]) -> str:
+    """The bytes for the modem, and what is told of packets, ranges and the modem."""
+    return "; ".join(TEXTS[type(it)](it) for it in actions)
+
+
+Act = Callable[[ModemQueue], list[NanomodemAction]]
+
+
+def reports(agent_id: int, at_ms: int, data: bytes = b"status") -> Act:
+    return lambda it: it.send(report(agent_id, data), Priority.REPORT, at_ms)
+
+
+def commands(agent_id: int, at_ms: int) -> Act:
+    return lambda it: it.send(command(agent_id), Priority.COMMAND, at_ms)
+
+
+def pings(agent_id: int, at_ms: int) -> Act:
+    return lambda it: it.ping(agent_id, at_ms)
+
+
+def reads(data: bytes, at_ms: int) -> Act:
+    return lambda it: it.read(data, at_ms)
+
+
+def waits(at_ms: int) -> Act:
+    return lambda it: it.advance(at_ms)
+
+
+def opens(at_ms: int) -> Act:
+    return lambda it: it.port_opened(at_ms)
+
+
+OPENED = [(opens(0), "b'$W'; b'$?'"), (reads(IDENTITY, 50), "the modem is there, with address 1")]
+NO_ADDRESS = "a ping of an id that is no modem's address (1 to 255)"
+NOT_ASKED = "nobody: a range that was not asked for"
+SCENES: dict[str, tuple[dict[str, int], list[tuple[Act, str]]]] = {
     # A sleeping modem answers only the second command; a modem that is awake answers both.
-    assert queue.read(b"$W\r\n", 20) == []
-    (reported,) = queue.read(IDENTITY, 60)
-    assert isinstance(reported, ModemNotice) and "address 1" in reported.what
-    assert (queue.stage, queue.address) == (ModemStage.READY, 1)
-
-
-@pytest.fixture
-def queue() -> ModemQueue:
-    return ready()
-
-
-def test_one_packet_at_a_time_with_its_id_and_commands_first(queue: ModemQueue) -> None:
-    assert written(queue.send(report(7), Priority.REPORT, 100)) == b"$B09\xb1\x07\x00status"
-    assert queue.send(report(8), Priority.REPORT, 110) == []
-    assert queue.send(command(300), Priority.COMMAND, 120) == []
-    assert queue.read(b"$B09\r\n", 130) == []
+    "it asks who is there and never sets an address": (
+        {},
+        [
+            (opens(0), "b'$W'; b'$?'"),
+            (reads(b"$W\r\n", 20), ""),
+            (reads(IDENTITY, 60), "the modem is there, with address 1"),
+        ],
+    ),
     # 105 + (9 + 16) x 12.5 = 417.5 ms of sound, and 20 ms of turnaround.
-    assert queue.next_due_ms == 130 + 418 + 20
-    actions = queue.advance(600)
-    assert actions[0] == PacketSent(548, report(7))
-    assert written(actions) == b"$B09\xb2\x2c\x01rise!!"
+    "one packet at a time, with its id, and commands first": (
+        {},
+        [
+            *OPENED,
+            (reports(7, 100), "b'$B09\\xb1\\x07\\x00status'"),
+            (reports(8, 110), ""),
+            (commands(300, 120), ""),
+            (reads(b"$B09\r\n", 130), ""),
+            (waits(567), ""),
+            (waits(600), "7 sent at 548; b'$B09\\xb2,\\x01rise!!'"),
+        ],
+    ),
+    "a newer report takes the place of one that waits": (
+        {"sound: overtaken by a newer report": 1},
+        [
+            *OPENED,
+            (reports(1, 100), "b'$B09\\xb1\\x01\\x00status'"),
+            (reports(2, 100, b"old"), ""),
+            (reports(2, 200, b"new"), "2: overtaken by a newer report"),
+            (reads(b"$B09\r\n", 210), ""),
+            (waits(1000), "1 sent at 628; b'$B06\\xb1\\x02\\x00new'"),
+        ],
+    ),
+    "no answer is tried again and then given up": (
+        {"sound: the modem did not take it, 3 times": 1},
+        [
+            *OPENED,
+            (reports(7, 100), "b'$B09\\xb1\\x07\\x00status'"),
+            (waits(100 + ANSWER_MS), "b'$W'; b'$?'"),
+            (
+                reads(IDENTITY, 110 + ANSWER_MS),
+                "the modem is there, with address 1; b'$B09\\xb1\\x07\\x00status'",
+            ),
+            (waits(110 + 2 * ANSWER_MS), "b'$W'; b'$?'"),
+            (
+                reads(IDENTITY, 120 + 2 * ANSWER_MS),
+                "the modem is there, with address 1; b'$B09\\xb1\\x07\\x00status'",
+            ),
+            (waits(120 + 3 * ANSWER_MS), "7: the modem did not take it, 3 times; b'$W'; b'$?'"),
+        ],
+    ),
+    "an error is tried again at once": (
+        {"sound: the modem did not take it, 3 times": 1},
+        [
+            *OPENED,
+            (reports(7, 100), "b'$B09\\xb1\\x07\\x00status'"),
+            (reads(b"E\r\n", 120), "b'$B09\\xb1\\x07\\x00status'"),
+            (reads(b"E\r\n", 140), "b'$B09\\xb1\\x07\\x00status'"),
+            (reads(b"E\r\n", 160), "7: the modem did not take it, 3 times"),
+        ],
+    ),
+    # One is being sent.
+    "a full queue drops the last of the lowest priority": (
+        {"sound: the modem's queue is full": 1},
+        [
+            *OPENED,
+            (reports(0, 100), "b'$B09\\xb1\\x00\\x00status'"),
+            *((reports(agent_id, 100), "") for agent_id in range(1, MAX_WAITING + 1)),
+            (commands(5, 100), f"{MAX_WAITING}: the modem's queue is full"),
+        ],
+    ),
+    "what waits too long is dropped and told": (
+        {"sound: waited too long for the modem": 1},
+        [
+            (reports(7, 100), ""),
+            (waits(99 + WAIT_MS), ""),
+            (waits(100 + WAIT_MS), "7: waited too long for the modem"),
+        ],
+    ),
+    "a lost port is told, and what was being sent is sent again": (
+        {},
+        [
+            *OPENED,
+            (reports(7, 100), "b'$B09\\xb1\\x07\\x00status'"),
+            (reads(b"$B09\r\n", 120), ""),
+            (
+                lambda it: it.port_lost("unplugged", 200),
+                "the modem is gone, and its port is tried again: unplugged",
+            ),
+            (waits(5000), ""),
+            (opens(5000), "b'$W'; b'$?'"),
+            (reads(IDENTITY, 5050), "the modem is there, with address 1; b'$B09\\xb1\\x07\\x00status'"),
+        ],
+    ),
+    "packets from the water carry their ids, and the rest is dropped": (
+        {"sound: without an aMussel's id": 1, "sound: a range that was not asked for": 1},
+        [
+            *OPENED,
+            (reads(b"#B00909\xb1\x09\x00status\r\n", 300), "FROM_AMUSSEL 9 b'status'"),
+            (reads(b"#U09\xb2\x07\x00rise!!\r\n", 310), "TO_AMUSSEL 7 b'rise!!'"),
+            (reads(b"#B00902hi\r\n", 320), "nobody: without an aMussel's id"),
+            (reads(b"#R007T03200\r\n", 330), NOT_ASKED),
+        ],
+    ),
+    "a ping is answered by the one that was pinged and by nobody else": (
+        {"sound: a range that was not asked for": 4},
+        [
+            *OPENED,
+            (pings(7, 100), "b'$P007'"),
+            (reads(b"$P007\r\n", 110), ""),
+            *(
+                (reads(it, 200), NOT_ASKED)
+                for it in (b"#R008T00640\r\n", b"#R007T0064\r\n", b"#R007T006400\r\n")
+            ),
+            (reads(b"#R007T00640\r\n", 260), "7 640 at 260"),
+            (reads(b"#R007T00640\r\n", 270), NOT_ASKED),
+        ],
+    ),
+    # 105 ms of sound, and the manual's 4 s: until then the modem has its ping.
+    "a ping without an answer is told, and the queue goes on": (
+        {"sound: a ping that was not answered": 1},
+        [
+            *OPENED,
+            (pings(7, 100), "b'$P007'"),
+            (reads(b"$P007\r\n", 110), ""),
+            (commands(9, 120), ""),
+            (waits(110 + 105 + 4000), ""),
+            (reads(b"#TO\r\n", 4_230), "7: a ping that was not answered; b'$B09\\xb2\\t\\x00rise!!'"),
+        ],
+    ),
+    "a modem that forgets its ping is asked who it is, and pings again": (
+        {},
+        [
+            *OPENED,
+            (pings(7, 100), "b'$P007'"),
+            (reads(b"$P007\r\n", 110), ""),
+            (waits(110 + 105 + 4000 + ANSWER_MS), "b'$W'; b'$?'"),
+            (reads(IDENTITY, 5_300), "the modem is there, with address 1; b'$P007'"),
+        ],
+    ),
+    **{
+        f"{agent_id} is no address and gives no range": (
+            {f"sound: {NO_ADDRESS}": 1},
+            [*OPENED, (pings(agent_id, 100), f"{agent_id}: {NO_ADDRESS}"), (pings(255, 110), "b'$P255'")],
+        )
+        for agent_id in (EVERYONE, 256, 65_535)
+    },
+    "too many bytes are one reason, however many": (
+        {"sound: more than the 61 bytes that a modem carries besides the id": 200},
+        [
+            *OPENED,
+            *(
+                (
+                    reports(7, 100, bytes(size)),
+                    "7: more than the 61 bytes that a modem carries besides the id",
+                )
+                for size in range(62, 262)
+            ),
+            (reports(7, 100, bytes(61)), str(b"$B64\xb1\x07\x00" + bytes(61))),
+        ],
+    ),
+}
 
 
-def test_a_newer_report_takes_the_place_of_one_that_waits(queue: ModemQueue) -> None:
-    queue.send(report(1), Priority.REPORT, 100)
-    queue.send(report(2, b"old"), Priority.REPORT, 100)
-    assert reasons(queue.send(report(2, b"new"), Priority.REPORT, 200)) == [
-        "sound: overtaken by a newer report"
-    ]
-    queue.read(b"$B09\r\n", 210)
-    assert written(queue.advance(1000)).endswith(b"new")
-
-
-def test_no_answer_is_tried_again_and_then_given_up(queue: ModemQueue) -> None:
-    queue.send(report(7), Priority.REPORT, 100)
-    now_ms = 100
-    for _ in range(2):
-        now_ms += ANSWER_MS
-        assert written(queue.advance(now_ms)) == b"$W$?"
-        assert b"status" in written(queue.read(IDENTITY, now_ms + 10))
-        now_ms += 10
-    given_up = queue.advance(now_ms + ANSWER_MS)
-    assert reasons(given_up) == ["sound: the modem did not take it, 3 times"]
-    assert queue.dropped == {"sound: the modem did not take it, 3 times": 1}
-
-
-def test_an_error_is_tried_again_at_once(queue: ModemQueue) -> None:
-    queue.send(report(7), Priority.REPORT, 100)
-    assert b"status" in written(queue.read(b"E\r\n", 120))
-    assert b"status" in written(queue.read(b"E\r\n", 140))
-    assert reasons(queue.read(b"E\r\n", 160)) == ["sound: the modem did not take it, 3 times"]
-
-
-def test_a_full_queue_drops_the_last_of_the_lowest_priority(queue: ModemQueue) -> None:
-    for agent_id in range(MAX_WAITING + 1):  # one is being sent
-        assert reasons(queue.send(report(agent_id), Priority.REPORT, 100)) == []
-    full = queue.send(command(5), Priority.COMMAND, 100)
-    assert [(it.reason, it.packet) for it in full if isinstance(it, PacketDropped)] == [
-        ("sound: the modem's queue is full", report(MAX_WAITING))
-    ]
-    assert queue.waiting == MAX_WAITING
-
-
-def test_what_waits_too_long_is_dropped_and_told() -> None:
+@pytest.mark.parametrize(("dropped", "steps"), SCENES.values(), ids=SCENES)
+def test_what_goes_to_the_modem_and_what_is_told(
+    dropped: dict[str, int], steps: list[tuple[Act, str]]
+) -> None:
     queue = ModemQueue()
-    queue.send(report(7), Priority.REPORT, 100)
-    assert queue.next_due_ms == 100 + WAIT_MS
-    (late,) = queue.advance(100 + WAIT_MS)
-    assert isinstance(late, PacketDropped) and late.packet == report(7)
+    assert [shown(act(queue)) for act, _ in steps] == [shown for _, shown in steps]
+    assert queue.dropped == dropped
 
 
-def test_a_lost_port_is_told_and_what_was_being_sent_is_sent_again(queue: ModemQueue) -> None:
+def test_a_modem_that_answered_has_its_address_and_is_due_when_its_sound_is_over() -> None:
+    queue = ready()
+    assert (queue.stage, queue.address, queue.waiting) == (ModemStage.READY, 1, 0)
     queue.send(report(7), Priority.REPORT, 100)
-    queue.read(b"$B09\r\n", 120)
-    (lost,) = queue.port_lost("unplugged", 200)
-    assert isinstance(lost, ModemNotice) and "unplugged" in lost.what
-    assert queue.advance(5000) == [] and written(queue.port_opened(5000)) == b"$W$?"
-    assert b"status" in written(queue.read(IDENTITY, 5050))
+    queue.send(report(8), Priority.REPORT, 110)
+    queue.read(b"$B09\r\n", 130)
+    assert (queue.next_due_ms, queue.waiting) == (130 + 418 + 20, 1)
 
 
 @given(
@@ -157,53 +302,6 @@ def test_after_any_noise_a_modem_is_found_again(noise: list[bytes]) -> None:
     assert queue.stage is not ModemStage.IDENTIFYING and queue.address == 1
     queue.port_lost("unplugged", now_ms)
     assert queue.stage is ModemStage.CLOSED
-
-
-def test_packets_from_the_water_carry_their_ids_and_the_rest_is_dropped(queue: ModemQueue) -> None:
-    assert queue.read(b"#B00909\xb1\x09\x00status\r\n", 300) == [PacketReceived(300, report(9))]
-    assert queue.read(b"#U09\xb2\x07\x00rise!!\r\n", 310) == [PacketReceived(310, command(7))]
-    assert reasons(queue.read(b"#B00902hi\r\n", 320)) == ["sound: without an aMussel's id"]
-    assert reasons(queue.read(b"#R007T03200\r\n", 330)) == ["sound: a range that was not asked for"]
-    assert queue.stage is ModemStage.READY
-
-
-def ping_of(agent_id: int) -> RoutedPacket:
-    return RoutedPacket(PacketDirection.TO_AMUSSEL, agent_id, b"")
-
-
-def test_a_ping_is_answered_by_the_one_that_was_pinged_and_by_nobody_else(queue: ModemQueue) -> None:
-    assert written(queue.ping(7, 100)) == b"$P007"
-    assert queue.read(b"$P007\r\n", 110) == []
-    for stranger in (b"#R008T00640\r\n", b"#R007T0064\r\n", b"#R007T006400\r\n"):
-        assert reasons(queue.read(stranger, 200)) == ["sound: a range that was not asked for"]
-    assert queue.read(b"#R007T00640\r\n", 260) == [ModemRanged(260, 7, 640)]
-    assert reasons(queue.read(b"#R007T00640\r\n", 270)) == ["sound: a range that was not asked for"]
-    assert queue.stage is ModemStage.READY
-
-
-def test_a_ping_without_an_answer_is_told_and_the_queue_goes_on(queue: ModemQueue) -> None:
-    queue.ping(7, 100)
-    queue.read(b"$P007\r\n", 110)
-    assert queue.send(command(9), Priority.COMMAND, 120) == []
-    # 105 ms of sound, and the manual's 4 s: until then the modem has its ping.
-    assert queue.advance(110 + 105 + 4000) == []
-    unanswered = queue.read(b"#TO\r\n", 4_230)
-    assert unanswered[0] == PacketDropped(4_230, "sound: a ping that was not answered", ping_of(7))
-    assert written(unanswered) == b"$B09\xb2\x09\x00rise!!"
-
-
-def test_a_modem_that_forgets_its_ping_is_asked_who_it_is_and_pings_again(queue: ModemQueue) -> None:
-    queue.ping(7, 100)
-    queue.read(b"$P007\r\n", 110)
-    assert written(queue.advance(110 + 105 + 4000 + ANSWER_MS)) == b"$W$?"
-    assert b"$P007" in written(queue.read(IDENTITY, 5_300))
-
-
-@pytest.mark.parametrize("agent_id", [EVERYONE, 256, 65_535])
-def test_an_id_that_is_no_address_gives_no_range(queue: ModemQueue, agent_id: int) -> None:
-    (dropped,) = queue.ping(agent_id, 100)
-    assert isinstance(dropped, PacketDropped) and "no modem's address" in dropped.reason
-    assert b"$P255" in written(queue.ping(255, 110))
 
 
 @given(
@@ -252,14 +350,6 @@ def test_a_modem_is_left_alone_until_its_ping_has_an_outcome_and_commands_go_bef
                 pinged = int(line[2:])
             assert written(queue.read(line[: 5 if kind == b"P" else 4] + b"\r\n", now_ms)) == b""
     assert outcomes == asked and not any(waiting.values())
-
-
-def test_too_many_bytes_are_one_reason_however_many(queue: ModemQueue) -> None:
-    for size in range(62, 262):
-        (dropped,) = queue.send(report(7, bytes(size)), Priority.REPORT, 100)
-        assert isinstance(dropped, PacketDropped)
-    assert queue.dropped == {"sound: more than the 61 bytes that a modem carries besides the id": 200}
-    assert b"$B64" in written(queue.send(report(7, bytes(61)), Priority.REPORT, 100))
 
 
 @given(st.sampled_from(PacketDirection), st.integers(0, 65535), st.binary(min_size=1, max_size=61))
