@@ -64,9 +64,9 @@ class Faulty(Bench):
         self.give(primitive)
         return self.outcome(primitive.command_id)
 
-    def refused(self, primitive: Primitive) -> str:
+    def refused_at(self, primitive_id: int) -> str:
         """The reason why a primitive failed."""
-        outcome = self.done(primitive)
+        outcome = self.outcome(primitive_id)
         assert isinstance(outcome, PrimitiveFailed)
         return outcome.reason
 
@@ -94,62 +94,81 @@ def test_every_fault_has_its_row_and_its_test() -> None:
     assert set(ROWS) == {fault.value for fault in Fault} - {"none"}
 
 
-@pytest.mark.parametrize("generation", [Generation.A, Generation.B])
-def test_without_a_fault_all_primitives_succeed(generation: Generation) -> None:
-    bench = Faulty(generation)
-    for primitive in (
-        AWAY,
-        CloseDock(2, 0, 7),
-        Hold(3, NORTH_M + 10, EAST_M),
-        OpenDock(4, 0, 7),
-    ):
+CLOSE, OPEN = CloseDock(1, 0, 7), OpenDock(2, 0, 7)
+ALL = [AWAY, CloseDock(2, 0, 7), Hold(3, NORTH_M + 10, EAST_M), OpenDock(4, 0, 7)]
+PERCHED, FELL_SILENT = "silence on position_static, taken for a release", "the action server fell silent"
+BY_POSITION = "the action server was silent: arrival by position"
+OF_A_ALONE, OF_B_ALONE = [Generation.A], [Generation.B]
+ENDS: dict[Fault, list[tuple[list[Generation], list[Primitive], str | None, int, list[str]]]] = {
+    # Who shows the fault; the primitives; what the page says of the last one's success, or None where it fails with the
+    # reason there; the time to its end; what was dropped.
+    Fault.NONE: [
+        ([Generation.A, Generation.B], [AWAY], "", 21_000, []),
+        ([Generation.A, Generation.B], ALL, "", 5_000, []),
+    ],
+    Fault.PERCHES_NOTHING: [(OF_A_ALONE, [CLOSE], None, 16_000, [])],
+    Fault.RELEASE_SILENT: [(OF_A_ALONE, [CLOSE, OPEN], "2 s of silence", 5_000 + 2_000, [PERCHED])],
+    Fault.RELEASE_CRASHES: [
+        (OF_A_ALONE, [CLOSE, OPEN], "", 5_000 + 2_000, [PERCHED]),
+        (OF_A_ALONE, [CLOSE, OPEN, replace(AWAY, command_id=3)], None, 5_000, [PERCHED, FELL_SILENT]),
+    ],
+    Fault.STUCK: [([Generation.A, Generation.B], [AWAY], None, 60_000, [])],
+    Fault.REFUSES: [(OF_B_ALONE, [AWAY], None, 3_000, [])],
+    Fault.HANGS: [(OF_B_ALONE, [AWAY], None, 18_000, [])],
+    Fault.DROPS: [(OF_B_ALONE, [AWAY], None, 4_000, [])],
+    Fault.LIES: [(OF_B_ALONE, [AWAY], None, 4_000, [])],
+    Fault.SILENT: [
+        (OF_B_ALONE, [AWAY], "3 s within", 23_000, ["goto_status was silent: arrival by position"])
+    ],
+    Fault.SERVER_DIES: [
+        (OF_A_ALONE, [AWAY], "3 s within", 23_000, [FELL_SILENT, BY_POSITION]),
+        (OF_A_ALONE, [AWAY, CloseDock(2, 0, 7)], None, 20_000, [FELL_SILENT, BY_POSITION]),
+    ],
+}
+
+
+@pytest.mark.parametrize(
+    ("fault", "generation", "primitives", "page", "after_ms", "dropped"),
+    [
+        pytest.param(fault, generation, *row, id=f"{fault} of {generation}: {len(row[0])} primitives")
+        for fault, rows in ENDS.items()
+        for generations, *row in rows
+        for generation in generations
+    ],
+)
+def test_the_last_primitive_ends_as_the_page_says(
+    fault: Fault,
+    generation: Generation,
+    primitives: list[Primitive],
+    page: str | None,
+    after_ms: int,
+    dropped: list[str],
+) -> None:
+    bench = Faulty(generation, fault)
+    for primitive in primitives:
+        begun_ms = bench.now_ms
         bench.give(primitive)
-        if primitive.command_id != 3:
-            assert isinstance(bench.outcome(primitive.command_id), PrimitiveSucceeded)
-    assert bench.link.core.dropped == {}
-
-
-def test_of_a_silent_release_the_dock_is_open_after_two_seconds() -> None:
-    bench = Faulty(Generation.A, Fault.RELEASE_SILENT)
-    bench.done(CloseDock(1, 0, 7))
-    bench.give(OpenDock(2, 0, 7))
-    begun_ms = bench.now_ms + 5_000  # the virtual profile's time
-    outcome = bench.outcome(2)
-    assert isinstance(outcome, PrimitiveSucceeded) and outcome.at_ms == begun_ms + 2_000
-    assert "2 s of silence" in ROWS["release_silent"]
-
-
-def test_after_a_release_that_crashes_the_server_the_next_order_fails() -> None:
-    bench = Faulty(Generation.A, Fault.RELEASE_CRASHES)
-    bench.done(CloseDock(1, 0, 7))
-    assert isinstance(bench.done(OpenDock(2, 0, 7)), PrimitiveSucceeded)
-    bench.give(replace(AWAY, command_id=3))
-    begun_ms = bench.now_ms
-    outcome = bench.outcome(3)
-    assert isinstance(outcome, PrimitiveFailed) and outcome.reason == documented(Fault.RELEASE_CRASHES)
-    assert outcome.at_ms == begun_ms + 5_000
-
-
-def test_a_go_to_whose_server_died_arrives_by_its_position_and_the_next_order_fails() -> None:
-    loud, silent = Faulty(Generation.A), Faulty(Generation.A, Fault.SERVER_DIES)
-    for bench in (loud, silent):
-        bench.give(AWAY)
-    outcome, loud_ms = silent.outcome(1), loud.outcome(1).at_ms
-    assert isinstance(outcome, PrimitiveSucceeded)
-    assert loud_ms < outcome.at_ms <= loud_ms + 4_000 and ROWS["server_dies"].startswith("3 s within")
-    assert silent.link.core.dropped["the action server fell silent"] == 1
-    assert silent.refused(CloseDock(2, 0, 7)) == documented(Fault.SERVER_DIES)
+        if not isinstance(primitive, Hold):
+            outcome = bench.outcome(primitive.command_id)
+    if page is None:
+        assert isinstance(outcome, PrimitiveFailed) and outcome.reason.removesuffix(
+            ", 10.0 m to go"
+        ) == documented(fault)
+        assert bench.port.first_failure == outcome
+    else:
+        assert isinstance(outcome, PrimitiveSucceeded) and page in ROWS.get(fault.value, "")
+    assert outcome.at_ms - begun_ms == after_ms and sorted(bench.link.core.dropped.elements()) == sorted(
+        dropped
+    )
 
 
 def test_a_go_to_of_a_dead_server_that_comes_no_nearer_has_failed() -> None:
     bench = Faulty(Generation.A, Fault.SERVER_DIES)
     bench.give(AWAY)
     bench.run(4)
-    bench.link.vehicle._apad.receive(Coast(), bench.link.vehicle.now_ms)  # the water stops it
-    outcome = bench.outcome(1)
-    assert isinstance(outcome, PrimitiveFailed)
-    assert outcome.reason == "the aPad's action server fell silent after it took the goal"
-    assert outcome.at_ms < 20_000
+    bench.link.push(Coast())  # the water stops it
+    assert bench.refused_at(1) == "the aPad's action server fell silent after it took the goal"
+    assert bench.outcome(1).at_ms < 20_000
 
 
 @pytest.mark.parametrize("answers", [True, False])
@@ -188,40 +207,36 @@ def foreign(north_m: float) -> GoalOrder:
     return GoalOrder("another's-1", GO_TO, north_m, EAST_M)
 
 
-def test_anothers_go_to_during_a_hold_is_let_end_and_then_the_hold_goes_on() -> None:
-    bench = Faulty(Generation.A)
-    bench.give(Hold(1, NORTH_M, EAST_M))
-    bench.run(5)
-    bench.link.take(foreign(NORTH_M + 6.0), bench.now_ms)
-    north_m = []
-    for _ in range(60):
-        bench.run(1)
-        north_m.append(bench.link.vehicle.pose.north_m - NORTH_M)
-    assert max(north_m) > 5.5, "the other's go-to was cut short"
-    assert north_m[-1] == pytest.approx(0.0, abs=0.5)
-    assert bench.link.core.dropped == {"another client sent the aPad away from its hold": 1}
-    assert isinstance(bench.port.running, Hold)
+def crossed(ours: Primitive, others_m: float, *, is_real: bool, then_s: int = 90) -> tuple[Faulty, float]:
+    """The bench `then_s` after another client's go-to, by so much to the north, crossed our order; and how far it went."""
+    bench = Faulty(Generation.A, takes_back=not is_real)
+    bench.give(ours)
+    bench.run(3)
+    bench.link.take(foreign(NORTH_M + others_m), bench.now_ms)
+    north_m = [bench.run(1) or bench.link.vehicle.pose.north_m - NORTH_M for _ in range(then_s)]
+    return bench, max(north_m, key=abs, default=0.0)
 
 
-def test_a_real_apad_stays_where_another_sent_it_until_the_next_order() -> None:
-    bench = Faulty(Generation.A, takes_back=False)
-    bench.give(Hold(2, NORTH_M, EAST_M))
-    bench.run(5)
-    bench.link.take(foreign(NORTH_M + 6.0), bench.now_ms)
-    bench.run(90)
-    assert bench.link.vehicle.pose.north_m == pytest.approx(NORTH_M + 6.0, abs=0.5)
-    assert bench.link.core.dropped == {"another client sent the aPad away from its hold": 1}
-    assert [type(it) for it in bench.facts if isinstance(it, CommandedByOthers)] == [CommandedByOthers]
+SENT_AWAY = "another client sent the aPad away from its hold"
+
+
+@pytest.mark.parametrize(
+    ("is_real", "ends_m", "told"), [(False, 0.0, 0), (True, 6.0, 1)], ids=["simulated", "real"]
+)
+def test_anothers_go_to_during_a_hold_is_let_end_and_a_simulated_apad_holds_again(
+    is_real: bool, ends_m: float, told: int
+) -> None:
+    bench, farthest_m = crossed(Hold(2, NORTH_M, EAST_M), 6.0, is_real=is_real)
+    assert farthest_m > 5.5, "the other's go-to was cut short"
+    assert bench.link.vehicle.pose.north_m - NORTH_M == pytest.approx(ends_m, abs=0.5)
+    assert bench.link.core.dropped == {SENT_AWAY: 1} and isinstance(bench.port.running, Hold)
+    assert sum(isinstance(it, CommandedByOthers) for it in bench.facts) == told
     assert isinstance(bench.done(AWAY), PrimitiveSucceeded)
 
 
 def test_a_hold_does_not_stop_what_another_ordered_of_a_real_apad() -> None:
     """A mission that stands aside orders a hold first."""
-    bench = Faulty(Generation.A, takes_back=False)
-    bench.give(AWAY)
-    bench.run(3)
-    bench.link.take(foreign(NORTH_M - 8.0), bench.now_ms)
-    bench.run(2)
+    bench, _ = crossed(AWAY, -8.0, is_real=True, then_s=2)
     assert any(isinstance(it, CommandedByOthers) for it in bench.facts)
     bench.give(Hold(2, bench.link.vehicle.pose.north_m, EAST_M))
     bench.run(90)
@@ -230,16 +245,12 @@ def test_a_hold_does_not_stop_what_another_ordered_of_a_real_apad() -> None:
 
 
 def test_a_go_to_that_anothers_pre_empted_fails_when_the_others_has_ended() -> None:
-    bench = Faulty(Generation.A)
-    bench.give(AWAY)
-    bench.run(3)
-    bench.link.take(foreign(NORTH_M - 8.0), bench.now_ms)
-    outcome = bench.outcome(1)
-    assert isinstance(outcome, PrimitiveFailed)
-    assert outcome.reason == "the aPad's action server reports PREEMPTED: another client's goal replaced it"
-    assert bench.link.vehicle.pose.north_m == pytest.approx(NORTH_M - 8.0, abs=0.6), (
-        "the other's was cut short"
+    bench, _ = crossed(AWAY, -8.0, is_real=False, then_s=0)
+    assert (
+        bench.refused_at(1) == "the aPad's action server reports PREEMPTED: another client's goal replaced it"
     )
+    north_m = bench.link.vehicle.pose.north_m
+    assert north_m == pytest.approx(NORTH_M - 8.0, abs=0.6), "the other's was cut short"
 
 
 def test_anothers_goal_that_never_ends_is_left_alone_for_a_minute() -> None:
@@ -252,44 +263,6 @@ def test_anothers_goal_that_never_ends_is_left_alone_for_a_minute() -> None:
     assert stack.vehicle._goal is not None and stack.vehicle._goal.key == "another's-1"
     bench.run(3)
     assert stack.vehicle._goal is None or stack.vehicle._goal.key != "another's-1"
-
-
-def test_a_perch_that_holds_nothing_fails() -> None:
-    bench = Faulty(Generation.A, Fault.PERCHES_NOTHING)
-    reason = bench.refused(CloseDock(1, 0, 7))
-    assert reason == documented(Fault.PERCHES_NOTHING) == bench.port.first_failure.reason
-
-
-@pytest.mark.parametrize("generation", [Generation.A, Generation.B])
-def test_a_vehicle_that_is_stuck_stalls(generation: Generation) -> None:
-    bench = Faulty(generation, Fault.STUCK)
-    bench.give(AWAY)
-    begun_ms = bench.now_ms
-    outcome = bench.outcome(1)
-    assert isinstance(outcome, PrimitiveFailed) and outcome.reason.startswith(documented(Fault.STUCK))
-    assert outcome.at_ms == begun_ms + 60_000
-
-
-def test_a_silent_vehicle_arrives_by_its_position() -> None:
-    loud, silent = Faulty(Generation.B), Faulty(Generation.B, Fault.SILENT)
-    for bench in (loud, silent):
-        bench.give(AWAY)
-    outcome, loud_ms = silent.outcome(1), loud.outcome(1).at_ms
-    assert isinstance(outcome, PrimitiveSucceeded)
-    assert loud_ms < outcome.at_ms <= loud_ms + 4_000 and ROWS["silent"].startswith("3 s within")
-
-
-@pytest.mark.parametrize(
-    ("fault", "after_ms"),
-    [(Fault.REFUSES, 3_000), (Fault.HANGS, 18_000), (Fault.DROPS, 3_000), (Fault.LIES, 3_000)],
-)
-def test_a_vehicle_that_does_otherwise_than_it_was_told(fault: Fault, after_ms: int) -> None:
-    bench = Faulty(Generation.B, fault)
-    bench.give(AWAY)
-    begun_ms = bench.now_ms
-    outcome = bench.outcome(1)
-    assert isinstance(outcome, PrimitiveFailed) and outcome.reason == documented(fault)
-    assert outcome.at_ms == pytest.approx(begun_ms + after_ms, abs=1_000)
 
 
 def test_a_vehicle_that_blocks_takes_no_call_for_the_27_s_in_which_its_servo_turns() -> None:
