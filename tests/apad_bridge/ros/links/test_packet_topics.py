@@ -70,44 +70,52 @@ def graph(monkeypatch: pytest.MonkeyPatch) -> Graph:
     return graph
 
 
-def test_a_beacon_of_a_mission_alone_reaches_a_fleet_alone(graph: Graph) -> None:
-    mission = PacketTopics([3, 4], MISSION_ALONE.peers)
-    beacon = Beacon(EVERYONE, 77_000).encode()
-    mission.publish(RelayedPacket(PacketOrigin.LOCAL_SUPERVISOR, EVERYONE, Medium.SOUND, beacon, 1_000))
-    ((topic, message),) = graph.published
-    fleet = PacketTopics([3, 4], FLEET_ALONE.peers)
-    assert topic == "musselbed/said"
-    assert graph.subscribed == {"musselbed/heard", "musselbed/felt", "musselbed/said"}
-    graph.deliver(topic, agent=message.agent, medium=message.medium, data=message.data)
-    assert fleet.take(2_000) == [
-        RelayedPacket(PacketOrigin.REMOTE_SUPERVISOR, EVERYONE, Medium.SOUND, beacon, 2_000)
-    ]
-    assert not fleet.dropped
+BRIDGE = [PacketOrigin.REMOTE_SUPERVISOR]
+BEACON = Beacon(EVERYONE, 77_000).encode()
 
 
-def test_a_contact_of_a_missions_dock_reaches_a_fleet_that_no_aPad_tells(graph: Graph) -> None:
-    mission = PacketTopics([3, 4], MISSION_ALONE.peers)
-    mission.publish(RelayedPacket(PacketOrigin.LOCAL_DOCK, 3, None, b"[5,1,2]", 1_000))
-    ((topic, message),) = graph.published
-    fleet = PacketTopics([3, 4], FLEET_WITH_DOCKS.peers)
-    graph.deliver(topic, agent=message.agent, medium=message.medium, data=message.data)
-    assert fleet.take(2_000) == [RelayedPacket(PacketOrigin.REMOTE_DOCK, 3, None, b"[5,1,2]", 2_000)]
-
-
-def test_a_ping_reaches_a_bridge_and_its_range_the_mission_which_goes_on_to_read_topics(graph: Graph) -> None:
-    mission = PacketTopics([3, 4], whole_flight(frozenset).peers)
-    bridge = PacketTopics([3], [PacketOrigin.REMOTE_SUPERVISOR])
-    mission.publish(RelayedPacket(PacketOrigin.LOCAL_SUPERVISOR, 3, RANGE, b"", 1_000))
-    bridge.publish(RelayedPacket(PacketOrigin.LOCAL_AMUSSEL, 3, RANGE, b"29.600", 0))
-    for topic, it in graph.published:
-        graph.deliver(topic, agent=it.agent, medium=it.medium, data=it.data)
-    assert [(topic, it.medium) for topic, it in graph.published] == [
-        ("musselbed/said", "range"),
-        ("musselbed/heard", "range"),
-    ]
-    assert bridge.take(2_000) == [RelayedPacket(PacketOrigin.REMOTE_SUPERVISOR, 3, RANGE, b"", 2_000)]
-    assert mission.take(2_000) == [RelayedPacket(PacketOrigin.REMOTE_AMUSSEL, 3, RANGE, b"29.600", 2_000)]
-    assert not mission.senders
+@pytest.mark.parametrize(
+    ("origin", "agent_id", "medium", "data", "topic", "peers", "heard"),
+    [
+        pytest.param(
+            *(PacketOrigin.LOCAL_SUPERVISOR, EVERYONE, Medium.SOUND, BEACON),
+            *("musselbed/said", FLEET_ALONE.peers, PacketOrigin.REMOTE_SUPERVISOR),
+            id="a beacon of a mission reaches a fleet alone",
+        ),
+        pytest.param(
+            *(PacketOrigin.LOCAL_DOCK, 3, None, b"[5,1,2]"),
+            *("musselbed/felt", FLEET_WITH_DOCKS.peers, PacketOrigin.REMOTE_DOCK),
+            id="a contact of a mission's dock reaches a fleet that no aPad tells",
+        ),
+        pytest.param(
+            *(PacketOrigin.LOCAL_SUPERVISOR, 3, RANGE, b""),
+            *("musselbed/said", BRIDGE, PacketOrigin.REMOTE_SUPERVISOR),
+            id="a ping reaches a bridge",
+        ),
+        pytest.param(
+            *(PacketOrigin.LOCAL_AMUSSEL, 3, RANGE, b"29.600"),
+            *("musselbed/heard", whole_flight(frozenset).peers, PacketOrigin.REMOTE_AMUSSEL),
+            id="a range reaches a mission, which goes on to read topics",
+        ),
+    ],
+)
+def test_a_packet_reaches_another_process(
+    graph: Graph,
+    origin: PacketOrigin,
+    agent_id: int,
+    medium: Medium | None,
+    data: bytes,
+    topic: str,
+    peers: Any,
+    heard: PacketOrigin,
+) -> None:
+    ours = BRIDGE if origin is PacketOrigin.LOCAL_AMUSSEL else MISSION_ALONE.peers
+    PacketTopics([3, 4], ours).publish(RelayedPacket(origin, agent_id, medium, data, 1_000))
+    ((published, message),) = graph.published
+    other = PacketTopics([3, 4], peers)
+    graph.deliver(published, agent=message.agent, medium=message.medium, data=message.data)
+    assert (published, other.take(2_000)) == (topic, [RelayedPacket(heard, agent_id, medium, data, 2_000)])
+    assert not other.dropped and not other.senders
 
 
 @pytest.mark.parametrize(
@@ -122,101 +130,104 @@ def test_no_packet_of_this_fleet_is_dropped_and_counted(
     assert topics.take(0) == [] and topics.dropped.total() == 1
 
 
-def test_legacy_topics_become_a_status_until_the_amussel_sends_packets(graph: Graph) -> None:
-    topics = PacketTopics([3, 4], MISSION_ALONE.peers)
-    legacy = AMusselTopics(
-        [3, 4], load_codec("musselbed-1"), TimeScale(30), lambda agent_id: False, topics.senders, CURVE
-    )
+class Mission:
+    """A mission that reads packets, and the topics of aMussels 3 and 4 until they send packets. At theta 30."""
 
-    def published() -> list[RelayedPacket]:
+    def __init__(self, graph: Graph) -> None:
+        self.graph, self.held = graph, set[int]()
+        self.packets = PacketTopics([3, 4], MISSION_ALONE.peers)
+        self._legacy = AMusselTopics(
+            [3, 4],
+            load_codec("musselbed-1"),
+            TimeScale(30),
+            self.held.__contains__,
+            self.packets.senders,
+            CURVE,
+        )
+        self.close = self._legacy.close
+
+    def take(self, now_ms: int) -> list[RelayedPacket]:
+        self.packets.take(now_ms)
+        return self._legacy.take(now_ms)
+
+    def sends_a_packet(self, agent_id: int) -> None:
+        self.graph.deliver("musselbed/heard", agent=agent_id, medium="wifi", data=b"status")
+
+    def published(self, now_ms: int) -> list[RelayedPacket]:
         for agent_id in (3, 4):
-            place = SimpleNamespace(north=1.5, east=-2.0)
-            graph.deliver(f"amussel{agent_id}/position", position=place)
-            graph.deliver(f"amussel{agent_id}/battery_level", data=40.0)
-        return legacy.take(2_000)
+            self.graph.deliver(f"amussel{agent_id}/position", position=SimpleNamespace(north=1.5, east=-2.0))
+            self.graph.deliver(f"amussel{agent_id}/battery_level", data=40.0)
+        return self.take(now_ms)
 
-    status = decode(published()[0].data)
+    def left(self) -> set[str]:
+        """The next three topics that it leaves."""
+        return {self.graph.unregistered.get(timeout=20) for _ in range(3)}
+
+
+@pytest.fixture
+def mission(graph: Graph) -> Mission:
+    return Mission(graph)
+
+
+def topics_of(agent_id: int) -> set[str]:
+    return {f"amussel{agent_id}/{leaf}" for leaf in ("position", "battery_level", "charging")}
+
+
+def test_legacy_topics_become_a_status_until_the_amussel_sends_packets(mission: Mission) -> None:
+    status = decode(mission.published(2_000)[0].data)
     assert isinstance(status, StatusPacket)
     assert (status.agent_id, status.state, status.north_m, status.east_m) == (3, State.FLOATING, 1.5, -2.0)
     assert status.primary == pytest.approx(0.4, abs=1e-4) and status.agent_ms == 60_000
-    graph.deliver("musselbed/heard", agent=4, medium="wifi", data=b"status")
-    topics.take(3_000)
-    assert [it.agent_id for it in published()] == [3]
+    mission.sends_a_packet(4)
+    assert [it.agent_id for it in mission.published(3_000)] == [3]
 
 
 def test_a_mission_leaves_the_topics_of_an_amussel_that_sends_packets_and_the_others_at_its_end(
-    graph: Graph,
+    mission: Mission,
 ) -> None:
-    topics = PacketTopics([3, 4], MISSION_ALONE.peers)
-    legacy = AMusselTopics(
-        [3, 4], load_codec("musselbed-1"), TimeScale(30), lambda _: False, topics.senders, CURVE
-    )
-    graph.deliver("musselbed/heard", agent=4, medium="wifi", data=b"status")
+    mission.sends_a_packet(4)
     for now_ms in (1_000, 2_000):
-        topics.take(now_ms)
-        legacy.take(now_ms)
-    assert {graph.unregistered.get(timeout=20) for _ in range(3)} == {
-        "amussel4/position",
-        "amussel4/battery_level",
-        "amussel4/charging",
-    }
-    legacy.close()
-    assert {graph.unregistered.get(timeout=20) for _ in range(3)} == {
-        "amussel3/position",
-        "amussel3/battery_level",
-        "amussel3/charging",
-    }
-    assert graph.unregistered.empty()
+        mission.take(now_ms)
+    assert mission.left() == topics_of(4)
+    mission.close()
+    assert mission.left() == topics_of(3) and mission.graph.unregistered.empty()
 
 
-def test_a_master_out_of_reach_does_not_hold_up_the_flight(graph: Graph) -> None:
-    topics = PacketTopics([3], MISSION_ALONE.peers)
-    legacy = AMusselTopics(
-        [3], load_codec("musselbed-1"), TimeScale(30), lambda _: False, topics.senders, CURVE
-    )
+def test_a_master_out_of_reach_does_not_hold_up_the_flight(mission: Mission) -> None:
     answered = threading.Event()
-    graph.before_unregistering = lambda: answered.wait(20)
-    graph.deliver("musselbed/heard", agent=3, medium="wifi", data=b"status")
+    mission.graph.before_unregistering = lambda: answered.wait(20)
+    mission.sends_a_packet(3)
     for now_ms in (1_000, 2_000):
-        topics.take(now_ms)
-        legacy.take(now_ms)
-    assert graph.unregistered.empty()
+        mission.take(now_ms)
+    assert mission.graph.unregistered.empty()
     answered.set()
-    assert {graph.unregistered.get(timeout=20) for _ in range(3)} == {
-        "amussel3/position",
-        "amussel3/battery_level",
-        "amussel3/charging",
-    }
+    assert mission.left() == topics_of(3)
 
 
-def test_an_amussel_known_by_topics_is_charged_while_a_dock_of_ours_holds_it(graph: Graph) -> None:
-    """At theta 30 a mission second is half an agent minute: 1 point a second below 50 %, half a point above it."""
-    held: set[int] = set()
-    topics = PacketTopics([3, 4], MISSION_ALONE.peers)
-    legacy = AMusselTopics(
-        [3, 4], load_codec("musselbed-1"), TimeScale(30), held.__contains__, topics.senders, CURVE
-    )
+def test_an_amussel_known_by_topics_is_charged_while_a_dock_of_ours_holds_it(mission: Mission) -> None:
+    """A mission second is half an agent minute: 1 point a second below 50 %, half a point above it."""
 
-    def charged(now_ms: int) -> list[tuple[str, float]]:
-        graph.published.clear()
-        legacy.take(now_ms)
-        return [(topic, round(message.data, 9)) for topic, message in graph.published]
+    def charged(now_ms: int) -> dict[str, float]:
+        mission.graph.published.clear()
+        mission.take(now_ms)
+        return {topic: round(message.data, 9) for topic, message in mission.graph.published}
 
     for agent_id, percent in ((3, 40.0), (4, 80.0)):
-        graph.deliver(f"amussel{agent_id}/battery_level", data=percent)
-    assert charged(1_000) == []
-    held |= {3, 4}
-    assert charged(2_000) == []
-    assert charged(3_000) == [("amussel3/charging", 1.0), ("amussel4/charging", 0.5)]
-    assert charged(5_000) == [("amussel3/charging", 2.0), ("amussel4/charging", 1.0)]
-    graph.deliver("amussel4/battery_level", data=99.8)
-    graph.deliver("musselbed/heard", agent=3, medium="wifi", data=b"status")
-    topics.take(6_000)
-    assert charged(6_000) == [("amussel4/charging", 0.2)], (
+        mission.graph.deliver(f"amussel{agent_id}/battery_level", data=percent)
+    not_held = charged(1_000)
+    mission.held.update((3, 4))
+    assert [not_held, *map(charged, (2_000, 3_000, 5_000))] == [
+        *({}, {}),
+        {"amussel3/charging": 1.0, "amussel4/charging": 0.5},
+        {"amussel3/charging": 2.0, "amussel4/charging": 1.0},
+    ]
+    mission.graph.deliver("amussel4/battery_level", data=99.8)
+    mission.sends_a_packet(3)
+    assert charged(6_000) == {"amussel4/charging": 0.2}, (
         "no more than full; one with packets has its own charger"
     )
-    held.clear()
-    assert charged(7_000) == []
+    mission.held.clear()
+    assert charged(7_000) == {}
 
 
 def test_legacy_orders_permit_simulated_amussels_to_surface(graph: Graph) -> None:
