@@ -10,7 +10,7 @@ import socket
 import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -43,21 +43,32 @@ def suffix(gateway: ImcGateway) -> str:
     return gateway.apad.name.removeprefix("apad1")
 
 
+def gateway_of(
+    run: Path, *console: Any, port: int | None = 0, tell: Callable[[str], None] = lambda _: None
+) -> ImcGateway:
+    """One for a console's address and id, which are a closed port's by default; it chooses its own port with None."""
+    asked = GatewaySettings(("127.0.0.1", port), (ImcConsole(*(console or (("127.0.0.1", 9),))),))
+    return ImcGateway(run, load(run / "scenario.yaml"), asked, tell)
+
+
+def packets_at(console: socket.socket) -> list[bytes]:
+    """All that have come."""
+    console.setblocking(False)
+    packets: list[bytes] = []
+    with suppress(BlockingIOError):
+        while True:
+            packets.append(console.recv(65_535))
+    return packets
+
+
 def show(run_dir: Path) -> tuple[ImcGateway, list[bytes]]:
     """Shows an ended run to a console; the gateway and the packets that reached the console."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as console:
         console.bind(("127.0.0.1", 0))
         console.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 20)
-        asked = GatewaySettings(("127.0.0.1", 0), (ImcConsole(console.getsockname(), 0x4001),))
-        gateway = ImcGateway(run_dir, load(run_dir / "scenario.yaml"), asked, lambda _: None)
+        gateway = gateway_of(run_dir, console.getsockname(), 0x4001)
         assert gateway.run(lambda: False) == "mission time"
-        packets = []
-        console.setblocking(False)
-        while True:
-            try:
-                packets.append(console.recv(65_535))
-            except BlockingIOError:
-                return gateway, packets
+        return gateway, packets_at(console)
 
 
 @pytest.fixture(scope="module")
@@ -118,16 +129,13 @@ def test_the_systems_are_announced_where_the_journal_says_that_they_are(
         assert said[src, "FuelLevel"][-1].value == pytest.approx(100 * charge, abs=1e-4)
         volts = line["voltage_v"] if src == apad else 3.6 + 0.6 * charge
         assert said[src, "Voltage"][-1].value == pytest.approx(volts, abs=1e-3)
-        assert said[src, "Heartbeat"] != []
-        assert announced.services.startswith("imc+udp://127.0.0.1:")
-    names = {said[src, "Announce"][0].sys_name: said[src, "Announce"][0].sys_type for src in newest}
-    assert names == {
+        assert said[src, "Heartbeat"] != [] and announced.services.startswith("imc+udp://127.0.0.1:")
+        if src != apad:
+            assert said[src, "EntityState"][-1].description == line["state"].lower().replace("_", " ")
+    assert {said[src, "Announce"][0].sys_name: said[src, "Announce"][0].sys_type for src in newest} == {
         f"apad1{suffix(shown[0])}": 3,
         **{f"amussel{n}{suffix(shown[0])}": 7 for n in range(1, 7)},
     }
-    for src, line in newest.items():
-        if src != apad:
-            assert said[src, "EntityState"][-1].description == line["state"].lower().replace("_", " ")
     assert said[apad, "PlanControlState"][-1].state == 0  # blocked: the run has ended
 
 
@@ -156,12 +164,9 @@ def test_samples_are_told_in_the_units_of_imc(codec: Codec) -> None:
         "pressure_mbar": 1313.0,
         "saturated": ["turbidity"],
     }
-    read = {}
-    for message in imc_messages.of_sample(KeptSample(3, 0, sample)):
-        stamped = imc_messages.stamped(message, Systems().amussel(3), 1e9)
-        got = codec.read(packed(stamped))
-        read[name_of(got)] = got.value
-    assert read == {
+    told = imc_messages.of_sample(KeptSample(3, 0, sample))
+    stamped = [imc_messages.stamped(it, Systems().amussel(3), 1e9) for it in told]
+    assert {name_of(it): it.value for it in map(codec.read, map(packed, stamped))} == {
         "DissolvedOxygen": 250.0,
         "Temperature": 18.5,
         "Pressure": 1313.0,
@@ -182,60 +187,38 @@ def test_the_command_serves_an_ended_run_once_and_says_why_it_ended(
     assert Path(begun["log"]).is_relative_to(flown / "imc") and ended == {"ended_by": "mission time"}
 
 
-@pytest.mark.parametrize(
-    ("arguments", "why"),
-    [
-        (["--neptus", "nonsense"], r"a console is \[ID@\]HOST:PORT"),
-        (["--neptus", "0x1ffff@127.0.0.1:6001"], "an IMC id 0 to 0xfffe"),
-        (["--host", "0.0.0.0"], "name the address of one interface"),
-        (["--host", "224.0.75.69"], "name the address of one interface"),
-        (["--port", "70000"], "--port must be 0 to 65535"),
-        (["--host", "203.0.113.1"], "cannot listen on"),
-    ],
-)
-def test_a_mistake_is_one_line(
-    flown: Path, arguments: list[str], why: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main.main(["imc", str(flown), *arguments]) == 2
-    told = capsys.readouterr().err
-    assert told.count("\n") == 1
-    assert re.search(why, told)
-
-
-def test_what_is_no_run_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main.main(["imc", str(tmp_path)]) == 2
-    assert "no run: it has no scenario.yaml" in capsys.readouterr().err
+ROOT = Path(__file__).parents[3]
+POOL = ROOT / "launch_scripts/scenarios/pool-12.yaml"
+RUN = ["run", str(POOL), "--time", "asap", "--out", "OUT"]
 
 
 @pytest.mark.parametrize(
     ("arguments", "why"),
     [
-        (["--neptus", "0x4001@127.0.0.1:6001"], "need --imc"),
-        (["--imc-port", "6002"], "need --imc"),
-        (["--imc-multicast"], "need --imc"),
+        (["imc", "FLOWN", "--neptus", "nonsense"], r"a console is \[ID@\]HOST:PORT"),
+        (["imc", "FLOWN", "--neptus", "0x1ffff@127.0.0.1:6001"], "an IMC id 0 to 0xfffe"),
+        (["imc", "FLOWN", "--host", "0.0.0.0"], "name the address of one interface"),
+        (["imc", "FLOWN", "--host", "224.0.75.69"], "name the address of one interface"),
+        (["imc", "FLOWN", "--port", "70000"], "--port must be 0 to 65535"),
+        (["imc", "FLOWN", "--host", "203.0.113.1"], "cannot listen on"),
+        (["imc", "EMPTY"], "no run: it has no scenario.yaml"),
+        ([*RUN, "--neptus", "0x4001@127.0.0.1:6001"], "need --imc"),
+        ([*RUN, "--imc-port", "6002"], "need --imc"),
+        ([*RUN, "--imc-multicast"], "need --imc"),
+        (["run", "TWO", "--time", "asap", "--imc", "--out", "OUT"], "--imc shows one aPad"),
     ],
 )
-def test_a_run_without_a_gateway_takes_none_of_its_options(
-    arguments: list[str], why: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_a_mistake_is_one_line_and_begins_no_run(
+    flown: Path, tmp_path: Path, arguments: list[str], why: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    scenario = Path(__file__).parents[3] / "launch_scripts/scenarios/pool-12.yaml"
-    out = tmp_path / "run"
-    assert main.main(["run", str(scenario), "--time", "asap", "--out", str(out), *arguments]) == 2
-    assert why in capsys.readouterr().err and not out.exists()
-
-
-def test_a_gateway_beside_a_run_shows_one_apad_alone(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    root = Path(__file__).parents[3]
-    data = yaml.safe_load((root / "launch_scripts/scenarios/pool-12.yaml").read_text())
+    data = yaml.safe_load(POOL.read_text())
     data["fleet"]["start"] = {"charge": [0.5, 0.75]}
     data["apads"] = [{"name": "apad2", "start_m": [5, 5]}]
     (tmp_path / "two.yaml").write_text(yaml.safe_dump(data))
-    out = tmp_path / "run"
-    asked = ["run", str(tmp_path / "two.yaml"), "--time", "asap", "--imc", "--out", str(out)]
-    assert main.main(asked) == 2
-    assert "--imc shows one aPad" in capsys.readouterr().err and not out.exists()
+    paths = {"FLOWN": flown, "EMPTY": tmp_path, "TWO": tmp_path / "two.yaml", "OUT": tmp_path / "run"}
+    assert main.main([str(paths.get(it, it)) for it in arguments]) == 2
+    told = capsys.readouterr().err
+    assert told.count("\n") == 1 and re.search(why, told) and not paths["OUT"].exists()
 
 
 def test_a_run_in_virtual_time_has_its_log(tmp_path: Path, flown: Path, codec: Codec) -> None:
@@ -259,8 +242,7 @@ def test_each_shown_system_answers_for_its_entities_to_the_console_that_asked(
     ):
         for link in (console, stranger):
             link.bind(("127.0.0.1", 0))
-        asked = GatewaySettings(("127.0.0.1", 0), (ImcConsole(console.getsockname()),))
-        gateway = ImcGateway(flown, load(flown / "scenario.yaml"), asked, lambda _: None)
+        gateway = gateway_of(flown, console.getsockname())
         apad, amussels = apad_and_amussels(gateway)
         for link, asked in (
             (console, apad),
@@ -276,15 +258,8 @@ def test_each_shown_system_answers_for_its_entities_to_the_console_that_asked(
         gateway._wire.close()
         gateway._log.close()
         gateway._number.close()
-        console.setblocking(False)
-        answers = []
-        while True:
-            try:
-                message = codec.read(console.recv(65_535))
-            except BlockingIOError:
-                break
-            if name_of(message) == "EntityList":
-                answers.append((header_of(message).src, header_of(message).dst, message.list))
+        read = [codec.read(it) for it in packets_at(console)]
+    answers = [(header_of(it).src, header_of(it).dst, it.list) for it in read if name_of(it) == "EntityList"]
     assert answers == [(apad, 0x4001, imc_messages.ENTITIES), (amussels + 3, 0x4001, imc_messages.ENTITIES)]
 
 
@@ -294,10 +269,9 @@ def copy_of_run(flown: Path, tmp_path: Path) -> Callable[[str], Path]:
 
 
 @contextmanager
-def opened(run: Path, tell: Callable[[str], None] = pytest.fail) -> Iterator[ImcGateway]:
+def opened(run: Path) -> Iterator[ImcGateway]:
     """A gateway at the port that it chooses by itself."""
-    asked = GatewaySettings(("127.0.0.1", None), (ImcConsole(("127.0.0.1", 9)),))
-    gateway = ImcGateway(run, load(run / "scenario.yaml"), asked, tell)
+    gateway = gateway_of(run, port=None, tell=pytest.fail)
     try:
         yield gateway
     finally:
@@ -306,8 +280,7 @@ def opened(run: Path, tell: Callable[[str], None] = pytest.fail) -> Iterator[Imc
 
 def announced_by(run: Path, codec: Codec, tell: Callable[[str], None] = pytest.fail) -> dict[str, int]:
     """The ids by name of the systems that a gateway of the run announces from its beginning to its end."""
-    asked = GatewaySettings(("127.0.0.1", None), (ImcConsole(("127.0.0.1", 9)),))
-    gateway = ImcGateway(run, load(run / "scenario.yaml"), asked, tell)
+    gateway = gateway_of(run, port=None, tell=tell)
     gateway.run(lambda: False)
     said = codec.read_log((gateway.log_folder / "Data.lsf").read_bytes())
     return {it.sys_name: header_of(it).src for it in said if name_of(it) == "Announce"}
@@ -384,8 +357,7 @@ def test_a_log_never_goes_back_in_time(
     readings = iter(clock_s)
     with pytest.MonkeyPatch.context() as patch, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as console:
         console.bind(("127.0.0.1", 0))
-        asked = GatewaySettings(("127.0.0.1", 0), (ImcConsole(console.getsockname(), 0x4001),))
-        gateway = ImcGateway(flown, load(flown / "scenario.yaml"), asked, lambda _: None)
+        gateway = gateway_of(flown, console.getsockname(), 0x4001)
         patch.setattr(time, "time", lambda: next(readings, clock_s[-1]))
         for sent_s in consoles_s:
             store = codec.make("PlanDB", op=6)

@@ -6,6 +6,7 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
+import pytest
 from visualization_msgs.msg import Marker
 
 from apad_bridge.beliefs.belief import Belief
@@ -50,8 +51,7 @@ class APad:
         self.mission = SimpleNamespace(docks=(None,) * 4)
         self.screen = Screen()
         self._own = own
-        self.now_ms = 0
-        self.is_connected = True
+        self.now_ms, self.presences = 0, Presences([7, 8], 3.0)
 
     def hear(self, agent_id: int, north_m: float = 10.0) -> None:
         packet = StatusPacket(
@@ -67,54 +67,49 @@ class APad:
         )
         assert self.beliefs.hear(packet, self.now_ms) is None
 
-    def tick(self) -> None:
+    def tick(self, *, is_connected: bool = True) -> dict[int, set[str]]:
+        """What the screen shows of each aMussel after a second, and as 0 of the aPad."""
         self.now_ms += 1000
         picture = fleet_markers(self, self._own, "musselbed/enu", 0.5, self.now_ms)  # type: ignore[arg-type]
-        if self.is_connected:
+        if is_connected:
             self.screen.take(picture)
+        return {number: self.screen.of(number) for _, number in self.screen.markers}
+
+    def move(self, agent_id: int, trigger: PresenceTrigger) -> None:
+        coordinator: Any = SimpleNamespace(mute=lambda agent_id: None, unmute=lambda agent_id, at_ms: None)
+        asked = PresenceRequest(agent_id, trigger, "a test")
+        done = self.presences.do(asked, coordinator, self.beliefs, self.now_ms)
+        assert not isinstance(done, str), done
 
 
-BOTH = {"amussels", "labels"}
+BOTH, ALONE = {"amussels", "labels"}, {0: {"apad"}}
 
 
-def moved(apad: APad, presences: Presences, agent_id: int, trigger: PresenceTrigger) -> None:
-    coordinator: Any = SimpleNamespace(mute=lambda agent_id: None, unmute=lambda agent_id, at_ms: None)
-    done = presences.do(PresenceRequest(agent_id, trigger, "a test"), coordinator, apad.beliefs, apad.now_ms)
-    assert not isinstance(done, str), done
-
-
-def test_who_is_retired_or_handed_over_leaves_the_screen_and_comes_back() -> None:
-    apad, presences = APad(7, 8), Presences([7, 8], 3.0)
+@pytest.fixture
+def apad() -> APad:
+    """It shows 7 and 8."""
+    apad = APad(7, 8)
     apad.hear(7)
     apad.hear(8)
-    apad.tick()
-    assert apad.screen.of(7) == apad.screen.of(8) == BOTH and apad.screen.of(0) == {"apad"}
-    moved(apad, presences, 7, PresenceTrigger.RETIRE)
-    moved(apad, presences, 8, PresenceTrigger.HAND_OVER)
-    apad.tick()
-    assert apad.screen.markers.keys() == {("apad", 0)}
-    apad.tick()
-    assert apad.screen.markers.keys() == {("apad", 0)}
-    moved(apad, presences, 7, PresenceTrigger.SPAWN)
+    assert apad.tick() == ALONE | {7: BOTH, 8: BOTH}
+    return apad
+
+
+def test_who_is_retired_or_handed_over_leaves_the_screen_and_comes_back(apad: APad) -> None:
+    apad.move(7, PresenceTrigger.RETIRE)
+    apad.move(8, PresenceTrigger.HAND_OVER)
+    assert [apad.tick(), apad.tick()] == [ALONE, ALONE]
+    apad.move(7, PresenceTrigger.SPAWN)
     apad.hear(7, north_m=15.0)
     apad.hear(8)  # the real one, by its own packet
-    apad.tick()
-    assert apad.screen.of(7) == apad.screen.of(8) == BOTH
+    assert apad.tick() == ALONE | {7: BOTH, 8: BOTH}
     assert apad.screen.markers["amussels", 7].pose.position.y == 15.0
 
 
-def test_a_screen_that_missed_messages_keeps_no_ghost() -> None:
-    apad, presences = APad(7, 8), Presences([7, 8], 3.0)
-    apad.hear(7)
-    apad.hear(8)
-    apad.tick()
-    apad.is_connected = False
-    moved(apad, presences, 7, PresenceTrigger.RETIRE)
-    apad.tick()
-    assert apad.screen.of(7) == BOTH, "it was not told"
-    apad.is_connected = True
-    apad.tick()
-    assert apad.screen.of(7) == set() and apad.screen.of(8) == BOTH
+def test_a_screen_that_missed_messages_keeps_no_ghost(apad: APad) -> None:
+    apad.move(7, PresenceTrigger.RETIRE)
+    assert apad.tick(is_connected=False)[7] == BOTH, "it was not told"
+    assert apad.tick() == ALONE | {8: BOTH}
 
 
 def test_one_that_is_handed_on_is_drawn_by_who_serves_it() -> None:
@@ -123,21 +118,17 @@ def test_one_that_is_handed_on_is_drawn_by_who_serves_it() -> None:
     giver.hear(7)
     taker.hear(8)
     taker.beliefs.admit(7, giver.beliefs.get(7))
-    for apad in (giver, taker):
-        apad.tick()
-    assert giver.screen.of(7) == BOTH and taker.screen.of(7) == set(), "not served there yet"
+    not_served_there_yet = [giver.tick(), taker.tick()]
+    assert not_served_there_yet == [ALONE | {7: BOTH}, ALONE | {8: BOTH}]
     giver.allocation.give(7)
     taker.allocation.take(7)
-    for apad in (giver, taker):
-        apad.hear(7)
-        apad.tick()
-    assert giver.screen.of(7) == set() and taker.screen.of(7) == BOTH
+    giver.hear(7)
+    taker.hear(7)
+    assert [giver.tick(), taker.tick()] == [ALONE, ALONE | {7: BOTH, 8: BOTH}]
     taker.allocation.give(7)
     taker.beliefs.dismiss(7)
     giver.allocation.take(7)
-    for apad in (giver, taker):
-        apad.tick()
-    assert giver.screen.of(7) == BOTH and taker.screen.of(7) == set() and taker.screen.of(8) == BOTH
+    assert [giver.tick(), taker.tick()] == not_served_there_yet
 
 
 def test_an_ellipse_leaves_with_its_ball_and_without_it() -> None:
@@ -153,17 +144,14 @@ def test_an_ellipse_leaves_with_its_ball_and_without_it() -> None:
         place_cov=(4.0, 0.5, 9.0),
         mode_probabilities=modes,
     )
-    known = [sure]
+    known: list[Belief] = []
     apad = APad(7)
     apad.allocation = Allocation(SimpleNamespace(all=lambda: list(known), get=lambda agent_id: None), [7])
-    apad.tick()
-    assert apad.screen.of(7) == BOTH | {"place_95"}
-    known[:] = [replace(sure, mode_probabilities=())]
-    apad.tick()
-    assert apad.screen.of(7) == BOTH
-    known[:] = [sure]
-    apad.tick()
-    assert apad.screen.of(7) == BOTH | {"place_95"}
-    known.clear()
-    apad.tick()
-    assert apad.screen.of(7) == set()
+    unsure = replace(sure, mode_probabilities=())
+    for known[:], shown in (
+        ([sure], BOTH | {"place_95"}),
+        ([unsure], BOTH),
+        ([sure], BOTH | {"place_95"}),
+        ([], set()),
+    ):
+        assert apad.tick().get(7, set()) == shown
