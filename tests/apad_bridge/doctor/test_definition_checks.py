@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -44,18 +45,15 @@ def test_code_of_python_2_is_read_and_not_run(tmp_path: Path) -> None:
     assert module.exists()
 
 
-def test_a_difference_names_both_places_and_both_md5s() -> None:
+@pytest.mark.parametrize(
+    ("theirs", "status"), [(THEIRS, CheckStatus.WARN), (OURS, CheckStatus.OK)], ids=["differs", "agrees"]
+)
+def test_a_workspace_is_named_with_both_md5s_where_they_differ(theirs: str, status: CheckStatus) -> None:
     ours = Definitions("/ours", {"auv_msgs/NavSts": OURS})
-    (finding,) = check_definitions(ours, [Definitions("/theirs", {"auv_msgs/NavSts": THEIRS})])
-    assert finding.status is CheckStatus.WARN
-    for part in ("/ours", "/theirs", OURS, THEIRS, "auv_msgs/NavSts"):
-        assert part in finding.found
-
-
-def test_a_workspace_that_agrees_is_no_trouble() -> None:
-    ours = Definitions("/ours", {"auv_msgs/NavSts": OURS})
-    (finding,) = check_definitions(ours, [Definitions("/theirs", {"auv_msgs/NavSts": OURS})])
-    assert finding.status is CheckStatus.OK and "/theirs" in finding.found
+    (finding,) = check_definitions(ours, [Definitions("/theirs", {"auv_msgs/NavSts": theirs})])
+    assert finding.status is status and "/theirs" in finding.found
+    named = {"/ours", OURS, THEIRS, "auv_msgs/NavSts"}
+    assert status is CheckStatus.OK or all(it in finding.found for it in named)
 
 
 @pytest.fixture
@@ -68,13 +66,6 @@ def workspace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "workspace"
 
 
-def test_a_workspace_on_pythonpath_is_found(workspace: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    lay_python_2(workspace, THEIRS)
-    monkeypatch.setenv("PYTHONPATH", str(workspace))
-    lines = [finding.line() for finding in check_other_definitions()]
-    assert any(line.startswith("WARN") and str(workspace) in line and THEIRS in line for line in lines)
-
-
 def lay_text(workspace: Path, nav_sts: str) -> None:
     package = workspace / "src" / "auv_msgs"
     (package / "msg").mkdir(parents=True)
@@ -82,17 +73,22 @@ def lay_text(workspace: Path, nav_sts: str) -> None:
     (package / "msg" / "NavSts.msg").write_text(nav_sts)
 
 
-def test_texts_on_ros_package_path_are_compared_by_md5(
-    workspace: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("variable", "lay", "told"),
+    [
+        ("PYTHONPATH", lambda it: lay_python_2(it, THEIRS), THEIRS),
+        ("ROS_PACKAGE_PATH", lambda it: lay_text(it, "Header header\nfloat64 north\n"), OURS),
+        (
+            *("ROS_PACKAGE_PATH", lambda it: lay_text(it, "no_such_msgs/Thing thing\n")),
+            "NavSts.msg (no no_such_msgs/Thing)",
+        ),
+    ],
+    ids=["generated code", "texts, by md5", "a text that cannot be read"],
+)
+def test_a_workspace_in_the_environment_is_found(
+    workspace: Path, monkeypatch: pytest.MonkeyPatch, variable: str, lay: Callable[[Path], object], told: str
 ) -> None:
-    lay_text(workspace, "Header header\nfloat64 north\n")
-    monkeypatch.setenv("ROS_PACKAGE_PATH", str(workspace))
+    lay(workspace)
+    monkeypatch.setenv(variable, str(workspace))
     lines = [finding.line() for finding in check_other_definitions()]
-    assert any(line.startswith("WARN") and str(workspace) in line and OURS in line for line in lines)
-
-
-def test_a_text_that_cannot_be_read_is_named(workspace: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    lay_text(workspace, "no_such_msgs/Thing thing\n")
-    monkeypatch.setenv("ROS_PACKAGE_PATH", str(workspace))
-    lines = [finding.line() for finding in check_other_definitions()]
-    assert any(line.startswith("WARN") and "NavSts.msg (no no_such_msgs/Thing)" in line for line in lines)
+    assert any(line.startswith("WARN") and str(workspace) in line and told in line for line in lines)

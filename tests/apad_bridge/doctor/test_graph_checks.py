@@ -70,36 +70,23 @@ def test_a_node_that_was_killed_publishes_nothing_though_the_master_names_it(clo
         assert found.living_publishers("/nobodys") == []
 
 
-@pytest.mark.parametrize("uri", ["", "localhost:11311", "http://:11311", "http://127.0.0.1:no"])
-def test_what_is_no_address_is_said(uri: str) -> None:
-    with pytest.raises(Unreachable, match="no address"):
-        Graph.read(uri)
-
-
-def test_nobody_there(closed: str) -> None:
-    with pytest.raises(Unreachable, match="does not answer"):
-        Graph.read(closed)
-
-
-def test_a_master_that_is_stopped_costs_no_more_than_the_time_out(
-    mute: str, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("uri", "told"),
+    [
+        *((uri, "no address") for uri in ("", "localhost:11311", "http://:11311", "http://127.0.0.1:no")),
+        ("closed", "does not answer"),
+        ("mute", "getSystemState"),
+        ("no master", "no answer of a ROS program"),
+        ("http://mussel.invalid:11311", r"mussel\.invalid"),
+    ],
+)
+def test_a_master_that_cannot_be_asked_is_said(
+    uri: str, told: str, closed: str, mute: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """One that is stopped costs no more than the time-out."""
     monkeypatch.setattr(network, "TIMEOUT_S", 0.2)
-    with pytest.raises(Unreachable, match="getSystemState"):
-        Graph.read(mute)
-
-
-def test_something_that_is_no_master() -> None:
-    with (
-        answering(getSystemState="hello") as uri,
-        pytest.raises(Unreachable, match="no answer of a ROS program"),
-    ):
-        Graph.read(uri)
-
-
-def test_a_name_that_nobody_knows() -> None:
-    with pytest.raises(Unreachable, match=r"mussel\.invalid"):
-        network.address_of("mussel.invalid")
+    with answering(getSystemState="hello") as no_master, pytest.raises(Unreachable, match=told):
+        Graph.read({"closed": closed, "mute": mute, "no master": no_master}.get(uri, uri))
 
 
 def test_a_look_up_that_hangs_is_left_alone() -> None:
@@ -120,18 +107,22 @@ def test_a_master_that_never_calls_back(monkeypatch: pytest.MonkeyPatch) -> None
     assert "export ROS_IP=127.0.0.1" in str(finding.mend)
 
 
-def test_a_node_that_names_itself_what_nobody_knows() -> None:
-    uri = "http://127.0.0.1:11311"
-    (finding,) = graph_checks.check_addresses(uri, "mussel.invalid")
-    assert finding.status is CheckStatus.FAIL and "ROS_IP=127.0.0.1" in str(finding.mend)
-    (finding,) = graph_checks.check_addresses(uri, "127.0.1.1")
-    assert finding.status is CheckStatus.OK
-
-
-def test_a_loopback_name_is_of_no_use_to_a_master_elsewhere(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(graph_checks, "address_towards", lambda _: "10.0.200.7")
-    (finding,) = graph_checks.check_addresses("http://10.0.200.1:11311", "127.0.1.1")
-    assert finding.status is CheckStatus.FAIL and finding.mend == "export ROS_IP=10.0.200.7"
+@pytest.mark.parametrize(
+    ("master", "name", "mend"),
+    [
+        ("127.0.0.1", "mussel.invalid", "export ROS_IP=127.0.0.1"),
+        ("127.0.0.1", "127.0.1.1", None),
+        ("10.0.200.1", "127.0.1.1", "export ROS_IP=10.0.200.7"),
+    ],
+    ids=["a name that nobody knows", "loopback to loopback", "a loopback name, to a master elsewhere"],
+)
+def test_the_name_by_which_the_others_call_must_lead_here(
+    monkeypatch: pytest.MonkeyPatch, master: str, name: str, mend: str | None
+) -> None:
+    if master != "127.0.0.1":
+        monkeypatch.setattr(graph_checks, "address_towards", lambda _: "10.0.200.7")
+    (finding,) = graph_checks.check_addresses(f"http://{master}:11311", name)
+    assert finding.status is (CheckStatus.FAIL if mend else CheckStatus.OK) and finding.mend == mend
 
 
 @pytest.mark.parametrize(
@@ -152,17 +143,20 @@ def test_whose_time_it_is(parameter: list[Any], publishers: list[str], status: s
     assert finding.status == status and says in finding.found
 
 
-def test_nodes_are_called_one_by_one(closed: str) -> None:
+@pytest.mark.parametrize(
+    ("address", "checked", "told"),
+    [
+        ("alive", "OK ", "2 on the graph"),
+        ("closed", "WARN /a", ""),
+        ("http://amussel7.invalid:40000/", "FAIL /a", "/etc/hosts"),
+    ],
+)
+def test_nodes_are_called_one_by_one(closed: str, address: str, checked: str, told: str) -> None:
     with answering(getPid=[1, "", 7]) as alive:
-        with answering(lookupNode=[1, "", alive]) as master:
-            (fine,) = graph_checks.check_nodes(a_graph(master, a=["/a"], b=["/b"]))
-        with answering(lookupNode=[1, "", closed]) as master:
-            (dead,) = graph_checks.check_nodes(a_graph(master, a=["/a"]))
-        with answering(lookupNode=[1, "", "http://amussel7.invalid:40000/"]) as master:
-            (unknown,) = graph_checks.check_nodes(a_graph(master, a=["/a"]))
-    assert fine.status is CheckStatus.OK and "2 on the graph" in fine.found
-    assert (dead.check, dead.status) == ("/a", CheckStatus.WARN)
-    assert unknown.status is CheckStatus.FAIL and "/etc/hosts" in str(unknown.mend)
+        api = {"alive": alive, "closed": closed}.get(address, address)
+        with answering(lookupNode=[1, "", api]) as master:
+            finding, *_ = graph_checks.check_nodes(a_graph(master, a=["/a"], b=["/b"]))
+    assert f"{finding.status} {finding.check}" == checked and told in f"{finding.found} {finding.mend}"
 
 
 def test_a_graph_full_of_dead_nodes_is_told_in_few_lines(closed: str) -> None:
@@ -192,21 +186,25 @@ def test_ids_and_a_clock_of_a_node_that_was_killed_are_free(closed: str) -> None
             assert clock.status is CheckStatus.FAIL and "no node that lives publishes /clock" in clock.found
 
 
-def test_ids_that_are_taken() -> None:
-    nobody = a_graph()
-    some = a_graph(amussel2__position=["/them"], amussel3__position=["/them"], amussel9__position=["/one"])
-    assert graph_checks.check_agents_present(nobody, range(1, 13)).status is CheckStatus.OK
-    clash = graph_checks.check_agents_present(some, range(1, 4))
-    assert (
-        clash.status is CheckStatus.FAIL
-        and "2 to 3 of the scenario" in clash.found
-        and "/them" in clash.found
-    )
-    assert "/one" not in clash.found and "first_id to 10" in str(clash.mend)
-    assert graph_checks.check_agents_present(some, range(10, 20)).status is CheckStatus.OK
-    assert graph_checks.check_agents_present(some, range(1, 4), "basin").status is CheckStatus.OK
-    below = a_graph(basin__amussel3__position=["/basin/them"])
-    assert graph_checks.check_agents_present(below, range(1, 4)).status is CheckStatus.OK
-    assert graph_checks.check_agents_present(below, range(1, 4), "basin").status is CheckStatus.FAIL
-    unasked = graph_checks.check_agents_present(some, None)
-    assert unasked.status is CheckStatus.WARN and "2 to 3, 9" in unasked.found
+SOME = a_graph(amussel2__position=["/them"], amussel3__position=["/them"], amussel9__position=["/one"])
+BELOW = a_graph(basin__amussel3__position=["/basin/them"])
+
+
+@pytest.mark.parametrize(
+    ("graph", "ids", "namespace", "status", "told"),
+    [
+        (a_graph(), range(1, 13), "", "OK", []),
+        (SOME, range(1, 4), "", "FAIL", ["2 to 3 of the scenario", "/them", "first_id to 10"]),
+        (SOME, range(10, 20), "", "OK", []),
+        (SOME, range(1, 4), "basin", "OK", []),
+        (BELOW, range(1, 4), "", "OK", []),
+        (BELOW, range(1, 4), "basin", "FAIL", []),
+        (SOME, None, "", "WARN", ["2 to 3, 9"]),
+    ],
+)
+def test_ids_that_are_taken(
+    graph: Graph, ids: range | None, namespace: str, status: str, told: list[str]
+) -> None:
+    found = graph_checks.check_agents_present(graph, ids, namespace)
+    assert found.status == status and all(it in f"{found.found} {found.mend}" for it in told)
+    assert "/one" not in found.found or ids is None

@@ -25,29 +25,36 @@ def environment(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_debians_python_in_an_environment_that_sees_its_ros(environment: Path) -> None:
-    (finding,) = check_python(Path("/usr/bin/python3"), environment, Path("/usr/bin/python3"))
-    assert finding.status is CheckStatus.OK
+DEBIANS = Path("/usr/bin/python3")
 
 
-def test_another_python_does_not_see_rospy(environment: Path) -> None:
-    other = environment / "python3"
-    other.touch()
-    (finding,) = check_python(other, environment, Path("/usr/bin/python3"))
-    assert finding.status is CheckStatus.FAIL
-    assert str(other) in finding.found and "launch_scripts/install" in str(finding.mend)
-
-
-def test_an_environment_that_hides_debians_ros(environment: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sys, "path", [str(environment)])
-    (finding,) = check_python(Path("/usr/bin/python3"), environment, Path("/usr/bin/python3"))
-    assert finding.status is CheckStatus.FAIL and "rospy" in finding.found
-
-
-def test_an_environment_that_sees_all_of_debians_packages(environment: Path) -> None:
-    (environment / "pyvenv.cfg").write_text("include-system-site-packages = true\n")
-    (finding,) = check_python(Path("/usr/bin/python3"), environment, Path("/usr/bin/python3"))
-    assert finding.status is CheckStatus.WARN and "launch_scripts/install" in str(finding.mend)
+@pytest.mark.parametrize(
+    ("python", "config", "path", "status", "told"),
+    [
+        (DEBIANS, "", None, "OK", ""),
+        (Path("python3"), "", None, "FAIL", "launch_scripts/install"),
+        (DEBIANS, "", ["."], "FAIL", "rospy"),
+        (DEBIANS, "include-system-site-packages = true\n", None, "WARN", "launch_scripts/install"),
+    ],
+    ids=["Debian's", "another does not see rospy", "hides Debian's ROS", "sees all of Debian's packages"],
+)
+def test_a_python_sees_debians_ros_and_no_other_packages(
+    environment: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    python: Path,
+    config: str,
+    path: list[str] | None,
+    status: str,
+    told: str,
+) -> None:
+    (environment / "python3").touch()
+    if config:
+        (environment / "pyvenv.cfg").write_text(config)
+    if path is not None:
+        monkeypatch.setattr(sys, "path", [str(environment)])
+    (finding,) = check_python(environment / python, environment, DEBIANS)
+    assert finding.status == status and told in f"{finding.found} {finding.mend}"
+    assert python.is_absolute() or str(environment / python) in finding.found
 
 
 @pytest.mark.parametrize(
@@ -106,10 +113,13 @@ class Places:
             (self.root / name / "__init__.py").touch()
         (self.other / "agents").mkdir(parents=True)
         (self.other / "agents" / "__init__.py").touch()
-        self.empty.mkdir()
+        self.module = folder / "module"
+        for it in (self.empty, self.module):
+            it.mkdir()
+        (self.module / "firmware_model.py").touch()
 
-    def status(self, *path: Path, here: Path | None = None) -> dict[str, str]:
-        findings = check_shadows([str(entry) for entry in path], self.root, here or self.empty)
+    def status(self, *path: Path, here: Path) -> dict[str, str]:
+        findings = check_shadows([str(entry) for entry in path], self.root, here)
         return {finding.check: f"{finding.status} {finding.found} {finding.mend}" for finding in findings}
 
 
@@ -118,27 +128,36 @@ def places(tmp_path: Path) -> Places:
     return Places(tmp_path)
 
 
-def test_alone_on_the_path(places: Places) -> None:
-    assert all(line.startswith("OK") for line in places.status(places.root, places.empty).values())
-
-
-def test_another_agents_that_comes_before_ours(places: Places, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("path", "here", "package", "status", "told"),
+    [
+        (["root", "empty"], "empty", "agents", "OK", []),
+        (["root", "empty"], "empty", "firmware_model", "OK", []),
+        (
+            ["other", "root"],
+            "empty",
+            "agents",
+            "FAIL",
+            ["take {other} off PYTHONPATH", "{other}", "{root}/agents"],
+        ),
+        (["other", "root"], "empty", "firmware_model", "OK", []),
+        (["root", "other"], "empty", "agents", "WARN", []),
+        (["root"], "other", "agents", "FAIL", ["in another folder"]),
+        (["root"], "module", "firmware_model", "FAIL", []),
+    ],
+)
+def test_another_package_of_our_name_is_told_where_it_comes_before_ours(
+    places: Places,
+    monkeypatch: pytest.MonkeyPatch,
+    path: list[str],
+    here: str,
+    package: str,
+    status: str,
+    told: list[str],
+) -> None:
     monkeypatch.setenv("PYTHONPATH", str(places.other))
-    found = places.status(places.other, places.root)
-    assert found["agents"].startswith("FAIL") and f"take {places.other} off PYTHONPATH" in found["agents"]
-    assert str(places.other) in found["agents"] and str(places.root / "agents") in found["agents"]
-    assert found["firmware_model"].startswith("OK")
-
-
-def test_another_agents_that_comes_later_is_only_said(places: Places) -> None:
-    assert places.status(places.root, places.other)["agents"].startswith("WARN")
-
-
-def test_another_agents_in_the_folder_that_a_run_starts_in(places: Places) -> None:
-    found = places.status(places.root, here=places.other)
-    assert found["agents"].startswith("FAIL") and "in another folder" in found["agents"]
-    (places.empty / "firmware_model.py").touch()
-    assert places.status(places.root)["firmware_model"].startswith("FAIL")
+    found = places.status(*(getattr(places, it) for it in path), here=getattr(places, here))[package]
+    assert found.startswith(status) and all(it.format(**vars(places)) in found for it in told)
 
 
 @pytest.fixture

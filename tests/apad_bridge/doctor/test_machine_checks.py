@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from apad_bridge.doctor.finding import CheckStatus
+from apad_bridge.doctor.finding import CheckStatus, Finding
 from apad_bridge.doctor.machine import (
     check_disk,
     check_loopback,
@@ -18,34 +18,36 @@ from apad_bridge.doctor.machine import (
     check_ros_log,
 )
 
-
-def test_a_file_for_each_agent_and_some_of_our_own() -> None:
-    few = check_open_files(1000, hard=1024)
-    assert few.status is CheckStatus.FAIL
-    assert few.mend == "ulimit -Hn 1256 (as root), or --agents 768"
-    assert check_open_files(768, hard=1024).status is CheckStatus.OK
-    assert check_open_files(20000, hard=resource.RLIM_INFINITY).status is CheckStatus.OK
+UNLIMITED = resource.RLIM_INFINITY
+HERE = Path(__file__).parent
 
 
-def test_a_process_for_each_agent() -> None:
-    few = check_processes(1000, hard=500, threads_max=100_000)
-    assert few.status is CheckStatus.FAIL and "RLIMIT_NPROC is 500" in few.found
-    assert check_processes(100, hard=500, threads_max=100_000).status is CheckStatus.OK
-    assert check_processes(1000, hard=100_000, threads_max=900).found.startswith("kernel.threads-max is 900")
-
-
-def test_memory_for_each_agent_or_how_to_do_with_less() -> None:
-    assert check_memory(1000, free_mb=2400, merges=False).status is CheckStatus.OK
-    short = check_memory(1000, free_mb=2200, merges=False)
-    assert short.status is CheckStatus.FAIL
-    assert short.mend is not None and "echo 1 > /sys/kernel/mm/ksm/run" in short.mend
-    assert check_memory(1000, free_mb=1300, merges=True).status is CheckStatus.OK
-    assert check_memory(1000, free_mb=1100, merges=True).status is CheckStatus.FAIL
-
-
-@pytest.mark.parametrize(("megabytes", "status"), [(99, "FAIL"), (100, "WARN"), (1023, "WARN"), (1024, "OK")])
-def test_room_on_the_disk(tmp_path: Path, megabytes: int, status: str) -> None:
-    assert check_disk(tmp_path, free=megabytes << 20).status == status
+@pytest.mark.parametrize(
+    ("found", "status", "told"),
+    [
+        # A file for each agent, and some of our own.
+        (check_open_files(1000, hard=1024), "FAIL", "ulimit -Hn 1256 (as root), or --agents 768"),
+        (check_open_files(768, hard=1024), "OK", ""),
+        (check_open_files(20000, hard=UNLIMITED), "OK", ""),
+        # A process for each agent.
+        (check_processes(1000, hard=500, threads_max=100_000), "FAIL", "RLIMIT_NPROC is 500"),
+        (check_processes(100, hard=500, threads_max=100_000), "OK", ""),
+        (check_processes(1000, hard=100_000, threads_max=900), "FAIL", "kernel.threads-max is 900"),
+        # Memory for each agent, or how to do with less.
+        (check_memory(1000, free_mb=2400, merges=False), "OK", ""),
+        (check_memory(1000, free_mb=2200, merges=False), "FAIL", "echo 1 > /sys/kernel/mm/ksm/run"),
+        (check_memory(1000, free_mb=1300, merges=True), "OK", ""),
+        (check_memory(1000, free_mb=1100, merges=True), "FAIL", ""),
+        # Room on the disk.
+        *(
+            (check_disk(HERE, free=megabytes << 20), status, "")
+            for megabytes, status in ((99, "FAIL"), (100, "WARN"), (1023, "WARN"), (1024, "OK"))
+        ),
+    ],
+    ids=str,
+)
+def test_each_limit_decides_on_both_sides_of_its_number(found: Finding, status: str, told: str) -> None:
+    assert found.status == status and told in f"{found.found} {found.mend}"
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
