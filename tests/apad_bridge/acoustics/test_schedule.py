@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import astuple, replace
 from typing import Any
+
+import pytest
 
 from agents.modem.frames import FrameKind, ModemFrame
 from agents.packet_medium import Medium
@@ -16,7 +19,7 @@ from apad_bridge.events.sound_events import Asked, NoAnswer
 from apad_bridge.mission.facts import Ping, Send
 from apad_bridge.scenario.water.water_options import Talk, Water
 from firmware_model.config import Timeslots
-from firmware_model.packets import EVERYONE, Beacon, CommandPacket, Kind, SlotAssignment
+from firmware_model.packets import CommandPacket, Kind
 from firmware_model.packets.codec import MusselbedCodec
 
 CODEC = MusselbedCodec()
@@ -28,73 +31,6 @@ NOBODY: frozenset[int] = frozenset()
 
 def talking(**changes: Any) -> ScheduleConfig:
     return replace(CONFIG, water=Water(talk=replace(TALK, **changes)))
-
-
-def decoded(action: object) -> object:
-    assert isinstance(action, Send)
-    return CODEC.decode(action.data)
-
-
-def test_it_learns_delays_and_then_sends_a_beacon() -> None:
-    """Three timeslots of 5 s are taken. A ping may take 105 ms and 4 s of waiting; a beacon of 14 bytes lasts 480 ms."""
-    scheduler = AcousticScheduler(CONFIG, CODEC, SLOTS, [3, 1, 2])
-    first, second, third, beacon = scheduler.advance(0, NOBODY)
-    assert [first, second, third] == [Ping(1, 15_000), Ping(2, 19_105), Ping(3, 23_210)]
-    assert isinstance(beacon, Send) and beacon.not_before_ms == 27_315
-    assert decoded(beacon) == Beacon(EVERYONE, 27_315 + 105 + -(-(len(beacon.data) + 16) * 25 // 2))
-    assert scheduler.advance(10_000, NOBODY) == []
-
-
-def test_an_answer_brings_a_timeslot_with_an_offset_for_both_delays() -> None:
-    """150 m are 100 ms: the beacon sets its clock 100 ms late, and its own packets take 100 ms."""
-    scheduler = AcousticScheduler(CONFIG, CODEC, SLOTS, [1, 2, 3])
-    scheduler.advance(0, NOBODY)
-    (assignment,) = scheduler.ping_answered(2, 150.0, 20_000)
-    assert decoded(assignment) == SlotAssignment(2, 300_000, 5000, 40, 1, -200)
-    assert scheduler.ping_answered(2, 150.0, 21_000) == []
-    alone = AcousticScheduler(talking(beacon_period_s=0.0), CODEC, SLOTS, [1, 2, 3])
-    assert decoded(alone.ping_answered(2, 150.0, 20_000)[0]) == SlotAssignment(2, 300_000, 5000, 40, 1, -100)
-
-
-def test_timeslots_are_assigned_again_with_every_beacon() -> None:
-    scheduler = AcousticScheduler(CONFIG, CODEC, SLOTS, [1, 2])
-    scheduler.advance(0, NOBODY)
-    scheduler.ping_answered(1, 150.0, 20_000)
-    actions = [decoded(it) for it in scheduler.advance(3_600_000, NOBODY) if isinstance(it, Send)]
-    assert isinstance(actions[0], Beacon) and actions[1] == SlotAssignment(1, 300_000, 5000, 40, 0, -200)
-
-
-def test_who_does_not_answer_is_asked_again_and_who_is_away_is_not() -> None:
-    scheduler = AcousticScheduler(talking(beacon_period_s=0.0), CODEC, SLOTS, [1, 2])
-    scheduler.advance(0, NOBODY)
-    assert scheduler.advance(500_000, NOBODY) == []
-    assert [it.agent_id for it in scheduler.advance(600_000, frozenset({2})) if isinstance(it, Ping)] == [1]
-    scheduler.ping_answered(1, 10.0, 610_000)
-    assert [it.agent_id for it in scheduler.advance(1_300_000, NOBODY) if isinstance(it, Ping)] == [2]
-
-
-def test_one_that_was_put_elsewhere_is_measured_again() -> None:
-    scheduler = AcousticScheduler(talking(beacon_period_s=0.0), CODEC, SLOTS, [1])
-    scheduler.advance(0, NOBODY)
-    scheduler.ping_answered(1, 10.0, 20_000)
-    scheduler.moved(1, 1_000_000)
-    assert scheduler.advance(1_599_000, NOBODY) == []
-    assert [type(it) for it in scheduler.advance(1_600_000, NOBODY)] == [Ping]
-
-
-def test_the_mission_s_acoustic_packets_wait_for_the_window_and_wifi_does_not() -> None:
-    scheduler = AcousticScheduler(talking(assigns=False, beacon_period_s=0.0), CODEC, SLOTS, [1, 2])
-    sound = Send(Medium.SOUND, 1, bytes(6))  # 105 + 22 x 12.5 = 380 ms
-    other = replace(sound, agent_id=2)
-    radio = Send(Medium.WIFI, 1, bytes(6))
-    assert [scheduler.send(it, 301_000) for it in (sound, radio, other)] == [
-        replace(sound, not_before_ms=310_000),
-        radio,
-        replace(other, not_before_ms=310_380 + 20),
-    ]
-    # A waiting packet is not sent twice; after it was sent, it may be sent again.
-    assert [scheduler.send(it, 305_000) for it in (sound, radio)] == [None, radio]
-    assert scheduler.send(sound, 311_000) == replace(sound, not_before_ms=311_000)
 
 
 def test_two_permissions_in_a_row_do_not_meet_in_the_water() -> None:
@@ -130,71 +66,206 @@ def test_two_permissions_in_a_row_do_not_meet_in_the_water() -> None:
     assert outcomes == {20: [received, collided], 120: [received, received]}
 
 
-def test_pings_go_round_those_who_hear() -> None:
-    scheduler = AcousticScheduler(
-        talking(assigns=False, beacon_period_s=0.0, ping_period_s=10.0), CODEC, None, [1, 2, 3]
-    )
-    asked = [scheduler.advance(now_ms, frozenset({2})) for now_ms in range(0, 40_000, 5000)]
-    assert [[it.agent_id for it in actions if isinstance(it, Ping)] for actions in asked] == [
-        [1], [], [3], [], [1], [], [3], [],
-    ]  # fmt: skip
+SOUND, RADIO = Send(Medium.SOUND, 1, bytes(6)), Send(Medium.WIFI, 1, bytes(6))
+"""Two that no codec reads; of sound, 105 + 22 x 12.5 = 380 ms."""
 
 
-def test_pings_come_before_status_requests_and_nothing_is_sent_before_each_answer() -> None:
-    """A ping reserves 105 ms and 4 s; a request of 6 bytes lasts 380 ms, its answer 893 ms, and each delay is 100 ms."""
-    scheduler = AcousticScheduler(
-        replace(talking(assigns=False, beacon_period_s=0.0), answer_ms=893), CODEC, SLOTS, [1, 2, 3]
-    )
-    ping, note, question = scheduler.advance(10_000, NOBODY, [2, 3], [2, 1])
-    assert ping == Ping(2, 15_000)
-    assert note == Asked(2)
-    assert isinstance(question, Send) and question.not_before_ms == 19_105 + 20
-    assert decoded(question) == CommandPacket(Kind.PING, 2)
-    permission = scheduler.send(Send(Medium.SOUND, 1, bytes(6)), 10_000)
-    assert isinstance(permission, Send) and permission.not_before_ms == 19_125 + 380 + 893 + 200 + 20
+def text(action: object) -> str:
+    """What is sent to whom, and the time before which it is not."""
+    match action:
+        case Ping(agent_id, not_before_ms):
+            return f"ping {agent_id} at {not_before_ms}"
+        case Send(medium, agent_id, data, not_before_ms) if data == bytes(6):
+            return f"{medium} {agent_id} at {not_before_ms}"
+        case Send(_, _, data, not_before_ms):
+            packet = CODEC.decode(data)
+            values = (int(it) for it in astuple(packet) if it is not None)
+            return f"{type(packet).__name__} {' '.join(map(str, values))} at {not_before_ms}"
+        case Asked(agent_id) | NoAnswer(agent_id):
+            return f"{type(action).__name__} {agent_id}"
+    return str(action)
 
 
-def test_an_answer_that_does_not_fit_before_the_timeslots_is_requested_after_them() -> None:
-    config = replace(talking(assigns=False, beacon_period_s=0.0), answer_ms=893)
-    actions = AcousticScheduler(config, CODEC, SLOTS, [1]).advance(299_000, NOBODY, [], [1])
-    assert isinstance(actions[1], Send) and actions[1].not_before_ms == 305_020
+Act = Callable[[AcousticScheduler], Any]
 
 
-def test_a_question_without_an_answer_is_told_and_counted_once() -> None:
-    config = replace(talking(assigns=False, beacon_period_s=0.0), answer_ms=893)
-    scheduler = AcousticScheduler(config, CODEC, None, [1, 2])
-    scheduler.advance(0, NOBODY, [], [1])
-    assert scheduler.advance(5000, NOBODY) == []
+def tick(now_ms: int, *away: int, urgent: Sequence[int] = (), unsure: Sequence[int] = ()) -> Act:
+    return lambda it: it.advance(now_ms, frozenset(away), list(urgent), list(unsure))
+
+
+def answers(agent_id: int, range_m: float, now_ms: int) -> Act:
+    return lambda it: it.ping_answered(agent_id, range_m, now_ms)
+
+
+def sends(packet: Send, now_ms: int, agent_id: int = 1) -> Act:
+    return lambda it: it.send(replace(packet, agent_id=agent_id), now_ms)
+
+
+def shown(actions: Any) -> list[str]:
+    if isinstance(actions, list):
+        return [text(it) for it in actions]
+    return [] if actions is None else [text(actions)]
+
+
+NO_BEACON = {"beacon_period_s": 0.0}
+QUIET = {"assigns": False, "beacon_period_s": 0.0}
+SCENES: dict[str, tuple[dict[str, Any], dict[str, Any], list[tuple[Act, list[str]]]]] = {
+    # Three timeslots of 5 s are taken. A ping may take 105 ms and 4 s of waiting; a beacon of 14 bytes lasts 480 ms.
+    "it learns delays and then sends a beacon, whose time is that of its end": (
+        {},
+        {"ids": [3, 1, 2]},
+        [
+            (tick(0), ["ping 1 at 15000", "ping 2 at 19105", "ping 3 at 23210", "Beacon 0 27795 at 27315"]),
+            (tick(10_000), []),
+        ],
+    ),
+    # 150 m are 100 ms: the beacon sets its clock 100 ms late, and its own packets take 100 ms.
+    "an answer brings a timeslot with an offset for both delays, once": (
+        {},
+        {"ids": [1, 2, 3]},
+        [
+            (tick(0), ["ping 1 at 15000", "ping 2 at 19105", "ping 3 at 23210", "Beacon 0 27795 at 27315"]),
+            (answers(2, 150.0, 20_000), ["SlotAssignment 2 300000 5000 40 1 -200 at 27795"]),
+            (answers(2, 150.0, 21_000), []),
+        ],
+    ),
+    "without beacons the offset is that of one delay": (
+        NO_BEACON,
+        {"ids": [1, 2, 3]},
+        [(answers(2, 150.0, 20_000), ["SlotAssignment 2 300000 5000 40 1 -100 at 20000"])],
+    ),
+    "timeslots are assigned again with every beacon": (
+        {},
+        {"ids": [1, 2]},
+        [
+            (tick(0), ["ping 1 at 10000", "ping 2 at 14105", "Beacon 0 18690 at 18210"]),
+            (answers(1, 150.0, 20_000), ["SlotAssignment 1 300000 5000 40 0 -200 at 20000"]),
+            (
+                tick(3_600_000),
+                [
+                    "ping 2 at 3610000",
+                    "Beacon 0 3614585 at 3614105",
+                    "SlotAssignment 1 300000 5000 40 0 -200 at 3614585",
+                ],
+            ),
+        ],
+    ),
+    "who does not answer is asked again, and who is away is not": (
+        NO_BEACON,
+        {"ids": [1, 2]},
+        [
+            (tick(0), ["ping 1 at 10000", "ping 2 at 14105"]),
+            (tick(500_000), []),
+            (tick(600_000, 2), ["ping 1 at 610000"]),
+            (answers(1, 10.0, 610_000), ["SlotAssignment 1 300000 5000 40 0 -7 at 614105"]),
+            (tick(1_300_000), ["ping 2 at 1300000"]),
+        ],
+    ),
+    "one that was put elsewhere is measured again": (
+        NO_BEACON,
+        {"ids": [1]},
+        [
+            (tick(0), ["ping 1 at 5000"]),
+            (answers(1, 10.0, 20_000), ["SlotAssignment 1 300000 5000 40 0 -7 at 20000"]),
+            (lambda it: it.moved(1, 1_000_000), []),
+            (tick(1_599_000), []),
+            (tick(1_600_000), ["ping 1 at 1600000"]),
+        ],
+    ),
+    # A waiting packet is not sent twice; after it was sent, it may be sent again.
+    "the mission's acoustic packets wait for the window, and wifi does not": (
+        QUIET,
+        {"ids": [1, 2]},
+        [
+            (sends(SOUND, 301_000), ["sound 1 at 310000"]),
+            (sends(RADIO, 301_000), ["wifi 1 at 0"]),
+            (sends(SOUND, 301_000, 2), ["sound 2 at 310400"]),
+            (sends(SOUND, 305_000), []),
+            (sends(RADIO, 305_000), ["wifi 1 at 0"]),
+            (sends(SOUND, 311_000), ["sound 1 at 311000"]),
+        ],
+    ),
+    "pings go round those who hear": (
+        QUIET | {"ping_period_s": 10.0},
+        {"ids": [1, 2, 3], "slots": None},
+        [
+            (
+                tick(now_ms, 2),
+                [] if now_ms % 10_000 else [f"ping {1 + 2 * (now_ms // 10_000 % 2)} at {now_ms}"],
+            )
+            for now_ms in range(0, 40_000, 5000)
+        ],
+    ),
+    # A ping reserves 105 ms and 4 s; a request of 6 bytes lasts 380 ms, its answer 893 ms, and each delay is 100 ms.
+    "pings come before status requests, and nothing is sent before each answer": (
+        QUIET,
+        {"ids": [1, 2, 3], "answer_ms": 893},
+        [
+            (
+                tick(10_000, urgent=[2, 3], unsure=[2, 1]),
+                ["ping 2 at 15000", "Asked 2", "CommandPacket 4 2 at 19125"],
+            ),
+            (sends(SOUND, 10_000), [f"sound 1 at {19_125 + 380 + 893 + 200 + 20}"]),
+        ],
+    ),
+    "an answer that does not fit before the timeslots is requested after them": (
+        QUIET,
+        {"ids": [1], "answer_ms": 893},
+        [(tick(299_000, unsure=[1]), ["Asked 1", "CommandPacket 4 1 at 305020"])],
+    ),
     # A pause of 20 ms, 380 + 893 + 2 x 100 ms, and 4 s.
-    assert scheduler.advance(6000, NOBODY) == [NoAnswer(1)]
-    scheduler.advance(10_000, NOBODY, [], [2])
-    scheduler.short_status_received(2)
-    assert scheduler.advance(20_000, NOBODY) == [] and scheduler.unanswered == 1
+    "a question without an answer is told and counted once": (
+        QUIET,
+        {"ids": [1, 2], "slots": None, "answer_ms": 893},
+        [
+            (tick(0, unsure=[1]), ["Asked 1", "CommandPacket 4 1 at 20"]),
+            (tick(5000), []),
+            (tick(6000), ["NoAnswer 1"]),
+            (tick(10_000, unsure=[2]), ["Asked 2", "CommandPacket 4 2 at 10020"]),
+            (lambda it: it.short_status_received(2), []),
+            (tick(20_000), []),
+            (lambda it: str(it.unanswered), ["1"]),
+        ],
+    ),
+    # Four timeslots are 20 s of 300. The second of two aPads has the second 140 s: from 160 s on. A timeslot's number is
+    # its place in the whole fleet.
+    "one of several aPads keeps to its turn and to whom it serves": (
+        {"turn": (2, 2), "ping_period_s": 1000.0},
+        {"ids": [1, 2, 3, 4], "served": [2, 4]},
+        [
+            (
+                tick(0),
+                ["ping 2 at 160000", "ping 4 at 164105", "Beacon 0 168690 at 168210", "ping 2 at 168690"],
+            ),
+            (answers(4, 150.0, 170_000), ["SlotAssignment 4 300000 5000 40 3 -200 at 172795"]),
+            (lambda it: it.start_serving(1, 200_000), []),
+            (lambda it: it.stop_serving(2), []),
+            (lambda it: it.stop_serving(4), []),
+            (
+                lambda it: str(
+                    {
+                        ping.agent_id
+                        for now_ms in range(200_000, 10_000_000, 100_000)
+                        for ping in it.advance(now_ms, NOBODY)
+                        if isinstance(ping, Ping)
+                    }
+                ),
+                ["{1}"],
+            ),
+            (answers(1, 150.0, 10_000_000), ["SlotAssignment 1 300000 5000 40 0 -200 at 10060000"]),
+            (answers(4, 150.0, 10_000_000), []),
+            (lambda it: str(set(it.delays_ms)), ["{1}"]),
+        ],
+    ),
+}
 
 
-def test_one_of_several_apads_keeps_to_its_turn_and_to_whom_it_serves() -> None:
-    """Four timeslots are 20 s of 300. The second of two aPads has the second 140 s: from 160 s on."""
-    config = talking(turn=(2, 2), ping_period_s=1000.0)
-    scheduler = AcousticScheduler(config, CODEC, SLOTS, [1, 2, 3, 4], served=[2, 4])
-    first, second, beacon, *_ = scheduler.advance(0, NOBODY)
-    assert [first, second] == [Ping(2, 160_000), Ping(4, 164_105)]
-    assert isinstance(beacon, Send) and beacon.not_before_ms == 168_210
-    (assignment,) = scheduler.ping_answered(4, 150.0, 170_000)
-    assert decoded(assignment) == SlotAssignment(
-        4, 300_000, 5000, 40, 3, -200
-    )  # its place in the whole fleet
-
-    scheduler.start_serving(1, 200_000)
-    scheduler.stop_serving(2)
-    scheduler.stop_serving(4)
-    pinged = [
-        it.agent_id
-        for now_ms in range(200_000, 10_000_000, 100_000)
-        for it in scheduler.advance(now_ms, NOBODY)
-        if isinstance(it, Ping)
-    ]
-    assert set(pinged) == {1}
-    assert decoded(scheduler.ping_answered(1, 150.0, 10_000_000)[0]) == SlotAssignment(
-        1, 300_000, 5000, 40, 0, -200
-    )
-    assert scheduler.ping_answered(4, 150.0, 10_000_000) == [] and scheduler.delays_ms.keys() == {1}
+@pytest.mark.parametrize(("talk", "how", "steps"), SCENES.values(), ids=SCENES)
+def test_what_is_sent_and_when(
+    talk: dict[str, Any], how: dict[str, Any], steps: list[tuple[Act, list[str]]]
+) -> None:
+    how = {"slots": SLOTS, "served": None, "answer_ms": CONFIG.answer_ms} | how
+    config = replace(talking(**talk), answer_ms=how["answer_ms"])
+    scheduler = AcousticScheduler(config, CODEC, how["slots"], how["ids"], served=how["served"])
+    for act, sent in steps:
+        assert shown(act(scheduler)) == sent
