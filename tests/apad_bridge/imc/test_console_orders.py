@@ -74,8 +74,8 @@ def test_a_goto_is_a_go_to_there_to_a_millimetre(
     codec: Codec, north_m: float, east_m: float, speed_m_s: float, is_in_a_plan: bool
 ) -> None:
     desk = Desk(codec)
-    goto = codec.make("Goto", speed=speed_m_s, **radians_at(north_m, east_m))
-    taken = desk.control(START, desk.plan(goto)) if is_in_a_plan else desk.take(goto)
+    there = goto(codec, speed=speed_m_s, **radians_at(north_m, east_m))
+    taken = desk.control(START, desk.plan(there)) if is_in_a_plan else desk.take(there)
     assert isinstance(taken, ConsoleOrder)
     assert taken.request.act is Act.GO_TO and taken.request.by == "IMC 0x4001"
     assert taken.request.goal_m == pytest.approx((north_m, east_m), abs=1e-3)
@@ -114,21 +114,36 @@ def test_stop_abort_and_the_mission_itself(desk: Desk) -> None:
     assert desk.take(make("PlanControl", type=SUCCESS, op=STOP)) is None  # an answer, and no request
 
 
+def goto(codec: Codec, **fields: Any) -> Any:
+    return codec.make("Goto", **{"speed": 0.5, **radians_at(1.0, 1.0), **fields})
+
+
 @pytest.mark.parametrize(
-    ("kind", "fields", "why"),
-    [
-        ("Goto", {"speed": 0.5, "z": 2.0, "z_units": 1}, "stays at the surface"),
-        ("Goto", {"speed": math.nan}, "no number"),
-    ],
+    "fields", [{"z": 2.0, "z_units": 1}, {"speed": math.nan}], ids=["under water", "no number"]
 )
-def test_what_the_apad_cannot_do_is_refused_with_the_reason(
-    desk: Desk, kind: str, fields: dict[str, float], why: str
-) -> None:
-    manoeuvre = desk.codec.make(kind, **radians_at(1.0, 1.0), **fields)
-    refused = desk.control(START, desk.plan(manoeuvre))
+def test_what_the_apad_cannot_do_is_refused_with_the_reason(desk: Desk, fields: dict[str, float]) -> None:
+    why = "no number" if "speed" in fields else "stays at the surface"
+    refused = desk.control(START, desk.plan(goto(desk.codec, **fields)))
     assert refused.type == FAILURE and why in refused.info
     with pytest.raises(Unfit, match=why):
-        desk.take(manoeuvre)
+        desk.take(goto(desk.codec, **fields))
+
+
+@pytest.mark.parametrize(
+    ("manoeuvres", "why"),
+    [
+        ([], "one manoeuvre"),
+        (["Goto", "Goto"], "one manoeuvre"),
+        (["Heartbeat"], "one manoeuvre"),
+        (None, "is no plan"),
+    ],
+)
+def test_a_plan_of_no_or_several_manoeuvres_or_of_another_kind_is_refused(
+    desk: Desk, manoeuvres: list[str] | None, why: str
+) -> None:
+    made = [goto(desk.codec) if it == "Goto" else desk.codec.make(it) for it in manoeuvres or ()]
+    plan = desk.codec.make("Heartbeat") if manoeuvres is None else desk.plan(*made)
+    assert {why in desk.control(op, plan).info for op in (START, LOAD)} == {True}
 
 
 @pytest.mark.parametrize(("units", "named"), [(1, "RPM"), (2, "percent")])
@@ -137,8 +152,8 @@ def test_a_speed_of_another_unit_is_the_scenarios_and_the_answer_says_so(
     desk: Desk, units: int, named: str, is_in_a_plan: bool
 ) -> None:
     """Neptus sends a surface vehicle without a speed of its own to a place at 1000 RPM."""
-    goto = desk.codec.make("Goto", speed=1000.0, speed_units=units, **radians_at(3.0, 4.0))
-    order = desk.control(START, desk.plan(goto)) if is_in_a_plan else desk.take(goto)
+    there = goto(desk.codec, speed=1000.0, speed_units=units, **radians_at(3.0, 4.0))
+    order = desk.control(START, desk.plan(there)) if is_in_a_plan else desk.take(there)
     assert isinstance(order, ConsoleOrder) and order.request.act is Act.GO_TO
     assert order.request.speed_m_s is None and order.request.goal_m == pytest.approx((3.0, 4.0), abs=1e-3)
     told = desk.read(order.answer(Answer(True, "")))
@@ -158,40 +173,31 @@ def test_degrees_and_what_is_no_number_are_refused(desk: Desk, place: tuple[floa
         desk.orders.take(goto, "IMC 0x4001", 1e9)
 
 
-def test_a_plan_of_no_or_several_manoeuvres_or_of_another_kind_is_refused(desk: Desk) -> None:
-    goto = desk.codec.make("Goto", speed=0.5, **radians_at(1.0, 1.0))
-    for plan in (desk.plan(), desk.plan(goto, goto), desk.plan(desk.codec.make("Heartbeat"))):
-        assert "one manoeuvre" in desk.control(START, plan).info
-        assert "one manoeuvre" in desk.control(LOAD, plan).info
-    assert "is no plan" in desk.control(START, desk.codec.make("Heartbeat")).info
-
-
 def test_the_store_of_plans_is_bounded(desk: Desk) -> None:
-    goto = desk.codec.make("Goto", speed=0.5, **radians_at(1.0, 1.0))
-    for n in range(MOST_PLANS):
-        assert desk.store(SET, desk.plan(goto, name=str(n))).type == SUCCESS
-    assert desk.store(SET, desk.plan(goto, name="one more")).type == FAILURE
-    assert desk.store(SET, desk.plan(goto, name="0")).type == SUCCESS  # in place of the old one
-    assert desk.store(SET, desk.plan(goto, name="mission")).type == FAILURE
-    assert desk.store(CLEAR).type == SUCCESS
-    assert desk.store(SET, desk.plan(goto, name="one more")).type == SUCCESS
+    """A plan takes the place of the old one of its name; `mission` is the name of the mission itself."""
+    stores = [(SET, str(n)) for n in range(MOST_PLANS)]
+    stores += [(SET, "one more"), (SET, "0"), (SET, "mission"), (CLEAR, ""), (SET, "one more")]
+    plans = [desk.plan(goto(desk.codec), name=name) if op == SET else None for op, name in stores]
+    answered = [desk.store(op, plan).type for (op, _), plan in zip(stores, plans, strict=True)]
+    assert answered == [*[SUCCESS] * MOST_PLANS, FAILURE, SUCCESS, FAILURE, SUCCESS, SUCCESS]
 
 
-def test_ids_follow_the_addressing_scheme() -> None:
-    assert [Systems().apad(it).imc_id for it in ("apad1", "apad12", "boat", "/lab/apad2")] == [
-        0x2A01,
-        0x2A0C,
-        0x2A01,
-        0x2A02,
-    ]
-    assert Systems().amussel(7).imc_id == 0x9A07
-    # Of a list of its ids, IMC_Addresses.xml: wg-sv3-127, ntnu-nest-01 and -02 have the first of the ranges.
-    assert not {0x2801, 0x9001, 0x9002} & {
-        Systems().apad("apad1").imc_id,
-        *(Systems().amussel(n).imc_id for n in range(51)),
+@pytest.mark.parametrize(
+    ("name", "imc_id"),
+    [("apad1", 0x2A01), ("apad12", 0x2A0C), ("boat", 0x2A01), ("/lab/apad2", 0x2A02), (7, 0x9A07)],
+)
+def test_ids_follow_the_addressing_scheme(name: str | int, imc_id: int) -> None:
+    system = Systems().apad(name) if isinstance(name, str) else Systems().amussel(name)
+    assert system.imc_id == imc_id
+
+
+def test_ids_keep_to_their_ranges() -> None:
+    """Of IMC_Addresses.xml's list of ids: wg-sv3-127, ntnu-nest-01 and -02 have the first of the ranges."""
+    amussels = {Systems().amussel(n).imc_id for n in (*range(51), 1535, 1536, 0xFFFF)}
+    apads = {Systems().apad(f"apad{n}").imc_id for n in (1, 511, 512, 99_999)}
+    assert amussels <= {*range(0x9A00, 0xA000)} - {0x9001, 0x9002} and apads <= {*range(0x2A00, 0x2C00)} - {
+        0x2801
     }
-    assert all(0x9A00 <= Systems().amussel(n).imc_id <= 0x9FFF for n in (1, 1535, 1536, 0xFFFF))
-    assert all(0x2A00 <= Systems().apad(f"apad{n}").imc_id <= 0x2BFF for n in (1, 511, 512, 99_999))
 
 
 def test_the_shipped_definition_is_that_of_the_aPad_which_the_gateway_shows() -> None:

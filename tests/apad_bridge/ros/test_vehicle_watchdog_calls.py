@@ -22,7 +22,42 @@ PATIENCE_S = 30.0
 _LENGTH = struct.Struct("<I")
 
 
-class Server:
+class Listener:
+    """Takes each connection to a port of its own, and serves it in a thread."""
+
+    def __init__(self) -> None:
+        self.connections: list[socket.socket] = []
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self.port = self._listener.getsockname()[1]
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def close(self) -> None:
+        self._listener.close()
+        self.cut()
+
+    def cut(self) -> None:
+        """Ends every connection, as a node that starts again does."""
+        for connection in self.connections:
+            with contextlib.suppress(OSError):
+                connection.shutdown(socket.SHUT_RDWR)
+
+    def _accept(self) -> None:
+        with contextlib.suppress(OSError):
+            for number in range(1000):
+                self.connections.append(self._listener.accept()[0])
+                served = number, self.connections[-1]
+                threading.Thread(target=self._serve, args=served, daemon=True).start()
+
+    def _serve(self, number: int, connection: socket.socket) -> None:
+        raise NotImplementedError
+
+
+def _header(*fields: str) -> bytes:
+    told = b"".join(_LENGTH.pack(len(it)) + it.encode() for it in fields)
+    return _LENGTH.pack(len(told)) + told
+
+
+class Server(Listener):
     """A service as its bytes say, written here by the protocol's text. `answers` while it is not blocked.
 
     `seen` are its connections' ends and requests, in their order.
@@ -33,33 +68,14 @@ class Server:
         self.answers.set()
         self.seen: queue.Queue[str] = queue.Queue()
         self.headers: list[bytes] = []
-        self._connections: list[socket.socket] = []
-        self._listener = socket.create_server(("127.0.0.1", 0))
-        self.port = self._listener.getsockname()[1]
-        threading.Thread(target=self._accept, daemon=True).start()
-
-    def close(self) -> None:
-        self._listener.close()
-
-    def cut(self) -> None:
-        """Ends every connection, as a node that starts again does."""
-        for connection in self._connections:
-            with contextlib.suppress(OSError):
-                connection.shutdown(socket.SHUT_RDWR)
-
-    def _accept(self) -> None:
-        with contextlib.suppress(OSError):
-            for number in range(1000):
-                connection = self._listener.accept()[0]
-                self._connections.append(connection)
-                threading.Thread(target=self._serve, args=(number, connection), daemon=True).start()
+        super().__init__()
 
     def _serve(self, number: int, connection: socket.socket) -> None:
         with connection, contextlib.suppress(ConnectionError, struct.error):
             self.headers.append(_block(connection))  # one connection is handed out after another
-            fields = [f"type={Trigger._type}", f"md5sum={Trigger._md5sum}", "callerid=/apad"]
-            told = b"".join(_LENGTH.pack(len(it)) + it.encode() for it in fields)
-            connection.sendall(_LENGTH.pack(len(told)) + told)
+            connection.sendall(
+                _header(f"type={Trigger._type}", f"md5sum={Trigger._md5sum}", "callerid=/apad")
+            )
             while b"probe=1" not in self.headers[-1]:
                 _block(connection)
                 self.seen.put(f"request on {number}")
@@ -83,7 +99,6 @@ def server() -> Iterator[Server]:
     yield made
     made.answers.set()
     made.close()
-    made.cut()
 
 
 @pytest.fixture
@@ -147,7 +162,6 @@ def test_what_the_aPad_does_not_offer_or_no_longer_serves_is_told(server: Server
     with pytest.raises(WATCHDOG.NotTaken, match="does not offer it"):
         WATCHDOG.Service("/apad1/VelCon_enable").call()
     server.close()
-    server.cut()
     with pytest.raises(WATCHDOG.NotTaken, match=r"refused|reset|closed") as not_taken:
         service.call()
         service.call()
@@ -158,14 +172,15 @@ def test_the_address_of_a_service_that_started_again_replaces_the_old_one(
     server: Server, service: Any
 ) -> None:
     service.call()
-    other = Server()
-    try:
+    with contextlib.closing(Server()) as other:
         service.resolve(f"rosrpc://localhost:{other.port}")
         service.call()
         assert server.next(2) == ["request on 1", "end of 1"] and other.next(1) == ["request on 1"]
-    finally:
-        other.close()
-        other.cut()
+
+
+def empty_goal() -> Any:
+    goal = SimpleNamespace(id=None, pose=SimpleNamespace(position=SimpleNamespace(x=0.0, y=0.0)))
+    return SimpleNamespace(header=SimpleNamespace(), goal_id=SimpleNamespace(), goal=goal)
 
 
 def test_a_goal_that_nobody_takes_is_sent_again_as_the_same_goal_so_that_no_backlog_grows(
@@ -173,25 +188,14 @@ def test_a_goal_that_nobody_takes_is_sent_again_as_the_same_goal_so_that_no_back
 ) -> None:
     """An action server takes a goal of a known id for the same one. Two metres away the aPad holds another place."""
     sent: list[tuple[str, float]] = []
-
-    class Goals(WATCHDOG.Goals):  # type: ignore[misc, name-defined]
-        def __init__(self) -> None:
-            self._goals = SimpleNamespace(
-                get_num_connections=lambda: 1,
-                publish=lambda it: sent.append((it.goal_id.id, it.goal.pose.position.x)),
-            )
-            self._kind, self._number, self._order = self._empty, 0, None
-            self._taken = threading.Event()
-
-        @staticmethod
-        def _empty() -> Any:
-            place = SimpleNamespace(position=SimpleNamespace(x=0.0, y=0.0))
-            goal = SimpleNamespace(id=None, pose=place)
-            return SimpleNamespace(header=SimpleNamespace(), goal_id=SimpleNamespace(), goal=goal)
-
+    goals = object.__new__(WATCHDOG.Goals)
+    goals._goals = SimpleNamespace(
+        get_num_connections=lambda: 1,
+        publish=lambda it: sent.append((it.goal_id.id, it.goal.pose.position.x)),
+    )
+    goals._kind, goals._number, goals._order, goals._taken = empty_goal, 0, None, threading.Event()
     monkeypatch.setattr(WATCHDOG, "TAKEN_S", 0.01)
     monkeypatch.setattr(WATCHDOG.rospy, "Time", SimpleNamespace(now=lambda: 0))
-    goals = Goals()
     for north_m in (10.0, 11.5, 12.5, 13.0):
         with pytest.raises(WATCHDOG.NotTaken) as not_taken:
             goals.hold(north_m, 5.0)
@@ -201,55 +205,37 @@ def test_a_goal_that_nobody_takes_is_sent_again_as_the_same_goal_so_that_no_back
 
 
 def test_a_terminal_that_blocks_or_fails_holds_up_nobody_and_shows_the_rest_when_it_is_back() -> None:
-    class Out:
-        def __init__(self) -> None:
-            self.is_back = threading.Event()
-            self.shown: queue.Queue[str] = queue.Queue()
+    is_back, shown = threading.Event(), queue.Queue[str]()
 
-        def write(self, text: str) -> None:
-            assert self.is_back.wait(PATIENCE_S)
-            if text == "lost":
-                raise OSError(5, "Input/output error")
-            self.shown.put(text)
+    def write(text: str) -> None:
+        assert is_back.wait(PATIENCE_S)
+        if text == "lost":
+            raise OSError(5, "Input/output error")
+        shown.put(text)
 
-        def flush(self) -> None:
-            pass
-
-    out = Out()
-    terminal = WATCHDOG.Terminal(out)
+    terminal = WATCHDOG.Terminal(SimpleNamespace(write=write, flush=lambda: None))
     for text in ("first", "lost", "last"):
         terminal.write(text)
         terminal.flush()
-    assert out.shown.empty()
-    out.is_back.set()
-    assert [out.shown.get(timeout=PATIENCE_S) for _ in range(2)] == ["first", "last"]
+    assert shown.empty()
+    is_back.set()
+    assert [shown.get(timeout=PATIENCE_S) for _ in range(2)] == ["first", "last"]
 
 
-class Publisher:
+class Publisher(Listener):
     """A topic's publisher as its bytes say. It sends `numbers` over each connection, and then no word."""
 
     def __init__(self, *numbers: float) -> None:
         self.headers: queue.Queue[bytes] = queue.Queue()
-        self.connections: list[socket.socket] = []
         self._numbers = numbers
-        self._listener = socket.create_server(("127.0.0.1", 0))
-        self.port = self._listener.getsockname()[1]
-        threading.Thread(target=self._accept, daemon=True).start()
+        super().__init__()
 
-    def close(self) -> None:
-        for it in (self._listener, *self.connections):
-            it.close()
-
-    def _accept(self) -> None:
+    def _serve(self, number: int, connection: socket.socket) -> None:
         with contextlib.suppress(OSError):
-            while True:
-                connection = self._listener.accept()[0]
-                self.connections.append(connection)
-                self.headers.put(_block(connection))
-                field = f"md5sum={Float32._md5sum}".encode()
-                connection.sendall(_LENGTH.pack(4 + len(field)) + _LENGTH.pack(len(field)) + field)
-                for number in self._numbers:
-                    connection.sendall(_LENGTH.pack(4) + struct.pack("<f", number))
+            self.headers.put(_block(connection))
+            connection.sendall(_header(f"md5sum={Float32._md5sum}"))
+            for it in self._numbers:
+                connection.sendall(_LENGTH.pack(4) + struct.pack("<f", it))
 
 
 def master_of(*ports: int) -> Any:
@@ -290,33 +276,26 @@ def second(monkeypatch: pytest.MonkeyPatch) -> Iterator[Second]:
 
 def test_a_connection_that_falls_silent_without_a_word_is_begun_anew(second: Second) -> None:
     """The publisher has given it up, and the network has lost the word of that: rospy's own waits for minutes."""
-    publisher = Publisher(0.5, -1.0)
-    try:
+    with contextlib.closing(Publisher(0.5, -1.0)) as publisher:
         second.find(master_of(publisher.port))
         assert [second.heard.get(timeout=PATIENCE_S) for _ in range(6)] == [0.5, -1.0] * 3
         header = publisher.headers.get()
         assert b"topic=/heartbeat" in header and b"_again" in header
-    finally:
-        publisher.close()
 
 
 def test_without_a_master_the_kept_address_serves_and_a_publisher_that_starts_again_is_found(
     second: Second,
 ) -> None:
-    before, after = Publisher(1.0), Publisher(2.0)
-    try:
+    with contextlib.closing(Publisher(1.0)) as before, contextlib.closing(Publisher(2.0)) as after:
         second.find(master_of(before.port))
         assert second.heard.get(timeout=PATIENCE_S) == 1.0
         second.find(master_of())  # nobody publishes, by a master that has started again
-        before.connections[-1].shutdown(socket.SHUT_RDWR)
+        before.cut()
         assert second.heard.get(timeout=PATIENCE_S) == 1.0
         before.close()
         second.find(master_of(after.port))
         while second.heard.get(timeout=PATIENCE_S) != 2.0:
             pass
-    finally:
-        before.close()
-        after.close()
 
 
 def test_a_node_that_takes_a_call_and_never_answers_costs_the_time_out(
@@ -325,13 +304,5 @@ def test_a_node_that_takes_a_call_and_never_answers_costs_the_time_out(
     monkeypatch.setattr(WATCHDOG, "RENEWED_S", 0.2)
     with socket.create_server(("127.0.0.1", 0)) as mute:
         node = WATCHDOG._proxy(f"http://127.0.0.1:{mute.getsockname()[1]}")
-        asked: queue.Queue[BaseException] = queue.Queue()
-
-        def ask() -> None:
-            try:
-                node.requestTopic("/watchdog", "/heartbeat", [["TCPROS"]])
-            except OSError as error:
-                asked.put(error)
-
-        threading.Thread(target=ask, daemon=True).start()
-        assert isinstance(asked.get(timeout=PATIENCE_S), TimeoutError)
+        with pytest.raises(TimeoutError):
+            node.requestTopic("/watchdog", "/heartbeat", [["TCPROS"]])

@@ -7,6 +7,7 @@ import queue
 import socket
 import threading
 from collections.abc import Iterator
+from contextlib import suppress
 from types import SimpleNamespace
 from typing import Any
 from xmlrpc.server import SimpleXMLRPCServer
@@ -25,6 +26,13 @@ from apad_bridge.ros.system.lost_links import notice_end
 
 SOON_S = 10.0
 TOPIC = "/apad1/position"
+
+
+def accepted(listener: socket.socket) -> socket.socket | None:
+    """The next connection; None when it is closed."""
+    with suppress(OSError):
+        return listener.accept()[0]
+    return None
 
 
 class Publisher:
@@ -48,11 +56,7 @@ class Publisher:
         return 1, "", ["TCPROS", *self._listener.getsockname()]
 
     def _accept(self) -> None:
-        while True:
-            try:
-                sock, _ = self._listener.accept()
-            except OSError:
-                return
+        while (sock := accepted(self._listener)) is not None:
             asked = read_ros_handshake_header(sock, io.BytesIO(), 4096)
             assert asked["callerid"] != rospy.get_name()  # or a rospy publisher would end the first
             assert (asked["topic"], asked["md5sum"], asked["tcp_nodelay"]) == (self._topic, "*", "1")
@@ -99,14 +103,6 @@ def framed(message: Any) -> bytes:
     return len(buffer.getvalue()).to_bytes(4, "little") + buffer.getvalue()
 
 
-def over_the_first(message: NavSts) -> Any:
-    """The message as rospy's own connection hands it over."""
-    raw = rospy.AnyMsg()
-    raw.deserialize(framed(message)[4:])
-    raw._connection_header = {"md5sum": NavSts._md5sum, "type": NavSts._type, "callerid": "/nav"}
-    return raw
-
-
 def test_a_first_connection_that_stands_still_holds_no_position_back(publisher: Publisher) -> None:
     """After the first position on rospy's connection, three come over the second alone, and later all over the first."""
     inbox: Inbox[Any] = Inbox()
@@ -115,16 +111,16 @@ def test_a_first_connection_that_stands_still_holds_no_position_back(publisher: 
     subscribers._take_pose(position_with_header(0), 0)
     second = publisher.handshakes.get(timeout=SOON_S)
     second.sendall(b"".join(framed(position(number)) for number in range(4)))
-    norths: list[float] = []
-    while len(norths) < 4:
-        arrived = inbox.take(SOON_S)
-        assert arrived
-        norths += [pose.north_m for pose in arrived]
-        assert {pose.publisher for pose in arrived} == {"/nav"}
+    poses: list[Any] = []
+    while len(poses) < 4:
+        before = len(poses)
+        poses += inbox.take(SOON_S)
+        assert len(poses) > before
     for number in range(1, 5):
         subscribers._take_pose(position_with_header(number), 0)
-    norths += [pose.north_m for pose in inbox.take()]
-    assert norths == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4])
+    poses += inbox.take()
+    assert [it.north_m for it in poses] == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4])
+    assert {it.publisher for it in poses} == {"/nav"}
     subscribers.close()
     assert second.recv(1) == b""
 
@@ -152,10 +148,6 @@ def test_each_publisher_gets_one_second_connection_and_another_after_its_end(
     first.close()
     while publisher.handshakes.empty():
         connections.follow(both)
-        try:
-            publisher.handshakes.put(publisher.handshakes.get(timeout=0.01))
-        except queue.Empty:
-            continue
     assert other.handshakes.empty()
     connections.close()
     other.close()
@@ -189,12 +181,7 @@ def test_a_publisher_that_refuses_is_asked_again_only_later() -> None:
 
 def test_a_publisher_on_this_machine_gets_none(publisher: Publisher, monkeypatch: pytest.MonkeyPatch) -> None:
     looked: queue.Queue[str] = queue.Queue()
-
-    def is_local(host: str) -> bool:
-        looked.put(host)
-        return True
-
-    monkeypatch.setattr(second_connection, "is_local_address", is_local)
+    monkeypatch.setattr(second_connection, "is_local_address", lambda host: looked.put(host) is None)
     connections = SecondConnections(lambda raw: None)
     connections.follow(subscriber_of(publisher))
     assert looked.get(timeout=SOON_S) == "127.0.0.1"
@@ -232,25 +219,28 @@ def test_messages_that_are_all_alike_go_on_counting(count: int, switches: list[b
     assert new == max(switches.count(False), switches.count(True))
 
 
-def test_one_that_begins_ahead_counts_again_as_soon_as_the_other_has_caught_up() -> None:
+@pytest.mark.parametrize(
+    ("arrived", "told"),
+    [
+        pytest.param(
+            [(0, 1, 0), (1, 4, 0), (0, 2, 0), (0, 3, 0), (0, 4, 0), (1, 5, 0), (0, 5, 0), (1, 6, 0)],
+            [True, False, True, True, True, True, False, True],
+            id="one that begins ahead counts again as soon as the other has caught up",
+        ),
+        # The first brings 1 and 2 and ends; the second began at 4. What comes late over the first is older, and not new.
+        pytest.param(
+            [(0, 1, 0.0), (0, 2, 0.1), (1, 4, 0.3), (1, 5, 1.0), (1, 6, 1.2), (0, 3, 1.3), (1, 7, 1.4)],
+            [True, True, False, False, True, False, True],
+            id="the other takes over from a connection that has fallen silent",
+        ),
+    ],
+)
+def test_which_message_is_new(arrived: list[tuple[int, int, float]], told: list[bool]) -> None:
     arrivals = FirstArrivals()
-    told = [
-        arrivals.is_new(*it, 0.0) for it in [(0, 1), (1, 4), (0, 2), (0, 3), (0, 4), (1, 5), (0, 5), (1, 6)]
-    ]
-    assert told == [True, False, True, True, True, True, False, True]
+    assert [arrivals.is_new(*it) for it in arrived] == told
 
 
 def test_a_connection_that_is_alone_forgets_what_it_brought() -> None:
     arrivals = FirstArrivals()
     assert all(arrivals.is_new(0, number, 0.0) for number in range(10_000))
     assert sum(map(len, arrivals._unpaired)) <= 600
-
-
-def test_the_other_takes_over_from_a_connection_that_has_fallen_silent() -> None:
-    """The first brings 1 and 2 and ends; the second began at 4. What comes late over the first is older, and not new."""
-    arrivals = FirstArrivals()
-    told = [
-        arrivals.is_new(*it)
-        for it in [(0, 1, 0.0), (0, 2, 0.1), (1, 4, 0.3), (1, 5, 1.0), (1, 6, 1.2), (0, 3, 1.3), (1, 7, 1.4)]
-    ]
-    assert told == [True, True, False, False, True, False, True]

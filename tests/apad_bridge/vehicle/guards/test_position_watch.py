@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 
 import pytest
@@ -77,6 +77,25 @@ def test_the_velocity_is_that_of_the_last_two_seconds() -> None:
     assert watch.velocity_m_s == (pytest.approx(0.5), 0.0)
 
 
+def faults(watch: PositionWatch, poses: Iterable[PoseReported]) -> dict[int, str]:
+    """The faults, by the time of the pose after which each was there."""
+    found = {}
+    for pose in poses:
+        watch.take(pose)
+        if fault := watch.fault(pose.at_ms):
+            found[pose.at_ms] = fault
+    return found
+
+
+def stamped(at_ms: int, measured_ms: int, north_m: float, east_m: float = 0.0) -> PoseReported:
+    """A position that was measured at a mission time and came at a later one, by a clock that is ahead of ours."""
+    return PoseReported(at_ms, north_m, east_m, 0.0, measured_ms + AHEAD_MS)
+
+
+AHEAD_MS = 1_000_000
+STRICT = PositionLimits(clock_step_ms=1_000, settled_ms=None)
+
+
 def test_a_second_publisher_is_noticed_though_its_messages_never_come_last() -> None:
     """A tick passes on the newest position alone, which may always be that of one node."""
     readings, gate = Readings((10.5, 16.0)), Gate.without_guards()
@@ -101,16 +120,6 @@ def test_a_position_that_does_not_move_under_way_is_frozen() -> None:
     assert faults == [31_000, 32_000]
 
 
-# Stamps by the vehicle's clock, which is ahead of ours.
-
-AHEAD_MS = 1_000_000
-
-
-def come(watch: PositionWatch, at_ms: int, measured_ms: int, north_m: float, east_m: float = 0.0) -> None:
-    """A position that was measured at a mission time and came at a later one."""
-    watch.take(PoseReported(at_ms, north_m, east_m, 0.0, measured_ms + AHEAD_MS))
-
-
 @given(st.lists(st.integers(0, 2_000), min_size=5, max_size=40), st.integers(-(10**9), 10**9))
 def test_a_delay_changes_neither_the_velocity_nor_the_frozen_time(
     delays_ms: list[int], ahead_ms: int
@@ -129,29 +138,26 @@ def test_a_delay_changes_neither_the_velocity_nor_the_frozen_time(
         assert watch.least_speed_m_s <= 0.5 and watch.fault(at_ms) == ""
 
 
-def test_a_position_from_before_the_acceptance_that_comes_late_is_not_frozen() -> None:
-    limits = PositionLimits(frozen_ms=1_000)
-    watch, late = PositionWatch(limits), PositionWatch(limits)
-    for at_ms in range(1_000, 11_000, 1_000):
-        come(watch, at_ms, at_ms - 200, 1.0)
-        come(late, at_ms, at_ms - 200, 1.0)
-    for each in (watch, late):
-        each.note_goal((9.0, 0.0), 10_500)
-    for at_ms, measured_ms in ((11_000, 9_900), (12_000, 10_000), (13_000, 11_000)):
-        come(late, at_ms, measured_ms, 1.0)  # the vehicle accepted it at 10.3 s or before
-        assert late.fault(at_ms) == ""
-        come(watch, at_ms, at_ms - 200, 1.0)
-    assert "has not changed" in watch.fault(13_000)
+@pytest.mark.parametrize("is_late", [True, False])
+def test_a_position_from_before_the_acceptance_that_comes_late_is_not_frozen(is_late: bool) -> None:
+    """The vehicle accepted the order at 10.3 s or before."""
+    watch, limits = PositionWatch(PositionLimits(frozen_ms=1_000)), (9_900, 10_000, 11_000)
+    faults(watch, (stamped(at_ms, at_ms - 200, 1.0) for at_ms in range(1_000, 11_000, 1_000)))
+    watch.note_goal((9.0, 0.0), 10_500)
+    measured = {
+        at_ms: late if is_late else at_ms - 200
+        for at_ms, late in zip((11_000, 12_000, 13_000), limits, strict=True)
+    }
+    found = faults(watch, (stamped(at_ms, measured_ms, 1.0) for at_ms, measured_ms in measured.items()))
+    assert found == {} if is_late else "has not changed" in found[13_000]
 
 
 def test_positions_that_come_together_after_a_stall_are_no_jump() -> None:
+    """Ten metres within a tick, and 2 m/s by its stamps."""
     watch = PositionWatch(PositionLimits(age_ms=20_000, jump_m=1.0, speed_m_s=2.0))
-    come(watch, 1_000, 1_000, 0.0)
-    come(watch, 6_000, 2_000, 2.0)
-    come(watch, 7_000, 7_000, 12.0)  # ten metres within a tick, and 2 m/s by its stamps
-    assert watch.fault(7_000) == "" and watch.velocity_m_s == (2.0, 0.0)
-    come(watch, 8_000, 7_100, 14.0)
-    assert "jumped" in watch.fault(8_000)
+    late = [stamped(1_000, 1_000, 0.0), stamped(6_000, 2_000, 2.0), stamped(7_000, 7_000, 12.0)]
+    assert faults(watch, late) == {} and watch.velocity_m_s == (2.0, 0.0)
+    assert "jumped" in faults(watch, [stamped(8_000, 7_100, 14.0)])[8_000]
 
 
 @pytest.mark.parametrize("by_ms", [-30_000, -500, 6_000, 10**9])
@@ -160,27 +166,28 @@ def test_the_vehicle_s_clock_may_be_set(by_ms: int) -> None:
     watch.note_goal((500.0, 0.0), 0)
     for at_ms in range(1_000, 31_000, 1_000):
         set_ms = by_ms * (at_ms > 15_000)
-        come(watch, at_ms, at_ms + set_ms, 0.0005 * at_ms)
-        assert watch.fault(at_ms) == "" and watch.least_speed_m_s <= 1.0
+        assert not faults(watch, [stamped(at_ms, at_ms + set_ms, 0.0005 * at_ms)])
+        assert watch.least_speed_m_s <= 1.0
     assert watch.velocity_m_s == pytest.approx((0.5, 0.0))
-    for at_ms in range(31_000, 43_000, 1_000):
-        come(watch, at_ms, at_ms + by_ms, 20.0)
-    assert "has not changed" in watch.fault(42_000)
+    frozen = faults(watch, (stamped(at_ms, at_ms + by_ms, 20.0) for at_ms in range(31_000, 43_000, 1_000)))
+    assert "has not changed" in frozen[42_000]
 
 
 @pytest.mark.parametrize("stamp_ms", [None, 77])
 def test_without_stamps_that_go_on_the_arrivals_count_with_their_error(stamp_ms: int | None) -> None:
+    """Positions are 4 s apart, or 5 s by a tick's error."""
     watch = PositionWatch(LIMITS)
-    for at_ms in range(1_000, 6_000, 1_000):
-        watch.take(PoseReported(at_ms, 0.001 * at_ms, 0.0, 0.0, stamp_ms))
+    faults(
+        watch,
+        (PoseReported(at_ms, 0.001 * at_ms, 0.0, 0.0, stamp_ms) for at_ms in range(1_000, 6_000, 1_000)),
+    )
     assert watch.velocity_m_s == pytest.approx((1.0, 0.0))
-    assert watch.least_speed_m_s == pytest.approx(
-        (4.0 - PLACE_ERROR_M) / 5.0
-    )  # 4 s apart, or 5 s by a tick's error
+    assert watch.least_speed_m_s == pytest.approx((4.0 - PLACE_ERROR_M) / 5.0)
     watch.note_goal((50.0, 0.0), 5_000)
-    for at_ms in range(6_000, 17_000, 1_000):
-        watch.take(PoseReported(at_ms, 5.0, 0.0, 0.0, stamp_ms))
-    assert "has not changed" in watch.fault(16_000)
+    frozen = faults(
+        watch, (PoseReported(at_ms, 5.0, 0.0, 0.0, stamp_ms) for at_ms in range(6_000, 17_000, 1_000))
+    )
+    assert "has not changed" in frozen[16_000]
 
 
 def looks(
@@ -270,10 +277,7 @@ def test_a_receiver_that_becomes_noisy_under_way_is_no_frozen_one(period_ms: int
     The position is believed for the ten minutes after it, whatever the rate at which somebody looks.
     """
     for seed in range(100 if period_ms == 1_000 else 20):
-        noise, watch = (
-            random.Random(seed),
-            PositionWatch(PositionLimits(clock_step_ms=1_000, settled_ms=None)),
-        )
+        noise, watch = random.Random(seed), PositionWatch(STRICT)
         begin_ms = noise.randrange(0, 60_000, 100)
         watch.note_goal((400.0, 0.0), 0)
         for at_ms in range(period_ms, 630_000, period_ms):
@@ -298,17 +302,12 @@ def test_a_position_that_freezes_is_noticed_whatever_the_rate_of_the_looks(perio
 
 def test_a_delay_that_goes_on_growing_is_noticed_within_two_seconds() -> None:
     """Half a second of delay more each second, as when a queue fills up. Positions leave at half their rate."""
-    watch = PositionWatch(PositionLimits(clock_step_ms=1_000, settled_ms=None))
-    for at_ms in range(200, 30_000, 200):
-        come(watch, at_ms, at_ms, 0.0005 * at_ms)
-    assert watch.fault(30_000) == ""
-    noticed_ms = next(
-        at_ms
-        for at_ms in range(30_000, 40_000, 200)
-        if come(watch, at_ms, at_ms - (at_ms - 30_000) // 2, 0.0005 * at_ms) is None and watch.fault(at_ms)
-    )
-    assert noticed_ms - 30_000 <= 2_000
-    assert "its delay grows" in watch.fault(noticed_ms)
+    watch = PositionWatch(STRICT)
+    assert faults(watch, (stamped(at_ms, at_ms, 0.0005 * at_ms) for at_ms in range(200, 30_000, 200))) == {}
+    delayed = ((at_ms, at_ms - (at_ms - 30_000) // 2) for at_ms in range(30_000, 40_000, 200))
+    found = faults(watch, (stamped(at_ms, measured_ms, 0.0005 * at_ms) for at_ms, measured_ms in delayed))
+    noticed_ms = next(iter(found))
+    assert noticed_ms - 30_000 <= 2_000 and "its delay grows" in found[noticed_ms]
 
 
 def test_positions_that_waited_for_a_bench_that_slept_are_a_fault_though_the_newest_of_them_is_fresh() -> (
@@ -339,13 +338,14 @@ def test_a_vehicle_that_is_at_two_places_in_turn_is_believed_at_neither() -> Non
 @pytest.mark.parametrize("late_ms", [1_200, 4_000, 60_000])
 def test_a_tick_of_ours_that_is_late_is_no_step_of_the_vehicles_stamps(late_ms: int) -> None:
     """Our machine is busy for a while, so that a late tick takes a position that is newer than its own time."""
-    watch = PositionWatch(PositionLimits(clock_step_ms=1_000, settled_ms=None))
-    for stamp_ms in range(200, 60_000, 200):
-        at_ms = stamp_ms if stamp_ms < 30_000 else stamp_ms - late_ms
-        if stamp_ms < 30_000 or at_ms >= 30_000:
-            heard_ms = 9_000_000 + stamp_ms
-            watch.take(PoseReported(at_ms, 0.0005 * stamp_ms, 0.0, 0.0, stamp_ms, heard_ms=heard_ms))
-            assert watch.fault(at_ms) == "", (stamp_ms, at_ms)
+    watch = PositionWatch(STRICT)
+    taken = {stamp_ms: stamp_ms - late_ms * (stamp_ms >= 30_000) for stamp_ms in range(200, 60_000, 200)}
+    poses = (
+        PoseReported(at_ms, 0.0005 * stamp_ms, 0.0, 0.0, stamp_ms, heard_ms=9_000_000 + stamp_ms)
+        for stamp_ms, at_ms in taken.items()
+        if stamp_ms < 30_000 or at_ms >= 30_000
+    )
+    assert faults(watch, poses) == {}
     # The vehicle's own clock steps.
     watch.take(PoseReported(60_000, 30.0, 0.0, 0.0, 64_000, heard_ms=9_060_000))
     assert "its stamps went ahead by 4.0 s" in watch.fault(60_000)
@@ -357,7 +357,7 @@ def test_a_link_that_loses_packets_is_no_growing_delay(creep_ppm: int) -> None:
 
     The vehicle's clock runs a little faster or slower than ours.
     """
-    losses, watch = random.Random(5), PositionWatch(PositionLimits(clock_step_ms=1_000, settled_ms=None))
+    losses, watch = random.Random(5), PositionWatch(STRICT)
     free_ms, newest, looked_ms = 0, 0, 0
     for sent_ms in range(0, 36_000_000, 100):
         wait_ms, repeat_ms = losses.randint(2, 30), 200
@@ -365,7 +365,7 @@ def test_a_link_that_loses_packets_is_no_growing_delay(creep_ppm: int) -> None:
             wait_ms, repeat_ms = wait_ms + repeat_ms, 2 * repeat_ms
         free_ms = max(free_ms, sent_ms + wait_ms)
         if free_ms >= looked_ms + 200 and newest:
-            come(watch, looked_ms, newest + newest * creep_ppm // 1_000_000, 1.0)
+            watch.take(stamped(looked_ms, newest + newest * creep_ppm // 1_000_000, 1.0))
             assert "delay" not in watch.fault(looked_ms)
         looked_ms = max(looked_ms, free_ms // 200 * 200)
         newest = sent_ms
