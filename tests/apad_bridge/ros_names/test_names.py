@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -34,52 +34,60 @@ def test_only_what_a_master_has_once_is_global() -> None:
     }
 
 
-def test_without_a_namespace_names_are_those_of_the_legacy_stack() -> None:
-    names = {
-        of_amussel(24, "position"): "/amussel24/position",
-        of_amussel(24, "battery_level"): "/amussel24/battery_level",
-        of_amussel(24, "position_static"): "/amussel24/position_static",
-        of_amussel(24, "charge_info"): "/amussel24/charge_info",
-        of_apad("apad1", "action_server"): "/apad1/action_server",
-        of_apad("apad1", "commander/primitive/go2point"): "/apad1/commander/primitive/go2point",
-        ours("beliefs"): "/musselbed/beliefs",
-        ours_of_apad("apad1", "take_over"): "/musselbed/apad1/take_over",
-    }
-    assert [in_full("", name) for name in names] == list(names.values())
+@pytest.mark.parametrize(
+    ("namespace", "name", "full"),
+    [
+        # Without a namespace names are those of the legacy stack.
+        ("", of_amussel(24, "position"), "/amussel24/position"),
+        ("", of_amussel(24, "battery_level"), "/amussel24/battery_level"),
+        ("", of_amussel(24, "position_static"), "/amussel24/position_static"),
+        ("", of_amussel(24, "charge_info"), "/amussel24/charge_info"),
+        ("", of_apad("apad1", "action_server"), "/apad1/action_server"),
+        ("", of_apad("apad1", "commander/primitive/go2point"), "/apad1/commander/primitive/go2point"),
+        ("", ours("beliefs"), "/musselbed/beliefs"),
+        ("", ours_of_apad("apad1", "take_over"), "/musselbed/apad1/take_over"),
+        # A namespace comes before every name but a global one.
+        ("lab/basin", ours("claims"), "/lab/basin/musselbed/claims"),
+        ("basin", of_apad("apad1", "position"), "/basin/apad1/position"),
+        ("basin", of_apad("/apad1", "position"), "/apad1/position"),
+        ("basin", ours_of_apad("/apad1", "dock"), "/basin/musselbed/apad1/dock"),
+        ("basin", "/clock", "/clock"),
+    ],
+)
+def test_a_name_in_full(namespace: str, name: str, full: str) -> None:
+    assert in_full(namespace, name) == full
 
 
-def test_a_namespace_comes_before_every_name_but_a_global_one() -> None:
-    assert in_full("lab/basin", ours("claims")) == "/lab/basin/musselbed/claims"
-    assert in_full("basin", of_apad("apad1", "position")) == "/basin/apad1/position"
-    assert in_full("basin", of_apad("/apad1", "position")) == "/apad1/position"
-    assert in_full("basin", ours_of_apad("/apad1", "dock")) == "/basin/musselbed/apad1/dock"
-    assert in_full("basin", "/clock") == "/clock"
-
-
-def test_what_is_not_in_the_table_has_no_name() -> None:
+@pytest.mark.parametrize(
+    ("name", "arguments"),
+    [
+        (ours, ("belief",)),
+        (of_amussel, (1, "depth")),
+        (of_apad, ("apad1", "dock")),
+        (ours_of_apad, ("apad1", "position")),
+    ],
+)
+def test_what_is_not_in_the_table_has_no_name(
+    name: Callable[..., str], arguments: tuple[object, ...]
+) -> None:
     with pytest.raises(KeyError, match="not in the table"):
-        ours("belief")
-    with pytest.raises(KeyError, match="not in the table"):
-        of_amussel(1, "depth")
-    with pytest.raises(KeyError, match="not in the table"):
-        of_apad("apad1", "dock")
-    with pytest.raises(KeyError, match="not in the table"):
-        ours_of_apad("apad1", "position")
+        name(*arguments)
 
 
-def test_frames_carry_the_namespace_without_a_slash_before_it() -> None:
-    alone, below = Frames(), Frames("lab/basin")
-    assert (alone.enu, alone.agent(7), alone.apad("apad1")) == (
-        "musselbed/enu",
-        "amussel7/base_link",
-        "apad1/base_link",
-    )
-    assert (below.ned, below.agent(7), below.apad("apad1")) == (
-        "lab/basin/musselbed/ned",
-        "lab/basin/amussel7/base_link",
-        "lab/basin/apad1/base_link",
-    )
-    assert below.apad("/apad1") == "apad1/base_link"
+@pytest.mark.parametrize(
+    ("frame", "name"),
+    [
+        (Frames().enu, "musselbed/enu"),
+        (Frames().agent(7), "amussel7/base_link"),
+        (Frames().apad("apad1"), "apad1/base_link"),
+        (Frames("lab/basin").ned, "lab/basin/musselbed/ned"),
+        (Frames("lab/basin").agent(7), "lab/basin/amussel7/base_link"),
+        (Frames("lab/basin").apad("apad1"), "lab/basin/apad1/base_link"),
+        (Frames("lab/basin").apad("/apad1"), "apad1/base_link"),
+    ],
+)
+def test_frames_carry_the_namespace_without_a_slash_before_it(frame: str, name: str) -> None:
+    assert frame == name
 
 
 def test_of_several_supervisors_each_has_all_but_what_is_common() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import pytest
 from scenario_files import POOL_FILE
@@ -16,28 +17,33 @@ AMUSSEL = ShownAMussel(7, State.ACTIVE, Mode.IDLE, 0.75, 0.5, (10.0, 20.0), 3.0,
 RULES = replace(load(POOL_FILE).mission, silence_timeout_s=120.0, pool_threshold=0.5)
 
 
-@pytest.mark.parametrize("mode", Mode)
-def test_a_battery_charges_in_a_dock_until_both_are_full(mode: Mode) -> None:
-    of_dock = {Mode.CHARGING_PRIMARY: 1, Mode.CHARGING_SECONDARY: 1, Mode.FULL: 4}
-    assert replace(AMUSSEL, mode=mode).supply_status == of_dock.get(mode, 2)
+CHARGES_IN_A_DOCK_UNTIL_BOTH_ARE_FULL = {Mode.CHARGING_PRIMARY: 1, Mode.CHARGING_SECONDARY: 1, Mode.FULL: 4}
 
 
-def test_a_battery_is_dead_when_it_is_empty_or_its_aMussel_lost() -> None:
-    assert AMUSSEL.health == 1 and replace(AMUSSEL, charge=0.001).health == 1
-    assert replace(AMUSSEL, charge=0.0).health == 3
-    assert replace(AMUSSEL, state=State.LOST).health == 3
-
-
-def test_its_cells_are_on_the_papers_scale() -> None:
-    assert AMUSSEL.cells_v == pytest.approx([4.05, 3.9])
-    assert replace(AMUSSEL, charge=0.0, secondary=1.0).cells_v == [3.6, 4.2]
-
-
-def test_a_ball_is_red_when_empty_green_when_full_cyan_in_a_dock_and_grey_when_lost() -> None:
-    assert AMUSSEL.colour == (0.25, 0.75, 0.1, 1.0)
-    assert replace(AMUSSEL, charge=0.0).colour == (1.0, 0.0, 0.1, 1.0)
-    assert replace(AMUSSEL, is_docked=True).colour == (0.0, 0.8, 0.9, 1.0)
-    assert replace(AMUSSEL, is_docked=True, state=State.LOST).colour == (0.4, 0.4, 0.4, 1.0)
+@pytest.mark.parametrize(
+    ("changes", "attribute", "value"),
+    [
+        *(
+            ({"mode": mode}, "supply_status", CHARGES_IN_A_DOCK_UNTIL_BOTH_ARE_FULL.get(mode, 2))
+            for mode in Mode
+        ),
+        # A battery is dead when it is empty, or its aMussel lost.
+        ({}, "health", 1),
+        ({"charge": 0.001}, "health", 1),
+        ({"charge": 0.0}, "health", 3),
+        ({"state": State.LOST}, "health", 3),
+        # Cells are on the paper's scale.
+        ({}, "cells_v", pytest.approx([4.05, 3.9])),
+        ({"charge": 0.0, "secondary": 1.0}, "cells_v", [3.6, 4.2]),
+        # A ball is red when empty, green when full, cyan in a dock and grey when lost.
+        ({}, "colour", (0.25, 0.75, 0.1, 1.0)),
+        ({"charge": 0.0}, "colour", (1.0, 0.0, 0.1, 1.0)),
+        ({"is_docked": True}, "colour", (0.0, 0.8, 0.9, 1.0)),
+        ({"is_docked": True, "state": State.LOST}, "colour", (0.4, 0.4, 0.4, 1.0)),
+    ],
+)
+def test_an_aMussel_shows(changes: dict[str, Any], attribute: str, value: object) -> None:
+    assert getattr(replace(AMUSSEL, **changes), attribute) == value
 
 
 @pytest.mark.parametrize(
@@ -51,45 +57,71 @@ def test_a_ball_is_red_when_empty_green_when_full_cyan_in_a_dock_and_grey_when_l
         (State.EMPTY, 0.3, 1000, 2, "its primary battery is empty"),
         (State.CALLING, 0.3, 1000, 2, "its primary battery is empty"),
         (State.LOST, 0.0, 900_000, 2, "lost: both batteries are empty"),
+        (None, 0.0, 0, 3, "no report yet"),
     ],
 )
-def test_the_worst_is_told(state: State, charge: float, now_ms: int, level: int, text: str) -> None:
-    it = replace(AMUSSEL, state=state, charge=charge)
+def test_the_worst_is_told(state: State | None, charge: float, now_ms: int, level: int, text: str) -> None:
+    it = None if state is None else replace(AMUSSEL, state=state, charge=charge)
     assert condition_of(it, now_ms, RULES) == (level, text)
 
 
-def test_one_that_was_never_heard_is_stale() -> None:
-    assert condition_of(None, 0, RULES) == (3, "no report yet")
+SURE = pytest.approx((4 * 2.4477, 2 * 2.4477, 0.02), rel=1e-4)
+"""2.4477 deviations to each side, of 2 m along east and 1 m along north."""
 
 
-def test_an_aMussel_is_a_ball_a_label_and_the_ellipse_of_its_place() -> None:
-    ball, label = AMUSSEL.shapes(2.0, 0)
-    assert (ball.group, ball.number, ball.kind, ball.at) == ("amussels", 7, 2, (20.0, 10.0, 0.0))
-    assert (ball.size_m, ball.colour, ball.text) == ((2.0, 2.0, 2.0), AMUSSEL.colour, "")
-    assert (label.group, label.number, label.kind, label.text) == ("labels", 7, 9, "7: 75 %")
-    assert (label.at, label.size_m) == ((20.0, 12.4, 2.4), (2.4, 2.4, 2.4))
-    assert label.colour == (1.0, 1.0, 1.0, 1.0)
-    *_, beside = AMUSSEL.shapes(2.0, 2)
-    assert beside.at == pytest.approx((20.0, 10.0 + 3 * 2.4, 2.4))
-
-    *_, disc = replace(AMUSSEL, place_cov=(1.0, 0.0, 4.0)).shapes(2.0, 0)
-    assert (disc.group, disc.number, disc.kind, disc.at) == ("place_95", 7, 3, (20.0, 10.0, 0.0))
-    # 2.4477 deviations to each side, of 2 m along east and 1 m along north.
-    assert disc.size_m == pytest.approx((4 * 2.4477, 2 * 2.4477, 0.02), rel=1e-4)
-    assert disc.colour == (0.25, 0.75, 0.1, 0.3)
-    *_, point = replace(AMUSSEL, place_cov=(0.0, 0.0, 0.0)).shapes(2.0, 0)
-    assert point.size_m == (0.02, 0.02, 0.02), "RViz draws no scale of 0"
+@pytest.mark.parametrize(
+    ("place_cov", "others", "which", "shape"),
+    [
+        pytest.param(
+            *(None, 0, 0),
+            ("amussels", 7, 2, (20.0, 10.0, 0.0), (2.0, 2.0, 2.0), (0.25, 0.75, 0.1, 1.0), ""),
+            id="a ball",
+        ),
+        pytest.param(
+            *(None, 0, 1),
+            ("labels", 7, 9, (20.0, 12.4, 2.4), (2.4, 2.4, 2.4), (1.0, 1.0, 1.0, 1.0), "7: 75 %"),
+            id="its label",
+        ),
+        pytest.param(
+            *(None, 2, 1),
+            *[
+                (
+                    "labels",
+                    7,
+                    9,
+                    pytest.approx((20.0, 17.2, 2.4)),
+                    (2.4, 2.4, 2.4),
+                    (1.0, 1.0, 1.0, 1.0),
+                    "7: 75 %",
+                )
+            ],
+            id="the label beside two others",
+        ),
+        pytest.param(
+            *((1.0, 0.0, 4.0), 0, 2),
+            ("place_95", 7, 3, (20.0, 10.0, 0.0), SURE, (0.25, 0.75, 0.1, 0.3), ""),
+            id="the ellipse of its place",
+        ),
+        pytest.param(
+            *((0.0, 0.0, 0.0), 0, 2),
+            ("place_95", 7, 3, (20.0, 10.0, 0.0), (0.02, 0.02, 0.02), (0.25, 0.75, 0.1, 0.3), ""),
+            id="a point, because RViz draws no scale of 0",
+        ),
+    ],
+)
+def test_an_aMussel_is_drawn(
+    place_cov: tuple[float, float, float] | None, others: int, which: int, shape: tuple[object, ...]
+) -> None:
+    shapes = [*replace(AMUSSEL, place_cov=place_cov).shapes(2.0, others)]
+    it = shapes[which]
+    assert (it.group, it.number, it.kind, it.at, it.size_m, it.colour, it.text) == shape
+    assert len(shapes) == (2 if place_cov is None else 3)
 
 
 def test_the_aPad_is_an_arrow() -> None:
     it = apad_shape((1.0, 2.0, 0.0), (0.0, 0.0, 0.6, 0.8), 0.5)
-    assert (it.group, it.number, it.kind, it.at, it.attitude) == (
-        "apad",
-        0,
-        0,
-        (1.0, 2.0, 0.0),
-        (0.0, 0.0, 0.6, 0.8),
-    )
+    assert (it.group, it.number, it.kind) == ("apad", 0, 0)
+    assert (it.at, it.attitude) == ((1.0, 2.0, 0.0), (0.0, 0.0, 0.6, 0.8))
     assert it.size_m == pytest.approx((1.5, 0.3, 0.3)) and it.colour == (1.0, 0.8, 0.0, 1.0)
 
 

@@ -18,83 +18,47 @@ from firmware_model.states import State
 BIOGRAD = LocalFrame(43.9330937, 15.4443468)
 
 
-class Fleet:
-    """aMussels 7 and 8, believed as they report; `alerts` gives those that alert at a tick."""
-
-    def __init__(self, threshold: float) -> None:
-        self.beliefs = HoldLast([7, 8])
-        self.falls = Falls(threshold)
-        self.sequence = 0
-
-    def report(self, agent_id: int, charge: float, at_ms: int) -> None:
-        self.sequence += 1
-        packet = StatusPacket(
-            agent_id=agent_id,
-            sequence=self.sequence,
-            agent_ms=30 * at_ms,
-            state=State.ACTIVE,
-            north_m=10.0,
-            east_m=20.0,
-            depth_m=3.0,
-            primary=charge,
-            secondary=1.0,
-        )
-        assert self.beliefs.hear(packet, at_ms) is None
-
-    def alerts(self) -> list[int]:
-        return [belief.agent_id for belief in self.falls.hear(self.beliefs.all())]
-
-
-def test_once_for_a_fall_and_again_after_a_charge() -> None:
-    """An aMussel at the threshold, 0.8, alerts, because the mission collects it."""
-    fleet, alerted = Fleet(0.8), []
-    for second, charge in enumerate((0.9, 0.81, 0.8, 0.79, 0.75, 0.81, 1.0, 0.8), start=1):
-        fleet.report(7, charge, 1000 * second)
-        alerted.append(fleet.alerts())
-    assert alerted == [[], [], [7], [], [], [], [], [7]]
+def alerted(threshold: float, *heard: tuple[int, float] | ShortStatus | int) -> list[list[int]]:
+    """Who alerts after each report of (aMussel, charge), of 7 and 8, or by sound, or after one is forgotten."""
+    beliefs, falls, found = HoldLast([7, 8]), Falls(threshold), []
+    for second, it in enumerate(heard, start=1):
+        if isinstance(it, int):
+            beliefs.forget(it)
+        elif isinstance(it, ShortStatus):
+            assert beliefs.hear_short(it, 1000 * second) is None
+        else:
+            packet = StatusPacket(it[0], second, State.ACTIVE, it[1], 1.0, 10.0, 20.0, 3.0, 30_000 * second)
+            assert beliefs.hear(packet, 1000 * second) is None
+        found.append([belief.agent_id for belief in falls.hear(beliefs.all())])
+    return found
 
 
 @pytest.mark.parametrize(
     ("threshold", "charges", "alerted_at"),
     [
+        # At the threshold, 0.8, one alerts, because the mission collects it: once for a fall, and again after a charge.
+        (0.8, (0.9, 0.81, 0.8, 0.79, 0.75, 0.81, 1.0, 0.8), [2, 7]),
+        # One that sways about the threshold fell once.
         (0.8, (0.81, 0.79, 0.81, 0.79, 0.84, 0.8, 0.849, 0.7), [1]),
         (0.8, (0.79, 0.86, 0.81, 0.79, 0.81, 0.79), [0, 3]),
-        (
-            0.98,
-            (0.98, 0.985, 0.97, 1.0, 0.97),
-            [0, 4],
-        ),  # a level that no battery reaches would end its alerts
+        # A level that no battery reaches would end its alerts.
+        (0.98, (0.98, 0.985, 0.97, 1.0, 0.97), [0, 4]),
     ],
 )
-def test_one_that_sways_about_the_threshold_fell_once(
+def test_one_alerts_once_for_a_fall(
     threshold: float, charges: tuple[float, ...], alerted_at: list[int]
 ) -> None:
-    fleet, alerted = Fleet(threshold), []
-    for number, charge in enumerate(charges):
-        fleet.report(7, charge, 1000 * (number + 1))
-        if fleet.alerts():
-            alerted.append(number)
-    assert alerted == alerted_at
+    assert [
+        n for n, it in enumerate(alerted(threshold, *((7, charge) for charge in charges))) if it
+    ] == alerted_at
 
 
-def test_one_is_low_when_it_is_first_heard_so() -> None:
-    fleet = Fleet(0.8)
-    fleet.report(8, 0.5, 1000)
-    assert fleet.alerts() == [8]
-    fleet.report(7, 0.5, 2000)
-    assert fleet.alerts() == [7], "each for itself"
-    fleet.beliefs.forget(7)
-    assert fleet.alerts() == []
-    fleet.report(7, 0.5, 3000)
-    assert fleet.alerts() == [7], "another one, that was spawned low"
+def test_one_is_low_when_it_is_first_heard_so_each_for_itself_and_one_that_was_spawned_low() -> None:
+    assert alerted(0.8, (8, 0.5), (7, 0.5), 7, (7, 0.5)) == [[8], [7], [], [7]]
 
 
 def test_an_answer_by_sound_is_heard_too() -> None:
-    fleet = Fleet(0.8)
-    fleet.report(7, 0.9, 1000)
-    assert fleet.alerts() == []
-    assert fleet.beliefs.hear_short(ShortStatus(7, State.ACTIVE, 0.7, 1.0), 2000) is None
-    assert fleet.alerts() == [7]
+    assert alerted(0.8, (7, 0.9), ShortStatus(7, State.ACTIVE, 0.7, 1.0)) == [[], [7]]
 
 
 def test_an_estimate_that_nobody_heard_alerts_nobody() -> None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from unittest.mock import ANY
 
 import pytest
 from hypothesis import given
@@ -28,32 +29,73 @@ def hear(clock: PacedClock, name: str, reached_s: float) -> bool:
     return clock.hear(name, START_MS + round(1000 * reached_s))
 
 
-def test_alone_it_runs_at_its_speed() -> None:
-    clock = PacedClock(START_MS, 20)
-    assert lasting(clock, 10) == [] and passed_s(clock) == pytest.approx(200, abs=0.01)
+def hears(name: str, reached_s: float) -> Act:
+    """Somebody says how far he has come; True where the clock has him back."""
+    return lambda it: it.hear(name, START_MS + round(1000 * reached_s)) or None
 
 
-def test_it_waits_for_the_slowest_and_then_goes_on_at_its_speed() -> None:
-    clock = PacedClock(START_MS, 20)
-    hear(clock, "node", 50)
-    hear(clock, "supervisor", 3)
-    assert lasting(clock, 2) == [] and passed_s(clock) == 4
-    hear(clock, "supervisor", 30)
-    lasting(clock, 0.5)
-    assert passed_s(clock) == pytest.approx(14, abs=0.01)  # it does not make up for the two seconds
+def lasts(wall_s: float) -> Act:
+    """Whom the clock leaves out in this wall time."""
+    return lambda it: lasting(it, wall_s) or None
 
 
-@pytest.fixture
-def clock() -> PacedClock:
-    return PacedClock(START_MS, 10)
+def about(seconds: float) -> object:
+    return pytest.approx(seconds, abs=0.01)
 
 
-def test_one_that_comes_no_further_is_left_out_once_until_it_does(clock: PacedClock) -> None:
+HELD = [(hears("node", 1), None, 0.0), (lasts(PATIENCE_S), None, 2.0)]
+Act = Callable[[PacedClock], object]
+SCENES: dict[str, tuple[float, list[tuple[Act, object, object]]]] = {
+    # What happens, what comes of it, and the mission seconds that have passed.
+    "alone it runs at its speed": (20, [(lasts(10), None, about(200))]),
+    # It does not make up for the two seconds.
+    "it waits for the slowest and then goes on at its speed": (
+        20,
+        [
+            *((hears("node", 50), None, 0.0), (hears("supervisor", 3), None, 0.0), (lasts(2), None, 4.0)),
+            *((hears("supervisor", 30), None, 4.0), (lasts(0.5), None, about(14))),
+        ],
+    ),
+    # Its word of the same time is no progress.
+    "one that comes no further is left out once": (
+        10,
+        [*HELD, (hears("node", 1), None, 2.0), (lasts(PATIENCE_S), ["node"], ANY), (lasts(60), None, ANY)],
+    ),
+    # One that stands still holds the clock, and so the others cannot come any further either.
+    "patience counts only while it holds the clock": (
+        10,
+        [
+            *((hears("stopped", 2), None, 0.0), (hears("alive", 2.5), None, 0.0)),
+            *((lasts(2 * PATIENCE_S - 1), ["stopped"], ANY), (hears("alive", 3.5), None, ANY)),
+        ],
+    ),
+    "one that has ended holds nobody, and its successor is another": (
+        10,
+        [
+            *((hears("supervisor", 2), None, 0.0), (lasts(1), None, 3.0)),
+            *((lambda it: it.keep(["node"]), None, 3.0), (lasts(1), None, about(13))),
+            *((hears("supervisor", 12.5), None, about(13)), (lasts(1), None, 13.5)),
+        ],
+    ),
+    "a time of another clock is nobody's": (
+        10,
+        [(hears("left from an earlier clock", -5), None, 0.0), (lasts(1), None, about(10))],
+    ),
+}
+
+
+@pytest.mark.parametrize(("speed", "steps"), SCENES.values(), ids=SCENES)
+def test_how_far_it_goes(speed: float, steps: list[tuple[Act, object, object]]) -> None:
+    clock = PacedClock(START_MS, speed)
+    assert [(act(clock), passed_s(clock)) for act, _, _ in steps] == [
+        (told, passed) for _, told, passed in steps
+    ]
+
+
+def test_one_that_was_left_out_holds_the_clock_again_from_where_it_has_caught_up() -> None:
+    clock = PacedClock(START_MS, 10)
     hear(clock, "node", 1)
-    assert lasting(clock, PATIENCE_S) == []
-    hear(clock, "node", 1)  # its word of the same time is no progress
-    assert lasting(clock, PATIENCE_S) == ["node"]
-    assert lasting(clock, 60) == [] and passed_s(clock) > 600
+    assert lasting(clock, 2 * PATIENCE_S + 60) == ["node"] and passed_s(clock) > 600
     far_s = passed_s(clock)
     assert not hear(clock, "node", 1) and hear(clock, "node", 100)
     assert lasting(clock, 1) == [] and passed_s(clock) == far_s  # until it has caught up
@@ -62,32 +104,8 @@ def test_one_that_comes_no_further_is_left_out_once_until_it_does(clock: PacedCl
     assert passed_s(clock) == pytest.approx(far_s + LEAD_MS / 1000)
 
 
-def test_patience_counts_only_while_it_holds_the_clock(clock: PacedClock) -> None:
-    """One that stands still holds the clock, and so the others cannot come any further either."""
-    hear(clock, "stopped", 2)
-    hear(clock, "alive", 2.5)
-    assert lasting(clock, 2 * PATIENCE_S - 1) == ["stopped"]
-    assert hear(clock, "alive", 3.5) is False
-
-
-def test_one_that_has_ended_holds_nobody_and_its_successor_is_another(clock: PacedClock) -> None:
-    hear(clock, "supervisor", 2)
-    lasting(clock, 1)
-    clock.keep(["node"])
-    lasting(clock, 1)
-    assert passed_s(clock) == pytest.approx(13, abs=0.01)
-    hear(clock, "supervisor", 12.5)
-    lasting(clock, 1)
-    assert passed_s(clock) == 13.5
-
-
-def test_a_time_of_another_clock_is_nobodys(clock: PacedClock) -> None:
-    hear(clock, "left from an earlier clock", -5)
-    lasting(clock, 1)
-    assert passed_s(clock) == pytest.approx(10, abs=0.01)
-
-
-def test_a_clock_that_had_no_processor_does_not_blame_its_followers_nor_jump(clock: PacedClock) -> None:
+def test_a_clock_that_had_no_processor_does_not_blame_its_followers_nor_jump() -> None:
+    clock = PacedClock(START_MS, 10)
     hear(clock, "node", 0)
     assert clock.advance(3600.0) == [] and passed_s(clock) <= 1
     assert clock.advance(3600.0) == []
