@@ -5,8 +5,9 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from agents.modem.frames import FrameKind
 from agents.serial_port import SerialPort
@@ -22,6 +23,7 @@ from apad_bridge.acoustics.serial.nanomodem import (
 )
 
 Make = Callable[..., Any]
+Result = TypeVar("Result")
 
 
 class Host:
@@ -33,98 +35,82 @@ class Host:
         self._pause = threading.Event()
         self.results: list[tuple[str, NanomodemResult]] = []
 
-    def until(
-        self, predicate: Callable[[str, NanomodemResult], bool], timeout_s: float = 60.0
-    ) -> NanomodemResult:
-        deadline_s = time.monotonic() + timeout_s
-        for name, result in self.results:
-            if predicate(name, result):
-                return result
+    def next(self, kind: type[Result], name: str = "", words: str = "", timeout_s: float = 60.0) -> Result:
+        """The first result of its kind, of a modem and with these words."""
+        deadline_s, seen = time.monotonic() + timeout_s, 0
         while time.monotonic() < deadline_s:
-            for name, modem in self.modems.items():
-                for result in modem.poll(self.now_ms()):
-                    self.results.append((name, result))
-            for name, result in self.results:
-                if predicate(name, result):
+            for it, modem in self.modems.items():
+                self.results += [(it, result) for result in modem.poll(self.now_ms())]
+            for it, result in self.results[seen:]:
+                if isinstance(result, kind) and name in ("", it) and words in str(result):
                     return result
+            seen = len(self.results)
             self._pause.wait(0.002)
         raise AssertionError(f"it did not come within {timeout_s} s; results: {self.results}")
 
+    def ready(self) -> None:
+        for name, modem in self.modems.items():
+            if modem.queue.stage is not ModemStage.READY:
+                self.next(ModemNotice, name, "address")
 
-def ready(host: Host) -> None:
-    for modem in host.modems:
-        if host.modems[modem].queue.stage is not ModemStage.READY:
-            host.until(
-                lambda name, it, modem=modem: (
-                    name == modem and isinstance(it, ModemNotice) and "address" in it.what
-                )
-            )
+    def close(self) -> None:
+        for it in self.modems.values():
+            it.close()
+
+
+def attached(modems: Any, **numbers: int) -> Host:
+    """Modems of these numbers, by name."""
+    return Host(modems.now_ms, **{it: AttachedModem(SerialPort(modems.path(n))) for it, n in numbers.items()})
 
 
 def test_packets_go_both_ways_with_their_ids(physical: Make) -> None:
     modems = physical()
-    fleet, apad = AttachedModem(SerialPort(modems.path(1))), AttachedModem(SerialPort(modems.path(2)))
-    host = Host(modems.now_ms, fleet=fleet, apad=apad)
-    ready(host)
-    host.results += [("fleet", it) for it in fleet.report(300, b"a report", modems.now_ms())]
-    heard = host.until(lambda name, it: isinstance(it, PacketReceived))
-    assert isinstance(heard, PacketReceived)
-    assert heard.packet == RoutedPacket(PacketDirection.FROM_AMUSSEL, 300, b"a report")
-    host.until(lambda name, it: isinstance(it, PacketSent))
-    apad.command(7, b"come up", modems.now_ms())
-    answer = host.until(lambda name, it: name == "fleet" and isinstance(it, PacketReceived))
-    assert isinstance(answer, PacketReceived) and answer.packet == RoutedPacket(
-        PacketDirection.TO_AMUSSEL, 7, b"come up"
-    )
-    # The modem was given broadcasts only, and its address did not change.
-    assert {frame.kind for frame in modems.sent} == {FrameKind.BROADCAST}
-    assert [modem.address for modem in modems.modems.values()] == [1, 2]
-    fleet.close()
-    apad.close()
+    with closing(attached(modems, fleet=1, apad=2)) as host:
+        host.ready()
+        fleet, apad = host.modems.values()
+        host.results += [("fleet", it) for it in fleet.report(300, b"a report", modems.now_ms())]
+        heard = host.next(PacketReceived)
+        assert heard.packet == RoutedPacket(PacketDirection.FROM_AMUSSEL, 300, b"a report")
+        host.next(PacketSent)
+        apad.command(7, b"come up", modems.now_ms())
+        answer = host.next(PacketReceived, "fleet")
+        assert answer.packet == RoutedPacket(PacketDirection.TO_AMUSSEL, 7, b"come up")
+        # The modem was given broadcasts only, and its address did not change.
+        assert {frame.kind for frame in modems.sent} == {FrameKind.BROADCAST}
+        assert [modem.address for modem in modems.modems.values()] == [1, 2]
 
 
 def test_a_modem_that_is_not_there_is_told_once_and_found_when_it_comes(
     physical: Make, tmp_path: Path
 ) -> None:
-    path = tmp_path / "late" / "modem1"
-    attached = AttachedModem(SerialPort(str(path)))
-    began_s = time.monotonic()
-    host = Host(lambda: int((time.monotonic() - began_s) * 1000), fleet=attached)
-    reported = host.until(lambda name, it: isinstance(it, ModemNotice))
-    assert isinstance(reported, ModemNotice) and str(path) in reported.what
-    attached.report(7, b"a report", host.now_ms())
-    physical(folder="late")
-    sent = host.until(lambda name, it: isinstance(it, PacketSent))
-    assert isinstance(sent, PacketSent) and sent.packet.agent_id == 7
-    assert sum("cannot be opened" in it.what for _, it in host.results if isinstance(it, ModemNotice)) == 1
-    attached.close()
+    path, began_s = tmp_path / "late" / "modem1", time.monotonic()
+    late = AttachedModem(SerialPort(str(path)))
+    with closing(Host(lambda: int((time.monotonic() - began_s) * 1000), fleet=late)) as host:
+        assert str(path) in host.next(ModemNotice).what
+        late.report(7, b"a report", host.now_ms())
+        physical(folder="late")
+        assert host.next(PacketSent).packet.agent_id == 7
+        assert sum("cannot be opened" in str(it) for _, it in host.results) == 1
 
 
 def test_it_is_unplugged_and_plugged_in_again(physical: Make) -> None:
     first = physical(count=1, folder="usb")
-    attached = AttachedModem(SerialPort(first.path(1)))
-    host = Host(first.now_ms, fleet=attached)
-    ready(host)
-    first.close()
-    lost = host.until(lambda name, it: isinstance(it, ModemNotice) and "gone" in it.what)
-    assert isinstance(lost, ModemNotice)
-    attached.report(9, b"while it was away", host.now_ms())
-    physical(count=1, folder="usb")
-    sent = host.until(lambda name, it: isinstance(it, PacketSent))
-    assert isinstance(sent, PacketSent) and sent.packet.data == b"while it was away"
-    attached.close()
+    with closing(attached(first, fleet=1)) as host:
+        host.ready()
+        first.close()
+        host.next(ModemNotice, words="gone")
+        host.modems["fleet"].report(9, b"while it was away", host.now_ms())
+        physical(count=1, folder="usb")
+        assert host.next(PacketSent).packet.data == b"while it was away"
 
 
 def test_a_modem_that_says_nothing_loses_packets_loudly(physical: Make) -> None:
     modems = physical(count=1, speed=30)
-    attached = AttachedModem(SerialPort(modems.path(1)))
-    host = Host(modems.now_ms, fleet=attached)
-    ready(host)
-    modems.mute = True
-    attached.report(7, b"unheard", host.now_ms())
-    dropped = host.until(lambda name, it: isinstance(it, PacketDropped) and it.packet is not None)
-    assert isinstance(dropped, PacketDropped) and "waited too long" in dropped.reason
-    attached.close()
+    with closing(attached(modems, fleet=1)) as host:
+        host.ready()
+        modems.mute = True
+        host.modems["fleet"].report(7, b"unheard", host.now_ms())
+        assert "waited too long" in host.next(PacketDropped, words="RoutedPacket").reason
 
 
 def test_a_sleeping_modem_is_woken(physical: Make) -> None:
@@ -138,6 +124,5 @@ def test_a_sleeping_modem_is_woken(physical: Make) -> None:
         threading.Event().wait(0.001)
     port.close()
     assert modems.modems[1].state.name == "SLEEPING"
-    attached = AttachedModem(SerialPort(modems.path(1)))
-    ready(Host(modems.now_ms, fleet=attached))
-    attached.close()
+    with closing(attached(modems, fleet=1)) as host:
+        host.ready()

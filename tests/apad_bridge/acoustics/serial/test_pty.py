@@ -18,29 +18,35 @@ def driver(path: str) -> serial.Serial:
     return serial.Serial(path, 9600, timeout=60)
 
 
-def test_a_driver_pings_and_talks_through_pyserial(physical: Make) -> None:
-    modems = physical()
+DATA = bytes(range(64))
+
+
+@pytest.mark.parametrize(
+    ("speed", "talk"),
+    [
+        pytest.param(
+            1,
+            [
+                (b"$?", b"#A001V21845R001.006.000B2024-02-15T00:00:00\r\n"),
+                (b"$P002", b"$P002\r\n#R002T00640\r\n"),  # 20 ms of 31.25 us
+                (b"$U00264" + DATA, b"$U00264\r\n"),
+            ],
+            id="a driver pings and talks",
+        ),
+        pytest.param(
+            8,
+            [(b"$P0", b"E\r\n"), (b"02", b"E\r\n"), (b"$A001", b"#A001\r\n")],
+            id="slow bytes are an error however fast time runs",
+        ),
+    ],
+)
+def test_a_driver_talks_through_pyserial(physical: Make, speed: int, talk: list[tuple[bytes, bytes]]) -> None:
+    modems = physical(speed=speed)
     with driver(modems.path(1)) as near, driver(modems.path(2)) as far:
-        near.write(b"$?")
-        assert near.read_until(b"\r\n").startswith(b"#A001V21845R")
-        near.write(b"$P002")
-        assert near.read_until(b"\r\n") == b"$P002\r\n"
-        assert near.read_until(b"\r\n") == b"#R002T00640\r\n"  # 20 ms of 31.25 us
-        data = bytes(range(64))
-        near.write(b"$U00264" + data)
-        assert near.read_until(b"\r\n") == b"$U00264\r\n"
-        assert far.read(4 + 64 + 2) == b"#U64" + data + b"\r\n"
-
-
-def test_slow_bytes_are_an_error_however_fast_time_runs(physical: Make) -> None:
-    modems = physical(speed=8)
-    with driver(modems.path(1)) as near:
-        near.write(b"$P0")
-        assert near.read_until(b"\r\n") == b"E\r\n"
-        near.write(b"02")
-        assert near.read_until(b"\r\n") == b"E\r\n"
-        near.write(b"$A001")
-        assert near.read_until(b"\r\n") == b"#A001\r\n"
+        for written, answer in talk:
+            near.write(written)
+            assert near.read(len(answer)) == answer
+        assert speed != 1 or far.read(4 + 64 + 2) == b"#U64" + DATA + b"\r\n"
 
 
 def test_a_driver_may_come_back(physical: Make) -> None:

@@ -86,24 +86,35 @@ def bench(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> It
             it.socket.close()
 
 
-WITH_AN_OBSERVER = pytest.mark.parametrize("bench", [(SERVER, (OURS, OBSERVER, SERVER))], indirect=True)
-
-
-@WITH_AN_OBSERVER
-def test_an_observer_that_does_not_read_makes_no_stop_fail(bench: Bench) -> None:
+@pytest.mark.parametrize(
+    ("bench", "reader", "answer"),
+    [
+        pytest.param(
+            *((SERVER, (OURS, OBSERVER, SERVER)), SERVER, None),
+            id="an observer that does not read makes no stop fail",
+        ),
+        pytest.param(
+            *((SERVER, (OURS, OBSERVER, SERVER)), OBSERVER, TOO_LATE),
+            id="an observer that reads makes no stop good",
+        ),
+        # It may stand behind a relay.
+        pytest.param(
+            *((SERVER, (OBSERVER,)), OBSERVER, None),
+            id="before the node that obeys is seen every reader counts",
+        ),
+        pytest.param(
+            *(("", (OBSERVER,)), OBSERVER, None), id="where nobody is known to obey every reader counts"
+        ),
+    ],
+    indirect=["bench"],
+)
+def test_a_stop_is_good_when_who_obeys_has_it(bench: Bench, reader: str, answer: str | None) -> None:
     bench.off()
-    bench.topic.readers[SERVER].read()
-    assert bench.answer() is None
+    bench.topic.readers[reader].read()
+    assert bench.answer() == answer
 
 
-@WITH_AN_OBSERVER
-def test_an_observer_that_reads_makes_no_stop_good(bench: Bench) -> None:
-    bench.off()
-    bench.topic.readers[OBSERVER].read()
-    assert bench.answer() == TOO_LATE
-
-
-@WITH_AN_OBSERVER
+@pytest.mark.parametrize("bench", [(SERVER, (OURS, OBSERVER, SERVER))], indirect=True)
 def test_a_server_whose_connection_ends_has_not_taken_the_stop(bench: Bench) -> None:
     bench.off()
     bench.topic.readers[OBSERVER].read()
@@ -115,11 +126,3 @@ def test_a_server_whose_connection_ends_has_not_taken_the_stop(bench: Bench) -> 
     assert bench.answer() == "nobody reads /apad/cancel"
     for end in (server.socket, server.other_end):
         end.close()
-
-
-@pytest.mark.parametrize("bench", [(SERVER, (OBSERVER,)), ("", (OBSERVER,))], indirect=True)
-def test_before_the_node_that_obeys_is_seen_every_reader_counts(bench: Bench) -> None:
-    """It may stand behind a relay."""
-    bench.off()
-    bench.topic.readers[OBSERVER].read()
-    assert bench.answer() is None
