@@ -147,39 +147,34 @@ def test_an_event_is_a_line(kind: str, data: dict[str, Any], line: str | re.Patt
         assert told == (line and f"01:01  {line}")
 
 
-def test_a_mission_whose_aPad_was_never_heard_says_what_it_waits_for(pool: Scenario) -> None:
-    flight, _ = open_flight(pool)
+GUARDED = {"guards": GuardOptions(battery_reserve=0.1)}
+
+
+@pytest.mark.parametrize(
+    ("unheard", "changes", "what", "stuck"),
+    [
+        pytest.param(VehicleFact, {}, "position", [], id="never heard"),
+        pytest.param(
+            BatteryReported,
+            GUARDED,
+            "battery",
+            [(10_000, "its battery was not heard, and a guard refuses its go-tos until it is")],
+            id="a guard refuses its go-tos",
+        ),
+    ],
+)
+def test_a_mission_says_what_it_waits_for(
+    pool: Scenario, unheard: Any, changes: dict[str, Any], what: str, stuck: list[tuple[int, str]]
+) -> None:
+    flight, recorder = open_flight(replace(pool, area=replace(pool.area, home_m=(14.0, 10.5)), **changes))
     receive = flight.supervisor.receive
-
-    def hears_no_vehicle(fact: Any) -> None:
-        if not isinstance(fact, VehicleFact):
-            receive(fact)
-
-    flight.supervisor.receive = hears_no_vehicle  # type: ignore[method-assign]
-    flight.tick(0)
-    flight.tick(1000)
-    assert RunStatus.of(flight.supervisor, 1000, 0.0, Forecast()).phase == "waits for the aPad's position"
-    flight.supervisor.receive = receive  # type: ignore[method-assign]
-    flight.tick(2000)
-    assert RunStatus.of(flight.supervisor, 2000, 0.0, Forecast()).phase == "go to aMussel"
-
-
-def test_a_mission_under_a_guard_of_the_battery_waits_until_the_battery_was_heard(pool: Scenario) -> None:
-    area = replace(pool.area, home_m=(14.0, 10.5))
-    flight, recorder = open_flight(replace(pool, area=area, guards=GuardOptions(battery_reserve=0.1)))
-    receive = flight.supervisor.receive
-
-    def hears_no_battery(fact: Any) -> None:
-        if not isinstance(fact, BatteryReported):
-            receive(fact)
-
-    flight.supervisor.receive = hears_no_battery  # type: ignore[method-assign]
+    flight.supervisor.receive = lambda it: isinstance(it, unheard) or receive(it)  # type: ignore[method-assign]
     for now_ms in range(0, 30_000, 1000):
         flight.tick(now_ms)
-    assert RunStatus.of(flight.supervisor, 29_000, 0.0, Forecast()).phase == "waits for the aPad's battery"
+    assert RunStatus.of(flight.supervisor, 29_000, 0.0, Forecast()).phase == f"waits for the aPad's {what}"
     assert not flight.supervisor.mission.state.failed_tries
     told = [(at_ms, data["reason"]) for at_ms, kind, data in facts_of(recorder) if kind == Stuck.kind]
-    assert told == [(10_000, "its battery was not heard, and a guard refuses its go-tos until it is")]
+    assert told == stuck
     flight.supervisor.receive = receive  # type: ignore[method-assign]
     flight.tick(30_000)
     assert RunStatus.of(flight.supervisor, 30_000, 0.0, Forecast()).phase == "go to aMussel"
@@ -256,39 +251,22 @@ def test_a_bar_makes_the_statuses_that_it_shows_and_no_others(
     with FlightProgress("pool", 600_000, clock=lambda: clock_s) as progress:
         for now_ms in range(0, 600_001, 1000):
             clock_s += 0.001
-
-            def status(now_ms: int = now_ms) -> RunStatus:
-                made.append(now_ms)
-                return RunStatus(now_ms, "idle", "none", 12, 12, (), 0, 0.0, None, 0.0)
-
-            progress.show_status(now_ms, status)
-    assert made[0] == 0 and made[-1] == 600_000
+            progress.show_status(
+                now_ms, lambda now_ms=now_ms: made.append(now_ms) or replace(STOPPED, now_ms=now_ms)
+            )
+    assert (made[0], made[-1]) == (0, 600_000)
     assert len(made) == 6  # 0.6 s of real time, eight of them a second, and the last one
     assert "10:00 / 10:00" in capsys.readouterr().err
 
 
+FAILS = {"name": "dock", "phase": "failed", "reason": "it is jammed"}
+
+
 def test_a_dock_that_never_closed_has_failed_and_one_that_missed_once_has_not() -> None:
     counts = FailureCounts()
-
-    def failed(dock_index: int) -> tuple[str, dict[str, Any]]:
-        return "primitive", {"name": "dock", "phase": "failed", "reason": "it is jammed", "dock": dock_index}
-
-    def closed(dock_index: int) -> tuple[str, dict[str, Any]]:
-        return "dock", {"dock": dock_index, "agent": 7, "closed": True}
-
-    story = [
-        failed(0),
-        failed(0),
-        failed(1),
-        closed(2),
-        failed(2),
-        failed(2),
-        failed(3),
-        closed(3),
-        failed(0),
-    ]
-    for kind, data in story:
-        counts.take(MissionMs(1000), event_of(kind, data))
+    for dock, closed in ((0, 0), (0, 0), (1, 0), (2, 1), (2, 0), (2, 0), (3, 0), (3, 1), (0, 0)):
+        story = ("dock", {"agent": 7, "closed": True}) if closed else ("primitive", FAILS)
+        counts.take(MissionMs(1000), event_of(story[0], story[1] | {"dock": dock}))
     assert counts.figures()["failed_docks"] == [0]
 
 

@@ -111,23 +111,46 @@ def read_all(
     return SupervisorWatch(runs, progress, nodes, start=starts).read_until_all_ended()
 
 
-def test_one_aPads_status_and_words_are_shown_as_they_are() -> None:
-    progress = ProgressLog()
-    flown = read_all({"a": Supervisor(status(9000, 2, 10.0), Said("hello"), Summary({"x": 1}))}, progress)
-    assert flown == Flown({"a": {"x": 1}})
-    assert progress.statuses == [status(9000, 2, 10.0)] and progress.messages == ["hello"]
+NO_MESSAGES = [
+    "a warning",
+    "{",
+    '{"status": {"now_ms": "x"}}',
+    '{"summary": 5}',
+    "[]",
+    "5",
+    '{"gave": [[1]]}',
+]
 
 
-def test_statuses_are_added_and_words_stand_with_their_aPad() -> None:
+@pytest.mark.parametrize(
+    ("lines", "messages", "shown"),
+    [
+        pytest.param(
+            {"a": (status(9000, 2, 10.0), Said("hello"), Summary({"x": 1}))},
+            ["hello"],
+            [(9000, "dock", 4, 2, 10.0)],
+            id="one aPad's are shown as they are",
+        ),
+        pytest.param(
+            {
+                "a": (status(9000, 2, 10.0), Said("hello"), Summary({"services": 2})),
+                "b": (status(7000, 1, 5.0), Summary({"services": 1})),
+            },
+            ["a: hello"],
+            [(7000, "2 aPads", 8, 3, 15.0)],
+            id="statuses are added, and words stand with their aPad",
+        ),
+        pytest.param({"a": (*NO_MESSAGES, Summary({}))}, NO_MESSAGES, [], id="what is no message is text"),
+    ],
+)
+def test_statuses_and_words_are_shown(
+    lines: dict[str, tuple[Any, ...]], messages: list[str], shown: list[tuple[Any, ...]]
+) -> None:
     progress = ProgressLog()
-    supervisors = {
-        "a": Supervisor(status(9000, 2, 10.0), Said("hello"), Summary({"services": 2})),
-        "b": Supervisor(status(7000, 1, 5.0), Summary({"services": 1})),
-    }
-    assert read_all(supervisors, progress) == Flown({"a": {"services": 2}, "b": {"services": 1}})
-    last = progress.statuses[-1]
-    assert (last.now_ms, last.phase, last.agents, last.services, last.cost_m) == (7000, "2 aPads", 8, 3, 15.0)
-    assert progress.messages == ["a: hello"]
+    flown = read_all({name: Supervisor(*them) for name, them in lines.items()}, progress)
+    assert flown == Flown({name: them[-1].figures for name, them in lines.items()})
+    last = [(it.now_ms, it.phase, it.agents, it.services, it.cost_m) for it in progress.statuses[-1:]]
+    assert (progress.messages, last) == (messages, shown)
 
 
 def test_one_that_fails_leaves_the_others_their_summaries() -> None:
@@ -157,13 +180,6 @@ def test_a_simulated_aPad_that_died_ends_its_own_run_only(others: list[str]) -> 
     assert supervisors["b"].asked == 1 and all(supervisors[name].asked == 0 for name in others)
 
 
-def test_a_line_that_is_no_message_is_shown_as_text() -> None:
-    lines = ["a warning", "{", '{"status": {"now_ms": "x"}}', '{"summary": 5}', "[]", "5", '{"gave": [[1]]}']
-    progress = ProgressLog()
-    assert read_all({"a": Supervisor(*lines, Summary({}))}, progress) == Flown({"a": {}})
-    assert progress.messages == lines
-
-
 def died(on_death: OnDeath, run_dir: Path, progress: ProgressLog, **more: Any) -> tuple[Flown, Starts]:
     """Flies one aPad whose first supervisor is killed; the second writes a summary."""
     run = Run("a", run_dir, RunOptions(BenchPart.WHOLE, APadKind.SIM, TimeSource.WALL, 1.0, on_death, **more))
@@ -175,26 +191,42 @@ def died(on_death: OnDeath, run_dir: Path, progress: ProgressLog, **more: Any) -
     return flown, starts
 
 
-def test_another_supervisor_resumes_at_once_where_the_run_says_so(tmp_path: Path) -> None:
-    progress = ProgressLog()
-    flown, starts = died(OnDeath.RESUME, tmp_path, progress)
-    assert flown == Flown({"a": {"services": 3}})
-    assert starts.made == [("a", False, False), ("a", True, False)]
-    assert progress.messages == [
-        f"the supervisor died (SIGKILL); the fleet is paused and intact. Continue: musselbed resume {tmp_path}"
-    ]
+FIRST = ("a", False, False)
 
 
-def test_one_of_several_is_followed_by_one_that_keeps_its_fleet(tmp_path: Path) -> None:
-    flown, starts = died(OnDeath.WAIT, tmp_path, ProgressLog(), is_one_of_several=True)
-    assert flown == Flown({"a": {"services": 3}}, {"a": "its supervisor died (SIGKILL)"})
-    assert starts.made == [("a", False, False), ("a", True, True)]
-
-
-def test_a_script_is_not_followed(tmp_path: Path) -> None:
-    flown, starts = died(OnDeath.WAIT, tmp_path, ProgressLog(), script="/s.py")
-    assert flown.summaries == {} and "a script cannot continue in the middle" in flown.failures["a"]
-    assert len(starts.made) == 1
+@pytest.mark.parametrize(
+    ("on_death", "more", "flown", "made"),
+    [
+        pytest.param(
+            OnDeath.RESUME,
+            {},
+            Flown({"a": {"services": 3}}),
+            [FIRST, ("a", True, False)],
+            id="resume at once",
+        ),
+        pytest.param(
+            OnDeath.WAIT,
+            {"is_one_of_several": True},
+            Flown({"a": {"services": 3}}, {"a": "its supervisor died (SIGKILL)"}),
+            [FIRST, ("a", True, True)],
+            id="one of several is followed by one that keeps its fleet",
+        ),
+        pytest.param(
+            OnDeath.WAIT,
+            {"script": "/s.py"},
+            Flown({}, {"a": "a script cannot continue in the middle"}),
+            [FIRST],
+            id="a script is not followed",
+        ),
+    ],
+)
+def test_one_that_died_is_followed(
+    on_death: OnDeath, more: dict[str, Any], flown: Flown, made: list[tuple[str, bool, bool]], tmp_path: Path
+) -> None:
+    ended, starts = died(on_death, tmp_path, ProgressLog(), **more)
+    assert ended.summaries == flown.summaries and starts.made == made
+    assert all(why in ended.failures[name] for name, why in flown.failures.items())
+    assert ended.failures.keys() == flown.failures.keys()
 
 
 def test_else_the_run_waits_for_a_person_while_the_others_fly_on(tmp_path: Path) -> None:
@@ -245,40 +277,33 @@ def test_a_supervisor_is_read_to_its_last_byte(tmp_path: Path, monkeypatch: pyte
     assert progress.messages == ["a warning", '{"torn'] and progress.statuses == [status(1, 0, 1.0)]
 
 
-def test_one_that_does_not_end_in_time_is_killed_and_told(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+DEAF = "import signal\nsignal.signal(signal.SIGTERM, signal.SIG_IGN)\nprint('up', flush=True)\nsignal.pause()"
+SLOW = (
+    "import pathlib, signal\nsignal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGTERM])\n"
+    "print('up', flush=True)\nsignal.sigwait([signal.SIGTERM])\n"
+    "path = pathlib.Path(__file__).with_name('summary')\npath.write_text('{\"services\": 7}')\n"
+    "path.rename(path.with_suffix('.json'))\nsignal.pause()"
+)
+KILLED = "the supervisor was asked to end, wrote nothing for 0.2 s and was killed; its records end there: "
+
+
+@pytest.mark.parametrize(
+    ("program", "flown"),
+    [
+        pytest.param(DEAF, Flown({}, {"a": KILLED}), id="it does not end"),
+        pytest.param(SLOW, Flown({"a": {"services": 7}}), id="slow after its records: nothing is lost"),
+    ],
+)
+def test_one_that_does_not_end_in_time_is_killed(
+    program: str, flown: Flown, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("apad_bridge.runs.parent._END_S", 0.2)
-    deaf = "import signal\nsignal.signal(signal.SIGTERM, signal.SIG_IGN)\nprint('up', flush=True)\nsignal.pause()"
-    with child(tmp_path, deaf, monkeypatch) as process:
-        flown = SupervisorWatch(
-            [Run("a", tmp_path, OPTIONS)], Interrupting(), start=lambda run, resume: process
-        ).read_until_all_ended()
+    progress, run = Interrupting(), Run("a", tmp_path, OPTIONS)
+    with child(tmp_path, program, monkeypatch) as process:
+        ended = SupervisorWatch([run], progress, start=lambda run, resume: process).read_until_all_ended()
         assert process.wait(PATIENCE_S) == -signal.SIGKILL
-    assert flown.failures == {
-        "a": f"the supervisor was asked to end, wrote nothing for 0.2 s and was killed; its records end there: {tmp_path}"
-    }
-
-
-def test_one_that_is_slow_after_its_records_loses_nothing_and_fails_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Asked to end, it completes its records; then it hangs, and tells nothing more."""
-
-    monkeypatch.setattr("apad_bridge.runs.parent._END_S", 0.2)
-    slow = (
-        "import pathlib, signal\nsignal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGTERM])\n"
-        "print('up', flush=True)\nsignal.sigwait([signal.SIGTERM])\n"
-        f"path = pathlib.Path({str(tmp_path)!r}, 'summary')\npath.write_text('{{\"services\": 7}}')\n"
-        "path.rename(path.with_suffix('.json'))\nsignal.pause()"
-    )
-    progress = Interrupting()
-    with child(tmp_path, slow, monkeypatch) as process:
-        flown = SupervisorWatch(
-            [Run("a", tmp_path, OPTIONS)], progress, start=lambda run, resume: process
-        ).read_until_all_ended()
-        assert process.wait(PATIENCE_S) == -signal.SIGKILL
-    assert flown == Flown({"a": {"services": 7}}) and progress.messages == ["up"]
+    told = {name: why.removesuffix(str(tmp_path)) for name, why in ended.failures.items()}
+    assert Flown(ended.summaries, told) == flown and progress.messages == ["up"]
 
 
 def test_records_that_grow_put_the_kill_off_up_to_a_bound(tmp_path: Path) -> None:

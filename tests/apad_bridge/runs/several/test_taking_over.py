@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -121,9 +120,15 @@ def test_whom_its_docks_hold_stay_with_it(tmp_path: Path) -> None:
     assert opened.figures()["apad2"]["amussels_lost"] == 0
 
 
-def test_while_all_are_well_nothing_differs_from_flying_alone(tmp_path: Path) -> None:
-    scenario = replace(two_apads(tmp_path, transfers=True, battery=1.0), duration_s=3000.0)
-    each = members(scenario, starts_of(scenario))
+@pytest.mark.parametrize("beyond_sound", [False, True], ids=["all are well", "beyond the range of sound"])
+def test_nothing_differs_from_flying_alone(tmp_path: Path, beyond_sound: bool) -> None:
+    """With two heaps 45 m apart, and sound that reaches 20 m, each packet that ends is one of its own flight's."""
+    water = {"wifi": {}, "sound": {"range_limit_m": 20, "reverberation_s": 0.1}} if beyond_sound else None
+    scenario = two_apads(tmp_path, transfers=True, battery=1.0, water=water)
+    data = resolve(scenario)
+    data["duration_s"] = 2400 if beyond_sound else 3000
+    data["apads"][0]["start_m"] = [54, 10] if beyond_sound else [20, 10]
+    each = members(from_data(data, "two"), starts_of(scenario))
     together = open_lockstep(each, scenario.sharing)
     together.runner.run()
     assert together.runner.handed_on_count == 0
@@ -132,6 +137,7 @@ def test_while_all_are_well_nothing_differs_from_flying_alone(tmp_path: Path) ->
         alone.runner.run()
         assert alone.recorders[member.name].journal == together.recorders[member.name].journal
         assert alone.figures()[member.name] == together.figures()[member.name]
+        assert bool(events_of(alone, member.name, "packet")) is beyond_sound
 
 
 def test_the_guards_of_each_apad_know_where_the_other_is(tmp_path: Path) -> None:
@@ -148,24 +154,20 @@ def test_the_guards_of_each_apad_know_where_the_other_is(tmp_path: Path) -> None
         assert body.place_m == pytest.approx((pose.north_m, pose.east_m), abs=1.0)
 
 
-def packets_of(opened: OpenedLockstep, apad: str) -> list[dict[str, Any]]:
-    return events_of(opened, apad, "packet")
-
-
 def test_who_was_handed_on_is_heard_and_called_by_the_other_aPads_own_modem(tmp_path: Path) -> None:
     opened = open_in(tmp_path, transfers=True, water={"wifi": {}})
     opened.runner.run()
     handed_on = {it["id"]: it["t"] for it in events_of(opened, "apad2", "handed_on")}
     assert handed_on.keys() == {5, 6, 7, 8}
-    calls = [it for it in packets_of(opened, "apad1") if it["from"] == 0]
+    calls = [it for it in events_of(opened, "apad1", "packet") if it["from"] == 0]
     assert {row[0] for it in calls for row in it["heard"]} >= set(NEEDY)
     # apad2 calls nobody after it has handed them on.
     last = max(handed_on.values())
-    assert [it for it in packets_of(opened, "apad2") if it["from"] == 0 and it["t"] > last] == []
+    assert [it for it in events_of(opened, "apad2", "packet") if it["from"] == 0 and it["t"] > last] == []
     # Each packet of theirs is recorded once, where they are simulated, with its outcome at both aPads.
-    after = [it for it in packets_of(opened, "apad2") if it["t"] > last and it["unsent"] is None]
+    after = [it for it in events_of(opened, "apad2", "packet") if it["t"] > last and it["unsent"] is None]
     assert after and all([row[0] for row in it["heard"]].count(-1) == 1 for it in after)
-    assert {it["from"] for it in packets_of(opened, "apad1")} <= {0, 1, 2, 3, 4}
+    assert {it["from"] for it in events_of(opened, "apad1", "packet")} <= {0, 1, 2, 3, 4}
     beliefs = opened.flights["apad1"].flight.supervisor.beliefs
     heard_ms = {it.agent_id: it.heard_ms for it in beliefs.all()}
     assert all(heard_ms[it] > at_ms + 1_000_000 for it, at_ms in handed_on.items())
@@ -176,24 +178,6 @@ def test_who_was_handed_on_is_heard_and_called_by_the_other_aPads_own_modem(tmp_
     assert set(NEEDY) <= uploaded.keys() and opened.recorders["apad1"].uploaded.keys() <= {1, 2, 3, 4}
     for records in uploaded.values():
         assert [record.sequence for record in records] == list(range(len(records)))
-
-
-def test_beyond_the_range_of_sound_nothing_differs_from_flying_alone(tmp_path: Path) -> None:
-    """Two heaps 45 m apart, and sound that reaches 20 m: each packet that ends is one of its own flight's."""
-    water = {"wifi": {}, "sound": {"range_limit_m": 20, "reverberation_s": 0.1}}
-    scenario = two_apads(tmp_path, transfers=True, battery=1.0, water=water)
-    data = resolve(scenario)
-    data.update(duration_s=2400)
-    data["apads"][0]["start_m"] = [54, 10]
-    each = members(from_data(data, "far"), starts_of(scenario))
-    together = open_lockstep(each, scenario.sharing)
-    together.runner.run()
-    for member in each:
-        alone = open_lockstep([member], scenario.sharing)
-        alone.runner.run()
-        assert packets_of(alone, member.name)
-        assert alone.recorders[member.name].journal == together.recorders[member.name].journal
-        assert alone.figures()[member.name] == together.figures()[member.name]
 
 
 def agreeing(
