@@ -1,49 +1,36 @@
-"""Calls of other threads: run at a tick, answered, refused, or withdrawn when no tick comes."""
+"""Calls of other threads, run at a tick, answered, refused, or withdrawn when no tick comes; and what an aPad does by hand.
 
+What is done by hand are transcripts: each line has what the test does, and behind the bar what the mission orders, tells or
+answers. A clock time is a tick.
+"""
+
+import re
 import threading
-from collections.abc import Callable
+from typing import Any
 
 import pytest
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.hold_last import LastPacket
-from apad_bridge.events.mission_events import PRE_EMPTED, AMusselReleased, MissionEnd
+from apad_bridge.events.event import Event
+from apad_bridge.events.mission_events import MissionEnd
 from apad_bridge.events.run_events import EndReason
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.manual import ManualMission
-from apad_bridge.mission.orders import PermitSurfacing, SendCommand
+from apad_bridge.mission.orders import Order, PermitSurfacing, SendCommand
 from apad_bridge.mission.script_values import Refused, Status
 from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.run_spec import RunSpec
-from apad_bridge.vehicle.commands import CloseDock, GoTo, Hold, Manoeuvre, OpenDock
-from apad_bridge.vehicle.outcomes import DockChanged, NothingCaught, PrimitiveFailed, PrimitiveSucceeded
-from firmware_model.packets import Kind
+from apad_bridge.vehicle.commands import CloseDock, GoTo, Hold, Manoeuvre, OpenDock, Primitive
+from apad_bridge.vehicle.outcomes import (
+    DockChanged,
+    NothingCaught,
+    PrimitiveFailed,
+    PrimitiveSucceeded,
+    after_report,
+)
 from firmware_model.states import State
-
-
-class Believed:
-    """A fleet of one aMussel, 1 m off, in the state that the test sets."""
-
-    estimator = LastPacket()
-
-    def __init__(self, state: State) -> None:
-        self.state = state
-        self.primary = 0.5
-
-    def get(self, agent_id: int) -> Belief | None:
-        return Belief(7, 0, self.state, self.primary, 1.0, 1.0, 0.0) if agent_id == 7 else None
-
-    def all(self) -> list[Belief]:
-        return [Belief(7, 0, self.state, self.primary, 1.0, 1.0, 0.0)]
-
-
-def commanded(pool: Scenario, state: State = State.ACTIVE) -> tuple[ManualMission, Believed]:
-    believed = Believed(state)
-    mission = ManualMission(pool.mission, pool.apad.max_speed_m_s, believed, ())
-    mission.moved(0.0, 0.0)
-    mission.advance(1000)
-    return mission, believed
 
 
 def test_a_call_is_done_at_the_next_tick_by_the_flight_s_thread(pool: Scenario) -> None:
@@ -83,151 +70,222 @@ def test_a_call_that_no_tick_answers_is_withdrawn(pool: Scenario) -> None:
     assert done == [2] and not command_source.has_calls
 
 
-def test_the_permission_is_repeated_and_then_the_docking_fails(pool: Scenario) -> None:
-    mission, _ = commanded(pool)
-    mission.dock(2, 7)
-    said = [1.0] * mission.advance(1000).count(PermitSurfacing(7))
-    for second in range(2, 120):
-        said += [float(second)] * mission.advance(second * 1000).count(PermitSurfacing(7))
-    # Every 10 s, six times in all, as the scenario says; then the mission gives it up.
-    assert said == [1.0, 11.0, 21.0, 31.0, 41.0, 51.0]
-    assert (mission.docking, mission.failure) == (
-        Status.FAILED,
-        "it does not answer the permission to surface",
-    )
-    (event,) = mission.events.take("docking")
-    assert (event.at_s, event.agent, event.dock, event.status) == (61.0, 7, 3, Status.FAILED)
+class ByHand:
+    """A mission by hand at (0, 0), and a fleet of aMussel 7 alone, 1 m off."""
+
+    estimator = LastPacket()
+
+    def __init__(self, pool: Scenario) -> None:
+        self.state, self.primary = State.ACTIVE, 0.5
+        self.mission = ManualMission(pool.mission, pool.apad.max_speed_m_s, self, ())
+        self.mission.moved(0.0, 0.0)
+        self.orders: list[Primitive] = []
+        """All primitives so far."""
+        self.now_ms = 1000
+        self.keep(self.mission.advance(1000))
+
+    def get(self, agent_id: int) -> Belief | None:
+        return self.all()[0] if agent_id == 7 else None
+
+    def all(self) -> list[Belief]:
+        return [Belief(7, 0, self.state, self.primary, 1.0, 1.0, 0.0)]
+
+    def keep(self, actions: list[Any]) -> list[str]:
+        """The words for what was ordered and told."""
+        self.orders += [it for it in actions if isinstance(it, Primitive)]
+        return [it for action in actions if (it := word(action))]
+
+    def do(self, move: str) -> list[str]:
+        name, *words = move.split()
+        match name:
+            case "heard":
+                self.state = State[words[0]]
+                self.primary = float(words[1]) if words[1:] else self.primary
+            case "ok" | "miss" | "fail":
+                of = self.orders[int(words[0])] if words[:1] and words[0].startswith("-") else self.orders[-1]
+                return self.ends(of, name, " ".join(it for it in words if not it.startswith("-")))
+            case "closes":
+                self.changes(int(words[0]), 7, closed=True)
+            case "tell":
+                return [
+                    f"{it.at_s:g} {it.kind} {it.agent} {it.dock} {it.reason}"
+                    for it in self.mission.events.take()
+                ]
+            case "see":
+                values = [
+                    getattr(self.mission, it, None) or getattr(self.mission.state, it, None) for it in words
+                ]
+                return [str(getattr(it, "name", it)) for it in values]
+            case "at" | "ticks":
+                ticks = range(self.now_ms + 1000, 1000 * int(words[0]) + 1, 1000) if name == "ticks" else ()
+                return [
+                    f"{self.now_ms // 1000} {it}" if name == "ticks" else it
+                    for self.now_ms in ticks or (round(1000 * float(words[0])),)
+                    for it in self.keep(self.mission.advance(self.now_ms))
+                ]
+            case _:
+                return self.calls(name, *words)
+        return []
+
+    def calls(self, name: str, *words: str) -> list[str]:
+        """A person's or a script's call, with its refusal."""
+        numbers: list[Any] = [float(it) if "." in it else int(it) for it in words]
+        if name == "dock" and len(numbers) > 2:
+            numbers[2:] = [Manoeuvre(*numbers[2:])]
+        try:
+            answer = getattr(self.mission, name)(*numbers)
+        except Refused as refused:
+            return [f"refused: {refused}"]
+        return [*([] if answer is None else [str(answer)]), *self.keep(self.mission.take_orders())]
+
+    def ends(self, of: Primitive, how: str, reason: str) -> list[str]:
+        if how == "ok" and isinstance(of, CloseDock | OpenDock):
+            self.changes(of.dock_index, of.agent_id, isinstance(of, CloseDock))
+        if how == "fail":
+            return self.keep(
+                self.mission.receive(PrimitiveFailed(self.now_ms, of.command_id, reason), self.now_ms)
+            )
+        ended = PrimitiveSucceeded if how == "ok" else NothingCaught
+        return self.keep(self.mission.receive(ended(self.now_ms, of.command_id), self.now_ms))
+
+    def changes(self, dock_index: int, agent_id: int, closed: bool) -> None:
+        docked = after_report(self.mission.state.docked, dock_index, agent_id, closed=closed)
+        self.mission.receive(DockChanged(self.now_ms, dock_index, agent_id, closed, docked), self.now_ms)
 
 
-def test_one_that_comes_up_is_docked_and_one_that_does_not_is_given_up(pool: Scenario) -> None:
-    mission, believed = commanded(pool)
-    mission.dock(0, 7, Manoeuvre(0.2, 0.1))
-    mission.advance(1000)
-    believed.state = State.SURFACING
-    assert mission.advance(50_000) == []
-    believed.state = State.FLOATING
-    (order,) = mission.advance(51_000)
-    assert isinstance(order, CloseDock)
-    assert (order.dock_index, order.agent_id, order.manoeuvre) == (0, 7, Manoeuvre(0.2, 0.1))
-    mission.receive(DockChanged(52_000, 0, 7, True, ((0, 7),)), 52_000)
-    mission.receive(PrimitiveSucceeded(52_000, order.command_id), 52_000)
-    assert (mission.docking, mission.docks) == (Status.DONE, (7, None, None, None))
-    late, stuck = commanded(pool)
-    late.dock(0, 7)
-    stuck.state = State.SURFACING
-    late.advance(121_000)
-    assert late.docking is Status.RUNNING
-    late.advance(121_001)
-    assert (late.docking, late.failure) == (Status.FAILED, "it does not come up")
+def word(action: Order) -> str | None:
+    """An order or event of a transcript; None for what it leaves out."""
+    match action:
+        case GoTo():
+            return f"go {action.north_m:g},{action.east_m:g}"
+        case Hold():
+            return "hold"
+        case CloseDock(manoeuvre=how):
+            return f"dock {action.agent_id} in {action.dock_index} at {how.yaw_rate_rad_s}, {how.surge_m_s}"
+        case OpenDock():
+            return f"undock {action.agent_id}"
+        case PermitSurfacing():
+            return f"call {action.agent_id}"
+        case SendCommand():
+            return f"{action.kind.name.lower()} {action.agent_id}"
+        case Event(kind="released" | "given_up"):
+            return ": ".join((action.kind, *map(str, action.data.values())))
+    return None
 
 
-def search(mission: ManualMission) -> GoTo:
-    """A docking by hand that caught nothing: the go-to that its search orders."""
-    (order,) = (order for order in mission.take_orders() if isinstance(order, CloseDock))
-    orders = mission.receive(NothingCaught(1000, order.command_id), 1000)
-    (go_to,) = (order for order in orders if isinstance(order, GoTo))
-    assert mission.docking is Status.RUNNING
-    return go_to
-
-
-@pytest.mark.parametrize("stop", [ManualMission.hold, ManualMission.pause])
-def test_a_person_ends_a_search_by_a_hold_or_a_pause(
-    pool: Scenario, stop: Callable[[ManualMission], None]
-) -> None:
-    mission, believed = commanded(pool)
-    believed.state = State.FLOATING
-    mission.dock(0, 7)
-    go_to = search(mission)
-    stop(mission)
-    assert any(isinstance(order, Hold) for order in mission.take_orders())
-    assert mission.docking is Status.PREEMPTED
-    mission.receive(PrimitiveFailed(1000, go_to.command_id, PRE_EMPTED), 1000)
-    assert not any(isinstance(order, GoTo | CloseDock) for order in mission.advance(2000))
-
-
-def test_a_search_by_hand_ends_with_the_docking(pool: Scenario) -> None:
-    mission, believed = commanded(pool)
-    believed.state = State.FLOATING
-    mission.dock(0, 7)
-    go_to = search(mission)
-    (again,) = mission.receive(PrimitiveSucceeded(3000, go_to.command_id), 3000)
-    assert isinstance(again, CloseDock)
-    mission.receive(PrimitiveSucceeded(18_000, again.command_id), 18_000)
-    assert mission.docking is Status.DONE
-
-
-def test_a_pause_is_no_part_of_the_time_that_an_amussel_has_to_come_up(pool: Scenario) -> None:
-    mission, _ = commanded(pool)
-    mission.dock(2, 7)
-    mission.advance(1000)
-    mission.advance(5000)
-    mission.pause()
-    mission.advance(5000)
-    assert mission.advance(500_000) == []
-    mission.resume()
+STORIES = {
+    "the permission is repeated every 10 s, six times in all, and then the docking fails": """
+        dock 2 7            | call 7
+        ticks 120           | 11 call 7; 21 call 7; 31 call 7; 41 call 7; 51 call 7;
+                            | 61 given_up: 7: dock: it does not answer the permission to surface
+        see docking failure | FAILED; it does not answer the permission to surface
+        tell                | 1 heard 7 None None; 1 low 7 None None;
+                            | 61 docking 7 3 it does not answer the permission to surface
+    """,
+    "one that comes up is docked, by the manoeuvre that was asked for": """
+        dock 0 7 0.2 0.1  | call 7
+        at 1              |
+        heard SURFACING   |
+        at 50             |
+        heard FLOATING    |
+        at 51             | dock 7 in 0 at 0.2, 0.1
+        ok                |
+        see docking docks | DONE; (7, None, None, None)
+    """,
+    "one that does not come up is given up": """
+        dock 0 7            | call 7
+        heard SURFACING     |
+        at 121              |
+        see docking         | RUNNING
+        at 121.001          | given_up: 7: dock: it does not come up
+        see docking failure | FAILED; it does not come up
+    """,
+    "a person ends a search by a hold": """
+        heard FLOATING     |
+        dock 0 7           | dock 7 in 0 at None, None
+        miss               | go 4,0
+        hold               | hold; hold
+        see docking        | PREEMPTED
+        fail -3 pre-empted |
+        at 2               |
+    """,
+    "a person ends a search by a pause": """
+        heard FLOATING     |
+        dock 0 7           | dock 7 in 0 at None, None
+        miss               | go 4,0
+        pause              | hold
+        see docking        | PREEMPTED
+        fail -2 pre-empted |
+        at 2               |
+    """,
+    "a search by hand ends with the docking": """
+        heard FLOATING |
+        dock 0 7       | dock 7 in 0 at None, None
+        miss           | go 4,0
+        see docking    | RUNNING
+        ok             | dock 7 in 0 at None, None
+        ok             |
+        see docking    | DONE
+    """,
     # Of the ten seconds until the next permission four were over.
-    assert PermitSurfacing(7) not in mission.advance(505_999)
-    assert PermitSurfacing(7) in mission.advance(506_000)
+    "a pause is no part of the time that an aMussel has to come up": """
+        dock 2 7   | call 7
+        at 1       |
+        at 5       |
+        pause      |
+        at 5       |
+        at 500     |
+        resume     | True
+        at 505.999 |
+        at 506     | call 7
+    """,
+    # Nothing was driven of the first.
+    "what is heard of an older go-to changes nothing": """
+        go_to 5.0 0.0        | go 5,0
+        go_to 9.0 0.0        | go 9,0
+        fail -2 pre-empted   |
+        see goto goto_orders | RUNNING; 2
+        see planned_m cost_m | 9.0; 0.0
+        fail stalled         |
+        see goto failure     | FAILED; stalled
+    """,
+    "one that was let go is told that it may sink, and a full one counts": """
+        closes 1             |
+        heard CHARGING 0.995 |
+        undock 1             | undock 7
+        ok                   | release 7; released: 7: True
+        see services docking | 1; DONE
+    """,
+    "events are told once": """
+        ticks 4            |
+        tell               | 1 heard 7 None None; 1 low 7 None None
+        heard ACTIVE 0.9   |
+        at 5               |
+        tell               |
+        heard FLOATING 0.8 |
+        at 6               |
+        at 7               |
+        tell               | 6 state 7 None FLOATING; 6 low 7 None None
+        heard SINKING      |
+        at 8               |
+        tell               | 8 state 7 None SINKING
+    """,
+    "a lost one is not docked": """
+        heard LOST |
+        dock 0 7   | refused: aMussel 7 is lost: it can no longer surface
+    """,
+    "what changes nothing says so, and an id left out is asked for": """
+        resume   | False
+        pause    |
+        resume   | True
+        dock 1 0 | refused: aMussel 0 never reported: give the aMussel's id; it is 0 if left out
+    """,
+}
 
 
-def test_what_is_heard_of_an_older_go_to_changes_nothing(pool: Scenario) -> None:
-    mission, _ = commanded(pool)
-    mission.go_to(5.0, 0.0)
-    first = next(it for it in mission.advance(1000) if isinstance(it, GoTo))
-    mission.go_to(9.0, 0.0)
-    second = next(it for it in mission.advance(1000) if isinstance(it, GoTo))
-    mission.receive(PrimitiveFailed(1000, first.command_id, "pre-empted"), 1000)
-    assert (mission.goto, mission.goto_orders) == (Status.RUNNING, 2)
-    assert (mission.state.planned_m, mission.state.cost_m) == (9.0, 0.0)  # nothing was driven of the first
-    mission.receive(PrimitiveFailed(2000, second.command_id, "stalled"), 2000)
-    assert (mission.goto, mission.failure) == (Status.FAILED, "stalled")
-
-
-def test_one_that_was_let_go_is_told_that_it_may_sink(pool: Scenario) -> None:
-    mission, believed = commanded(pool)
-    mission.receive(DockChanged(2000, 1, 7, True, ((1, 7),)), 2000)
-    believed.state, believed.primary = State.CHARGING, 0.995
-    mission.undock(1)
-    order = next(it for it in mission.advance(3000) if isinstance(it, OpenDock))
-    mission.receive(DockChanged(8000, 1, 7, False, ()), 8000)
-    told = mission.receive(PrimitiveSucceeded(8000, order.command_id), 8000)
-    assert told[0] == SendCommand(Kind.RELEASE, 7)
-    assert [(it.kind, it.data) for it in told if isinstance(it, AMusselReleased)] == [
-        ("released", {"agent": 7, "full": True})
-    ]
-    assert (mission.state.services, mission.docking) == (1, Status.DONE)
-
-
-def test_events_are_told_once(pool: Scenario) -> None:
-    mission, believed = commanded(pool)
-    for second in range(2, 5):
-        mission.advance(second * 1000)
-    assert [(it.kind, it.agent) for it in mission.events.take()] == [("heard", 7), ("low", 7)]
-    believed.primary = 0.9
-    mission.advance(5000)
-    assert mission.events.take() == []
-    believed.primary, believed.state = 0.8, State.FLOATING
-    mission.advance(6000)
-    mission.advance(7000)
-    assert [(it.at_s, it.kind, it.reason) for it in mission.events.take()] == [
-        (6.0, "state", "FLOATING"),
-        (6.0, "low", None),
-    ]
-    believed.state = State.SINKING
-    mission.advance(8000)
-    assert [it.kind for it in mission.events.take()] == ["state"]
-
-
-def test_a_lost_one_is_not_docked(pool: Scenario) -> None:
-    mission, _ = commanded(pool, State.LOST)
-    with pytest.raises(Refused, match="aMussel 7 is lost"):
-        mission.dock(0, 7)
-
-
-def test_what_changes_nothing_says_so_and_an_id_left_out_is_asked_for(pool: Scenario) -> None:
-    mission, _ = commanded(pool)
-    assert mission.resume() is False
-    mission.pause()
-    assert mission.resume() is True
-    with pytest.raises(Refused, match="aMussel 0 never reported: give the aMussel's id"):
-        mission.dock(1, 0)
+@pytest.mark.parametrize("story", STORIES.values(), ids=STORIES)
+def test_by_hand(pool: Scenario, story: str) -> None:
+    by_hand = ByHand(pool)
+    for line in re.sub(r"\n *\|", "", story).strip().splitlines():
+        move, _, expected = map(str.strip, line.partition("|"))
+        assert "; ".join(by_hand.do(move)) == expected, move
