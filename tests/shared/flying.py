@@ -1,6 +1,7 @@
-"""A flight that a test moves tick by tick, with calls of other threads."""
+"""A flight that a test moves tick by tick, with calls of other threads; and transcripts, by which stories are told."""
 
 import json
+import re
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, wait
 from typing import Any
@@ -19,6 +20,18 @@ from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.supervisor.run_spec import RunSpec
 from apad_bridge.vehicle.guards.gate import Gate
+
+
+def play(story: str, answer: Callable[[str], str]) -> None:
+    """Does what a transcript says, and compares the answers.
+
+    Each line has a move, and behind the bar its whole answer, in which "..." stands for any words. A line without a move
+    goes on with the answer above.
+    """
+    for line in re.sub(r"\n *\|", "", story).strip().splitlines():
+        move, _, expected = map(str.strip, line.partition("|"))
+        given = answer(move)
+        assert re.fullmatch(re.escape(expected).replace(r"\.\.\.", ".*"), given), f"{move} | {given}"
 
 
 def journaled(state: MissionState) -> MissionState:

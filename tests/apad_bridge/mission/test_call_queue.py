@@ -4,11 +4,11 @@ What is done by hand are transcripts: each line has what the test does, and behi
 answers. A clock time is a tick.
 """
 
-import re
 import threading
 from typing import Any
 
 import pytest
+from flying import play
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.hold_last import LastPacket
@@ -286,6 +286,4 @@ STORIES = {
 @pytest.mark.parametrize("story", STORIES.values(), ids=STORIES)
 def test_by_hand(pool: Scenario, story: str) -> None:
     by_hand = ByHand(pool)
-    for line in re.sub(r"\n *\|", "", story).strip().splitlines():
-        move, _, expected = map(str.strip, line.partition("|"))
-        assert "; ".join(by_hand.do(move)) == expected, move
+    play(story, lambda move: "; ".join(by_hand.do(move)))

@@ -1,18 +1,17 @@
 """The energy-exchange mission, with beliefs and port answers set by the test.
 
 Its stories are transcripts: each line has what the test does, and behind the bar all that the mission orders and tells in
-answer. A primitive of it is under way until a line lets it end. A line without a move goes on with the answer above.
+answer. A primitive of it is under way until a line lets it end.
 """
 
 import ast
-import re
 import sys
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import pytest
-from flying import journaled
+from flying import journaled, play
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenario_files import POOL_FILE
@@ -230,12 +229,6 @@ class Bench:
         """The rules change in flight."""
         self.mission.change_planning(rules(registry.collection(collection), replace(self.config, **changes)))
 
-    def play(self, story: str) -> None:
-        """Does what a transcript says, and compares what it orders and tells."""
-        for line in re.sub(r"\n *\|", "", story).strip().splitlines():
-            move, _, expected = map(str.strip, line.partition("|"))
-            assert self.move(move) == expected, move
-
     def move(self, text: str) -> str:
         """One line's move, and the answer. A move that is none of the bench's own is a fact of the mission's state."""
         name, *words = text.split()
@@ -275,9 +268,9 @@ END = KnownEnd(end_s=1000.0, drain_per_s=0.001)
 """A whole battery lasts for 1000 s, so the charge that lasts until the end falls from 1 at the start by 0.001 a second."""
 
 
-def played(story: str, **setup: Any) -> Bench:
-    bench = Bench(**setup)
-    bench.play(story)
+def played(story: str, bench: Bench | None = None, **setup: Any) -> Bench:
+    bench = bench or Bench(**setup)
+    play(story, bench.move)
     return bench
 
 
@@ -321,14 +314,14 @@ def one_docked(agents: int = 2, **changes: Any) -> Bench:
     bench = Bench(agents=agents, config=replace(ONE_BY_ONE, **changes))
     for agent_id in range(2, agents + 1):
         bench.say(agent_id, "active", 0.9)
-    bench.play(
+    return played(
         """
         tick      | hold; plan collect 1; go 10,0; call 1; [go to aMussel]
         collect 1 | hold; [charging wait]
         tick      |
-        """
+        """,
+        bench,
     )
-    return bench
 
 
 def four_docked(**changes: Any) -> Bench:
@@ -373,7 +366,7 @@ def exchanging(**changes: Any) -> Bench:
 def half_exchanged() -> Bench:
     """No dock is free, so 2 leaves before 4 is collected, which then fails: both are at one place."""
     bench = exchanging(collection_attempts=2)
-    bench.play(
+    return played(
         """
         docks 2                |
         tick                   | plan collect 4 3, 2 for 4, 1 for 3; go 40,0; [go to deployment]
@@ -383,9 +376,9 @@ def half_exchanged() -> Bench:
         homes                  | ((1, 30.0, 0.0), (2, 40.0, 0.0), (3, 10.0, 0.0), (4, 20.0, 0.0))
         release 1 0.95         | undock 1; release 1; released: 1: True; go 30,0; call 3; [go to aMussel]
         collect 3              | hold; [charging wait]
-        """
+        """,
+        bench,
     )
-    return bench
 
 
 def at_home(docked: DockedAtHome) -> Bench:
@@ -1277,7 +1270,7 @@ STORIES: dict[str, tuple[Callable[[], Bench], str]] = {
 
 @pytest.mark.parametrize(("begin", "story"), STORIES.values(), ids=STORIES)
 def test_story(begin: Callable[[], Bench], story: str) -> None:
-    begin().play(story)
+    play(story, begin().move)
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@ from collections.abc import Callable
 from itertools import pairwise
 
 import pytest
+from flying import play
 
 from apad_bridge.supervisor.clock import POLL_PERIOD_S, WallClock
 
@@ -30,106 +31,156 @@ class Hand:
         return False
 
 
-@pytest.fixture
-def hand() -> Hand:
-    return Hand()
+class Paced(Hand):
+    """A wall clock of a story: each line's answer is the time that has come, in seconds."""
+
+    def __init__(self, speed: float = 1.0) -> None:
+        super().__init__()
+        self.pace = WallClock(speed, bound_s=5.0, clock=self)
+        self.begin_ms = self.pace.clock_ms()
+
+    def answer(self, move: str) -> str:
+        name, *words = move.split()
+        numbers = [float(it) for it in words if it.replace(".", "").isdigit()]
+        match name:
+            case "reach":
+                self.pace.reach(int(numbers[0]), self.stopped)
+            case "after":
+                act = {"step": self.pace.speed.step, "freed": lambda: self.hold(False)}.get(words[1])
+                self.after[numbers[0]] = act or (lambda: self.pace.speed.change(numbers[1]))
+                return ""
+            case "speed":
+                self.pace.speed.change(numbers[0])
+                return ""
+            case "hold":
+                self.hold(True)
+                return f"stands {self.pace.speed.stands}"  # only a person's 0 takes a step
+            case "begin":
+                self.pace.begin_at(self.begin_ms + int(numbers[0]))
+                return ""
+            case "late":
+                self.now_s += numbers[0]
+                return ""
+            case "ends":
+                self.stopped.wait = lambda timeout=None: True  # type: ignore[method-assign]
+                return ""
+        told = {"behind": self.pace.behind_s, "slipped": self.pace.slipped_s}
+        return ", ".join(
+            [f"{self.now_s - 100:.1f}", *(f"{it} {s:.1f}" for it, s in told.items() if s > 0.05)]
+        )
+
+    def hold(self, is_held: bool) -> None:
+        self.pace.speed.is_held = lambda: is_held
 
 
-@pytest.mark.parametrize(("speed", "each_s"), [(1.0, 1.0), (20.0, 0.05)])
-def test_a_tick_comes_at_its_wall_time(hand: Hand, speed: float, each_s: float) -> None:
-    pace = WallClock(speed, clock=hand)
-    for now_ms in range(0, 4000, 1000):
-        pace.reach(now_ms, hand.stopped)
-    assert hand.now_s == pytest.approx(100.0 + 3 * each_s)
-    assert pace.behind_s == 0.0
-
-
-def test_a_changed_speed_counts_from_the_time_that_has_come(hand: Hand) -> None:
-    pace = WallClock(1.0, clock=hand)
-    pace.reach(0, hand.stopped)
-    hand.after[0.4] = lambda: pace.speed.change(3.0)
-    pace.reach(1000, hand.stopped)
-    assert hand.now_s == pytest.approx(100.4 + 0.6 / 3, abs=0.01)
-    pace.reach(4000, hand.stopped)
-    assert hand.now_s == pytest.approx(100.4 + 3.6 / 3, abs=0.01)
-
-
-def test_time_that_stands_comes_on_by_steps_of_a_tick_and_loses_nothing(hand: Hand) -> None:
-    pace = WallClock(1.0, clock=hand)
-    pace.reach(0, hand.stopped)
-    pace.speed.change(0.0)
-    hand.after |= {50.0: pace.speed.step, 70.0: pace.speed.step, 90.0: lambda: pace.speed.change(2.0)}
-    came_s = []
+STORIES = {
+    "a tick comes at its wall time": (
+        1.0,
+        """
+        reach 0    | 0.0
+        reach 1000 | 1.0
+        reach 2000 | 2.0
+        reach 3000 | 3.0
+        """,
+    ),
+    "by another speed, too": (
+        20.0,
+        """
+        reach 0     | 0.0
+        reach 10000 | 0.5
+        reach 20000 | 1.0
+        """,
+    ),
+    "a changed speed counts from the time that has come": (
+        1.0,
+        """
+        reach 0       | 0.0
+        after 0.4 3.0 |
+        reach 1000    | 0.6
+        reach 4000    | 1.6
+        """,
+    ),
     # A pace that is asked for parts of a tick passes them all by one step.
-    for now_ms in (500, 1000, 1500, 2000, 3000):
-        pace.reach(now_ms, hand.stopped)
-        came_s.append(hand.now_s - 100.0)
-    assert came_s == pytest.approx([50.0, 50.0, 70.0, 70.0, 90.5], abs=0.3)
-    assert pace.slipped_s == 0.0
+    "time that stands comes on by steps of a tick and loses nothing": (
+        1.0,
+        """
+        reach 0       | 0.0
+        speed 0       |
+        after 50 step |
+        after 70 step |
+        after 90 2.0  |
+        reach 500     | 50.2
+        reach 1000    | 50.2
+        reach 1500    | 70.2
+        reach 2000    | 70.2
+        reach 3000    | 90.7
+        """,
+    ),
+    "held time goes on at the newest speed and takes no time back": (
+        2.0,
+        """
+        reach 0        | 0.0
+        hold           | stands False
+        after 30 4.0   |
+        after 50 freed |
+        reach 1000     | 50.4
+        reach 2000     | 50.7
+        reach 3000     | 50.9
+        """,
+    ),
+    "a flight that ends does not wait for time that stands": (
+        1.0,
+        """
+        reach 0    | 0.0
+        speed 0    |
+        ends       |
+        reach 1000 | 0.0
+        """,
+    ),
+    # One that resumes there does not wait again.
+    "missions that begin at the same time of the clock have their ticks together": (
+        1.0,
+        """
+        begin 500  |
+        reach 3000 | 3.5
+        begin 500  |
+        reach 3000 | 3.5
+        """,
+    ),
+    "a little late it catches up": (
+        1.0,
+        """
+        reach 0    | 0.0
+        late 3     |
+        reach 1000 | 3.0, behind 2.0
+        reach 2000 | 3.0, behind 1.0
+        reach 4000 | 4.0
+        """,
+    ),
+    "far behind it moves its schedule and says by how much": (
+        1.0,
+        """
+        reach 0    | 0.0
+        late 11    |
+        reach 1000 | 11.0, behind 10.0, slipped 10.0
+        reach 2000 | 12.0, slipped 10.0
+        """,
+    ),
+}
 
 
-def test_held_time_goes_on_at_the_newest_speed_and_takes_no_time_back(hand: Hand) -> None:
-    pace = WallClock(2.0, clock=hand)
-    pace.reach(0, hand.stopped)
-    held = [True]
-    pace.speed.is_held = lambda: bool(held)
-    assert not pace.speed.stands  # only a person's 0 takes a step
-    hand.after |= {30.0: lambda: pace.speed.change(4.0), 50.0: held.clear}
-    pace.reach(1000, hand.stopped)
-    assert hand.now_s == pytest.approx(150.25, abs=0.3)
-    pace.reach(2000, hand.stopped)
-    assert hand.now_s == pytest.approx(150.5, abs=0.3)
-    assert pace.slipped_s == 0.0
+@pytest.mark.parametrize(("speed", "story"), STORIES.values(), ids=STORIES)
+def test_story(speed: float, story: str) -> None:
+    play(story, Paced(speed).answer)
 
 
-def test_a_flight_that_ends_does_not_wait_for_time_that_stands(hand: Hand) -> None:
-    pace = WallClock(1.0, clock=hand)
-    pace.reach(0, hand.stopped)
-    pace.speed.change(0.0)
-    hand.stopped.wait = lambda timeout=None: True  # type: ignore[method-assign]
-    pace.reach(1000, hand.stopped)
-    assert pace.behind_s == 0.0
-
-
-def test_missions_that_begin_at_the_same_time_of_the_clock_have_their_ticks_together(hand: Hand) -> None:
-    paces = [WallClock(1.0, clock=hand) for _ in range(2)]
-    begin_ms = paces[0].clock_ms() + 500
-    for pace in paces:
-        pace.begin_at(begin_ms)
-    paces[0].reach(3000, hand.stopped)
-    assert hand.now_s == pytest.approx(103.5)
-    paces[1].reach(3000, hand.stopped)  # one that resumes there does not wait again
-    assert hand.now_s == pytest.approx(103.5)
-
-
-def test_a_little_late_it_catches_up(hand: Hand) -> None:
-    pace = WallClock(1.0, bound_s=5.0, clock=hand)
-    pace.reach(0, hand.stopped)
-    hand.now_s += 3.0
-    pace.reach(1000, hand.stopped)
-    assert pace.behind_s == pytest.approx(2.0)
-    pace.reach(2000, hand.stopped)
-    pace.reach(4000, hand.stopped)
-    assert hand.now_s == pytest.approx(104.0)
-    assert pace.slipped_s == 0.0
-
-
-def test_a_wait_that_ends_late_counts_as_late(hand: Hand) -> None:
+def test_a_wait_that_ends_late_counts_as_late() -> None:
+    hand = Hand()
     hand.stopped.wait = lambda timeout=None: hand._wait(timeout + 0.25)  # type: ignore[method-assign, operator]
     pace = WallClock(1.0, clock=hand)
     pace.reach(0, hand.stopped)
     pace.reach(1000, hand.stopped)
     assert pace.behind_s == pytest.approx(0.25)
-
-
-def test_far_behind_it_moves_its_schedule_and_says_by_how_much(hand: Hand) -> None:
-    pace = WallClock(1.0, bound_s=5.0, clock=hand)
-    pace.reach(0, hand.stopped)
-    hand.now_s += 11.0
-    pace.reach(1000, hand.stopped)
-    assert pace.slipped_s == pytest.approx(10.0)
-    pace.reach(2000, hand.stopped)
-    assert hand.now_s == pytest.approx(112.0)
 
 
 @pytest.mark.parametrize("speed", [1.0, 10.0])
