@@ -3,17 +3,20 @@
 import json
 import math
 import os
+import re
 import resource
 import socket
 import stat
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
-from flying import Flying
+from flying import Flying, play
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from journals import facts_of
 
 from apad_bridge.commands import main
 from apad_bridge.events.mission_events import Phase
@@ -51,32 +54,180 @@ def flying(pool: Scenario, run_dir: Path) -> Iterator[Flying]:
         yield flying
 
 
-def test_a_command_gives_an_order_and_prints_the_answer(
-    flying: Flying, run_dir: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert flying.answered(lambda: main.main(["stop", str(run_dir), "--by", "Anna", "--json"])) == 0
-    assert flying.phase is Phase.COMMANDED
-    told = json.loads(capsys.readouterr().out)[run_dir.name]
-    assert (told["accepted"], told["stop"], told["mode"], told["state"]) == (True, 1, "hold", "obeyed")
-    assert [it["state"] for it in flying.events("stop")] == ["ordered", "sent", "taken", "obeyed"]
-    flying.seconds(5)
-    assert flying.events("stop")[-1]["state"] == "at rest"
-    assert flying.answered(lambda: main.main(["stop", str(run_dir)])) == 0
-    assert "stop 2 (off): ordered, sent after 0.0 s, taken" in capsys.readouterr().out
-    assert flying.answered(lambda: main.main(["continue", str(run_dir), "--stop", "1"])) == 3
-    assert "stop 1 is not in force: stop 2 (off" in capsys.readouterr().out
-    assert flying.answered(lambda: main.main(["continue", str(run_dir), "--stop", "2"])) == 0
-    assert [it["number"] for it in flying.events("continued")] == [2]
-    assert flying.answered(lambda: main.main(["abort", str(run_dir)])) == 0
-    flying.calls.close("the flight is over")
-    assert main.main(["stop", str(run_dir)]) == 3
-    assert "the mission is over" in capsys.readouterr().out
+TOLD: dict[str, Callable[[dict[str, Any]], str]] = {
+    "override": lambda it: "taken" if it["taken"] else "given back",
+    "operator": lambda it: f"{it['by']} orders {it['order']}",
+    "stop": lambda it: f"stop {it['number']} {it['mode']} {it['state']}",
+    "continued": lambda it: f"stop {it['number']} is over",
+    "refused": lambda it: f"refused by {it['guard']}",
+    "speed": lambda it: f"speed {it['times']:g}",
+}
+"""The events that a transcript shows."""
 
 
-def test_an_abort_with_motors_off_waits_until_the_controllers_are_off(flying: Flying, run_dir: Path) -> None:
-    assert flying.answered(lambda: main.main(["abort", str(run_dir), "--motors-off"])) == 0
-    assert flying.phase is Phase.ENDED
-    assert [(it["mode"], it["state"]) for it in flying.events("stop")][-1] == ("off", "obeyed")
+class Orders(Flying):
+    """A fenced flight that a story's commands and requests reach through the socket of its directory."""
+
+    def __init__(self, pool: Scenario, run_dir: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        fence = ((-4.0, -4.0), (32.0, -4.0), (32.0, 25.0), (-4.0, 25.0))
+        super().__init__(replace(pool, area=replace(pool.area, fence=fence)))
+        self._run_dir, self._capsys = run_dir, capsys
+        self.speed = FlightSpeed(20.0)
+        self._shown = 0
+
+    def answer(self, move: str) -> str:
+        """The answer to a line's move, and what the flight told since the line before."""
+        said, facts = self.do(move), facts_of(self.records)
+        shown = [TOLD[kind](data) for _, kind, data in facts[self._shown :] if kind in TOLD]
+        self._shown = len(facts)
+        return "; ".join(it for it in (said, *shown) if it)
+
+    def do(self, move: str) -> str:
+        name, *words = move.split()
+        numbers = [float(it) for it in words if re.fullmatch(r"[\d.e-]+", it)]
+        match name:
+            case "seconds":
+                self.seconds(int(words[0]))
+            case "until":
+                self.until(lambda: move.endswith(str(self.seen)))
+            case "phase":
+                return self.phase.value
+            case "at":
+                pose = self.flight.supervisor.pose
+                return str(pose is not None and math.dist((pose.north_m, pose.east_m), numbers) < 1)
+            case "passes":
+                return str([self.speed.lets_pass(round(it)) for it in numbers])
+            case "ask":
+                act, times = (
+                    Act(words[0].replace("_", " ")),
+                    numbers[0] if words[0] == "speed" and numbers else None,
+                )
+                goal_m, speed_m_s = tuple(numbers[:2]), numbers[2] if len(numbers) > 2 else None
+                request = Request(
+                    act, "Anna", goal_m=goal_m if len(goal_m) == 2 else None, speed_m_s=speed_m_s, times=times
+                )
+                speed = self.speed if "own" in words else None
+                asked = lambda: control_server.carry_out(request, self.calls, self.gate, speed=speed)  # noqa: E731
+                answer = asked() if "at_once" in words else self.answered(asked)
+                return ", ".join(
+                    it for it in ("yes" if answer.accepted else "no", answer.message, answer.steers) if it
+                )
+            case _:
+                command = [name, str(self._run_dir), *words]
+                try:
+                    code = self.answered(lambda: main.main(command))
+                except SystemExit as ended:
+                    code = ended.code
+                told = self._capsys.readouterr()
+                return f"{code}: {' '.join((told.out + told.err).split())}"
+        return ""
+
+    @property
+    def seen(self) -> str:
+        return "done" if self.calls.wait(0).goto is Status.DONE else self.phase.value
+
+
+STORIES = {
+    "commands give orders and print the answers": """
+        seconds 3             |
+        stop --by Anna --json | 0: {..."accepted": true, ... "stop": 1, "mode": "hold", "state": "obeyed"...;
+                              | Anna orders stop; taken; stop 1 hold ordered; stop 1 hold sent;
+                              | stop 1 hold taken; stop 1 hold obeyed
+        phase                 | by hand or script
+        seconds 5             | stop 1 hold at rest
+        stop                  | 0: stop 2 (off): ordered, sent after 0.0 s, taken ... nobody steers: ...;
+                              | ... orders stop; stop 2 off ordered; stop 2 off sent; stop 2 off taken;
+                              | stop 2 off obeyed
+        continue --stop 1     | 3: stop 1 is not in force: stop 2 (off, by ...) is in force...
+        continue --stop 2     | 0: done; the mission steers...;
+                              | given back; ... orders continue; refused by person; stop 2 is over
+        abort                 | 0: done...; ... orders abort
+        stop                  | 3: the mission is over: a call: abort by ...
+    """,
+    "an abort with motors off waits until the controllers are off": """
+        seconds 3          |
+        abort --motors-off | 0: done...; ... orders stop; taken;
+                           | stop 1 off ordered; stop 1 off sent; stop 1 off taken; stop 1 off obeyed;
+                           | ... orders abort
+        phase              | ended
+    """,
+    "the way back in needs a lookout and a place outside": """
+        seconds 3            |
+        back-in              | 2: ...--lookout
+        back-in --lookout Bo | 3: the aPad is inside the fence...
+    """,
+    "a go-to takes the aPad over and moves it, a hold follows, and it is given back": """
+        until go to aMussel |
+        ask go_to 20 15 0.4 | yes, a person steers: ...; Anna orders go to; taken
+        phase               | by hand or script
+        until done          |
+        at 20 15            | True
+        ask hold 18 15      | yes, a person steers: ...; Anna orders hold
+        phase               | by hand or script
+        ask give_back       | yes, the mission steers; given back; Anna orders give back
+        phase               | go to aMussel
+    """,
+    # No stopped order is left to go on with.
+    "a go-to replaces the one that was stopped": """
+        until go to aMussel |
+        ask go_to 20 15     | yes, a person steers: ...; Anna orders go to; taken
+        seconds 2           |
+        ask stop            | yes, a person steers: ...; Anna orders stop; stop 1 hold ordered; stop 1 hold sent; stop 1 hold taken;
+                            | stop 1 hold obeyed
+        ask go_to 14 5      | yes, a person steers: ...; Anna orders go to; stop 1 is over
+        until done          |
+        at 14 5             | True
+        ask continue        | no, nothing was stopped: there is nothing to continue;
+                            | a person steers: ...
+        ask give_back       | yes, the mission steers; given back; Anna orders give back
+        phase               | go to aMussel
+    """,
+    "a go-to or a hold that is refused leaves the mission flying": """
+        until go to aMussel |
+        ask go_to 20 40     | no, refused: the goal (20.0 m north, 40.0 m east) lies 15.0 m outside the fence;
+                            | refused by fence
+        ask hold 20 40      | no, refused: the goal (20.0 m north, 40.0 m east) lies 15.0 m outside the fence;
+                            | refused by fence
+        ask go_to 20 15 9.0 | no, a speed of 9 m/s: apad.max_speed_m_s is 1 m/s
+        ask hold 20 15 9.0  | no, a speed of 9 m/s: apad.max_speed_m_s is 1 m/s
+        ask go_to 1e6 0     | no, the goal lies 1000000 m from the scenario's origin...
+        ask hold 1e6 0      | no, the goal lies 1000000 m from the scenario's origin...
+        ask go_to           | no, an order to go to needs a goal
+        ask hold            | no, an order to hold needs a goal
+        phase               | go to aMussel
+    """,
+    # Without a tick only a stop is kept, for the next one.
+    "a flight's speed changes by a person, and a stop waits while time stands": """
+        seconds 3             |
+        ask speed own         | no, a step takes `musselbed speed RUN 0` first
+        ask speed 5 own       | yes, the flight's speed is 5 times real time; speed 5
+        ask speed 0 own       | yes, mission time stands still; speed 0
+        passes 1000           | [False]
+        ask abort own at_once | no, mission time stands still: `musselbed speed RUN 1` or `musselbed speed RUN step` first
+        ask stop own at_once  | no, no mission tick came within 0.1 s: it goes out with the next tick
+        ask speed own         | yes, mission time stands still; Anna orders stop; taken; speed 0;...
+        phase                 | by hand or script
+        passes 500 1000 1500  | [True, True, False]
+        ask speed 2 own       | yes, the flight's speed is 2 times real time; speed 2...
+    """,
+    "a time that is not the flight's own has no speed": """
+        seconds 3   |
+        ask speed 5 | no, only a simulated aPad on the run's own master has a speed to change;
+                    | to stop the aPad: musselbed stop RUN
+    """,
+}
+
+
+@pytest.mark.parametrize("story", STORIES.values(), ids=STORIES)
+def test_story(pool: Scenario, run_dir: Path, capsys: pytest.CaptureFixture[str], story: str) -> None:
+    orders = Orders(pool, run_dir, capsys)
+    with control_offered(run_dir, orders.calls, orders.gate):
+        play(story, orders.answer)
+
+
+@pytest.mark.parametrize("times", [-1.0, math.inf])
+def test_a_speed_has_its_range(times: float) -> None:
+    assert "0.01 to 10000" in Request(Act.SPEED, "Anna", times=times).mistake
 
 
 def test_a_stop_needs_no_position_and_hands_still_the_arms(pool: Scenario, run_dir: Path) -> None:
@@ -85,16 +236,6 @@ def test_a_stop_needs_no_position_and_hands_still_the_arms(pool: Scenario, run_d
         assert flying.answered(lambda: main.main(["hands", str(run_dir)])) == 0
     assert [(it["mode"], it["state"]) for it in flying.events("stop")][-1] == ("off", "obeyed")
     assert flying.gate.stops.in_force is not None and flying.gate.stops.in_force.stills_arms
-
-
-def test_the_way_back_in_needs_a_lookout_and_a_place_outside(
-    flying: Flying, run_dir: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    with pytest.raises(SystemExit):
-        main.main(["back-in", str(run_dir)])
-    assert "--lookout" in capsys.readouterr().err
-    assert flying.answered(lambda: main.main(["back-in", str(run_dir), "--lookout", "Bo"])) == 3
-    assert "the aPad is inside the fence" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("act", Act)
@@ -238,104 +379,3 @@ def connected(run_dir: Path) -> socket.socket:
     with short_path(run_dir) as path:
         link.connect(path)
     return link
-
-
-def test_a_go_to_takes_the_apad_over_and_moves_it_and_a_hold_follows(flying: Flying, run_dir: Path) -> None:
-    flying.until(lambda: flying.phase is Phase.GO_COLLECT)
-    order = Request(Act.GO_TO, "Anna", goal_m=(20.0, 15.0), speed_m_s=0.4)
-    answer = flying.answered(lambda: ask(run_dir, order))
-    assert answer.accepted and answer.steers.startswith("a person steers")
-    assert flying.phase is Phase.COMMANDED
-    assert [it["taken"] for it in flying.events("override")] == [True]
-    flying.until(lambda: flying.calls.wait(0).goto is Status.DONE)
-    here = flying.flight.supervisor.pose
-    assert here is not None and math.dist((here.north_m, here.east_m), (20.0, 15.0)) < 1.0
-
-    hold = Request(Act.HOLD, "Anna", goal_m=(18.0, 15.0))
-    assert flying.answered(lambda: ask(run_dir, hold)).accepted
-    assert flying.by_hand.state.phase is Phase.COMMANDED
-    orders = [(it["order"], it["north_m"], it["east_m"]) for it in flying.events("operator")]
-    assert orders == [("go to", 20.0, 15.0), ("hold", 18.0, 15.0)]
-
-    assert flying.answered(lambda: ask(run_dir, Request(Act.GIVE_BACK, "Anna"))).accepted
-    assert flying.phase is not Phase.COMMANDED
-
-
-def test_a_go_to_replaces_the_one_that_was_stopped(flying: Flying, run_dir: Path) -> None:
-    flying.until(lambda: flying.phase is Phase.GO_COLLECT)
-    assert flying.answered(lambda: ask(run_dir, Request(Act.GO_TO, "Anna", goal_m=(20.0, 15.0)))).accepted
-    flying.seconds(2)
-    assert flying.answered(lambda: ask(run_dir, Request(Act.STOP, "Anna"))).accepted
-    assert flying.calls.wait(0).paused
-    assert flying.answered(lambda: ask(run_dir, Request(Act.GO_TO, "Anna", goal_m=(14.0, 5.0)))).accepted
-    flying.until(lambda: flying.calls.wait(0).goto is Status.DONE)
-    here = flying.flight.supervisor.pose
-    assert here is not None and math.dist((here.north_m, here.east_m), (14.0, 5.0)) < 1.0
-    # No stopped order is left to go on with.
-    assert not flying.answered(lambda: ask(run_dir, Request(Act.CONTINUE, "Anna"))).accepted
-    assert flying.answered(lambda: ask(run_dir, Request(Act.GIVE_BACK, "Anna"))).accepted
-    assert flying.phase is not Phase.COMMANDED
-
-
-@pytest.mark.parametrize(
-    ("goal_m", "speed_m_s", "why"),
-    [
-        ((20.0, 40.0), None, "fence"),
-        ((20.0, 15.0), 9.0, "max_speed_m_s"),
-        ((1e6, 0.0), None, "from the scenario's origin"),
-        (None, None, "needs a goal"),
-    ],
-)
-@pytest.mark.parametrize("act", [Act.GO_TO, Act.HOLD])
-def test_a_refused_go_to_leaves_the_mission_flying(
-    pool: Scenario,
-    run_dir: Path,
-    act: Act,
-    goal_m: tuple[float, float] | None,
-    speed_m_s: float | None,
-    why: str,
-) -> None:
-    fence = ((-4.0, -4.0), (32.0, -4.0), (32.0, 25.0), (-4.0, 25.0))
-    flying = Flying(replace(pool, area=replace(pool.area, fence=fence)))
-    flying.until(lambda: flying.phase is Phase.GO_COLLECT)
-    with control_offered(run_dir, flying.calls, flying.gate):
-        answer = flying.answered(
-            lambda: ask(run_dir, Request(act, "Anna", goal_m=goal_m, speed_m_s=speed_m_s))
-        )
-    assert not answer.accepted and why in answer.message
-    assert flying.phase is Phase.GO_COLLECT
-    assert flying.events("override") == [] and flying.events("operator") == []
-    assert [it["guard"] for it in flying.events("refused")] == (["fence"] if why == "fence" else [])
-
-
-def test_a_flight_s_speed_changes_by_a_person_and_a_stop_waits_while_time_stands(pool: Scenario) -> None:
-    flying, speed = Flying(pool), FlightSpeed(20.0)
-    flying.seconds(3)
-
-    def asked(act: Act, times: float | None = None) -> Answer:
-        return control_server.carry_out(
-            Request(act, "Anna", times=times), flying.calls, flying.gate, speed=speed
-        )
-
-    answers = [flying.answered(lambda it=it: asked(Act.SPEED, it)) for it in (None, 5.0, 0.0)]  # type: ignore[misc]
-    assert [it.accepted for it in answers] == [False, True, True]
-    assert "a step takes `musselbed speed RUN 0` first" in answers[0].message
-    assert speed.stands and not speed.lets_pass(1000)
-    # Without a tick: only a stop is kept for the next one.
-    refused, stopped = asked(Act.ABORT), asked(Act.STOP)
-    assert not refused.accepted and "mission time stands still" in refused.message
-    assert not stopped.accepted and "goes out with the next tick" in stopped.message
-    assert flying.answered(lambda: asked(Act.SPEED)).accepted
-    assert flying.phase is Phase.COMMANDED
-    assert [speed.lets_pass(it) for it in (500, 1000, 1500)] == [True, True, False]
-    assert flying.answered(lambda: asked(Act.SPEED, 2.0)).accepted
-    assert speed.times == 2.0
-    assert [it["times"] for it in flying.events("speed")] == [5.0, 0.0, 0.0, 2.0]
-
-
-def test_a_time_that_is_not_the_flight_s_own_has_no_speed(flying: Flying, run_dir: Path) -> None:
-    answer = control_server.carry_out(Request(Act.SPEED, "Anna", times=5.0), flying.calls, flying.gate)
-    assert not answer.accepted
-    assert "to stop the aPad: musselbed stop RUN" in answer.message
-    assert "0.01 to 10000" in Request(Act.SPEED, "Anna", times=-1.0).mistake
-    assert "0.01 to 10000" in Request(Act.SPEED, "Anna", times=math.inf).mistake
