@@ -172,8 +172,8 @@ STORIES = {
         until go to aMussel |
         ask go_to 20 15     | yes, a person steers: ...; Anna orders go to; taken
         seconds 2           |
-        ask stop            | yes, a person steers: ...; Anna orders stop; stop 1 hold ordered; stop 1 hold sent; stop 1 hold taken;
-                            | stop 1 hold obeyed
+        ask stop            | yes, a person steers: ...; Anna orders stop; stop 1 hold ordered; stop 1 hold sent;
+                            | stop 1 hold taken; stop 1 hold obeyed
         ask go_to 14 5      | yes, a person steers: ...; Anna orders go to; stop 1 is over
         until done          |
         at 14 5             | True

@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 
 import pytest
+from flying import play
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenario_files import POOL_FILE
@@ -54,39 +55,234 @@ def held(published: list[Published]) -> list[HeldPositionPublished]:
     return [it for it in published if isinstance(it, HeldPositionPublished)]
 
 
-@pytest.fixture
-def apad() -> GenerationAVehicle:
-    return vehicle()
+class Watched:
+    """A vehicle of a transcript, whose places are metres from where it began. A line's answer is all that it publishes."""
+
+    def __init__(self, fault: Fault = Fault.NONE) -> None:
+        self.apad = vehicle(fault=fault)
+        self.now_ms = 0
+
+    def answer(self, move: str) -> str:
+        name, *words = move.split()
+        apad, now_ms = self.apad, self.now_ms
+        match name:
+            case "go":
+                goal = go_to(words[0], NORTH_M + float(words[1]), EAST_M + float((*words, "0")[2]))
+                return shown(apad.receive(goal, now_ms))
+            case "perch" | "release":
+                made = {"perch": perch, "release": release}[name]
+                return shown(apad.receive(made(" ".join(words)), now_ms))
+            case "unknown":
+                return shown(apad.receive(GoalOrder("what", 7, 0.0, 0.0, ""), now_ms))
+            case "cancel":
+                return shown(apad.cancel(words[0], now_ms))
+            case "velocity":
+                return shown(apad.enable_velocity_control(words == ["on"], now_ms))
+            case "position":
+                return shown(apad.enable_position_control(words == ["on"], now_ms))
+            case "axes":
+                return shown(apad.configure_axes([2, 2, 0, 0, 0, 0], now_ms))
+            case "battery":
+                apad.change_battery(float(words[0]), now_ms)
+                return f"{apad.battery_percent:g}"
+            case "dock":
+                try:
+                    return shown(apad.set_dock(int(words[0]), words[1] == "closes", now_ms))
+                except ValueError as error:
+                    return str(error)
+            case "at":
+                return f"{apad.pose.north_m - NORTH_M:.1f}, {apad.pose.east_m - EAST_M:.1f}"
+            case "see":
+                return str(getattr(apad, words[0]))
+        self.now_ms = round(1000 * float(words[0]))
+        return shown(apad.advance(self.now_ms))
 
 
-def test_a_go_to_succeeds_once_the_mean_distance_of_a_second_is_below_the_radius(
-    apad: GenerationAVehicle,
-) -> None:
-    apad.receive(go_to("there", NORTH_M + 5), 0)
-    published = apad.advance(30_000)
-    (ended,) = [it for it in published if isinstance(it, GoalEnded)]
-    assert (ended.key, ended.outcome) == ("there", GoalOutcome.SUCCEEDED)
+def shown(published: list[Published]) -> str:
+    """Goals that ended with their times; of all else that was published, how often, and the newest."""
+    found = {
+        str(it): f"{it.key} {it.outcome.name.lower()} at {it.at_ms / 1000:g}"
+        for it in published
+        if isinstance(it, GoalEnded)
+    }
+    for it in published:
+        if isinstance(it, HeldPositionPublished):
+            place = f"{it.north_m - NORTH_M:.1f}, {it.east_m - EAST_M:.1f}"
+            newest = f"{it.name} {'released' if it.released else 'held'} at {it.at_ms / 1000:g} s: {place}"
+            found[it.name] = f"{sum(other.name == it.name for other in held(published))} x {newest}"
+        if isinstance(it, BatteryAndProgressPublished) and it.goal_key:
+            begun = found.get(it.goal_key, f"{it.goal_key} {it.covered_percent:.0f} %").partition(" to ")[0]
+            found[it.goal_key] = f"{begun} to {it.covered_percent:.0f} %"
+    return "; ".join(found.values())
+
+
+STORIES: dict[str, tuple[Fault, str]] = {
     # 5 m at 0.5 m/s, half a metre early, half a second for the mean, and the start from rest.
-    assert 9_000 < ended.at_ms < 12_500
+    "a go-to succeeds once the mean distance of a second is below the radius": (
+        Fault.NONE,
+        """
+        go there 5 |
+        advance 30 | there succeeded at 10.3; there 3 % to 92 %
+        """,
+    ),
+    # It cannot turn on the spot.
+    "feedback is the percentage covered, and negative farther away": (
+        Fault.NONE,
+        """
+        go east 0 6 |
+        advance 5   | east 3 % to 35 %
+        go back 0 0 | east preempted at 5
+        advance 6   | back -17 % to -17 %
+        advance 30  | back succeeded at 12; back -19 % to 64 %
+        """,
+    ),
+    "a cancelled go-to is pre-empted and keeps moving": (
+        Fault.NONE,
+        """
+        go there 5   |
+        advance 2    | there 3 % to 12 %
+        cancel there | there preempted at 2
+        advance 30   |
+        at           | 5.0, 0.0
+        """,
+    ),
+    # By its source, velocity control that comes on sets no axis.
+    "a goal without controllers stays active, and the next go-to turns both on": (
+        Fault.NONE,
+        """
+        go far 1000    |
+        advance 10     | far 0 % to 0 %
+        velocity off   |
+        position off   |
+        advance 100    | far 0 % to 1 %
+        at             | 6.6, 0.0
+        velocity on    |
+        advance 130    | far 1 % to 1 %
+        at             | 6.6, 0.0
+        go next 12     | far preempted at 130
+        advance 160    | next succeeded at 141.1; next 3 % to 94 %
+        see has_thrust | True
+        """,
+    ),
+    "controllers that come on again steer to the old reference, though its goal is cancelled": (
+        Fault.NONE,
+        """
+        go far 1000  |
+        advance 10   | far 0 % to 0 %
+        cancel far   | far preempted at 10
+        velocity off |
+        advance 60   |
+        at           | 6.6, 0.0
+        axes on      |
+        advance 80   |
+        at           | 16.2, 0.0
+        """,
+    ),
+    "a perch asks for no nearness and takes the first free dock": (
+        Fault.NONE,
+        """
+        perch amussel0   | perch amussel0 succeeded at 0; 1 x amussel0 held at 0 s: -0.1, -0.1
+        perch amussel1   | perch amussel1 succeeded at 0; 1 x amussel1 held at 0 s: -0.1, 0.1
+        perch amussel2   | perch amussel2 succeeded at 0; 1 x amussel2 held at 0 s: 0.1, -0.1
+        perch amussel3   | perch amussel3 succeeded at 0; 1 x amussel3 held at 0 s: 0.1, 0.1
+        release amussel1 | release amussel1 succeeded at 0; 1 x amussel1 released at 0 s: -0.1, 0.1
+        perch amussel9   | perch amussel9 succeeded at 0; 1 x amussel9 held at 0 s: -0.1, 0.1
+        see held         | ['amussel0', 'amussel9', 'amussel2', 'amussel3']
+        """,
+    ),
+    "the same object perched twice takes two docks": (
+        Fault.NONE,
+        """
+        perch amussel1 | perch amussel1 succeeded at 0; 1 x amussel1 held at 0 s: -0.1, -0.1
+        perch amussel1 | perch amussel1 succeeded at 0; 1 x amussel1 held at 0 s: -0.1, 0.1
+        see free_docks | [2, 3]
+        """,
+    ),
+    "what is held is told at 20 Hz and follows the vehicle": (
+        Fault.NONE,
+        """
+        perch amussel1 | perch amussel1 succeeded at 0; 1 x amussel1 held at 0 s: -0.1, -0.1
+        go there 5     |
+        advance 0.05   | 1 x amussel1 held at 0.05 s: -0.1, -0.1
+        advance 0.099  |
+        advance 0.1    | 1 x amussel1 held at 0.1 s: -0.1, -0.1
+        advance 30     | there succeeded at 10.3; 598 x amussel1 held at 30 s: 4.9, -0.1; there 3 % to 92 %
+        """,
+    ),
+    "a release has a last message and a result, and one of what is not held is aborted": (
+        Fault.NONE,
+        """
+        perch amussel1   | perch amussel1 succeeded at 0; 1 x amussel1 held at 0 s: -0.1, -0.1
+        release          | release  aborted at 0
+        release amussel2 | release amussel2 aborted at 0
+        see held         | ['amussel1']
+        advance 1.02     | 20 x amussel1 held at 1 s: -0.1, -0.1
+        release amussel1 | release amussel1 succeeded at 1.02; 1 x amussel1 released at 1.02 s: -0.1, -0.1
+        advance 3        |
+        """,
+    ),
+    "a silent release lets go without a message": (
+        Fault.RELEASE_SILENT,
+        """
+        perch amussel1   | perch amussel1 succeeded at 0; 1 x amussel1 held at 0 s: -0.1, -0.1
+        release amussel1 |
+        advance 3        |
+        perch amussel2   | perch amussel2 succeeded at 3; 1 x amussel2 held at 3 s: -0.1, -0.1
+        """,
+    ),
+    "a crash in release silences all that is held, and the goals": (
+        Fault.RELEASE_CRASHES,
+        """
+        perch amussel1   | perch amussel1 succeeded at 0; 1 x amussel1 held at 0 s: -0.1, -0.1
+        perch amussel2   | perch amussel2 succeeded at 0; 1 x amussel2 held at 0 s: -0.1, 0.1
+        release amussel1 |
+        advance 2        |
+        go there 0       |
+        see dropped      | Counter({'goal: the action server has crashed': 1})
+        """,
+    ),
+    "a goal of an unknown kind is active until pre-empted": (
+        Fault.NONE,
+        """
+        unknown    |
+        advance 60 | what 0 % to 0 %
+        go there 0 | what preempted at 60
+        """,
+    ),
+    "a person may open a dock but not close one": (
+        Fault.NONE,
+        """
+        perch amussel1 | perch amussel1 succeeded at 0; 1 x amussel1 held at 0 s: -0.1, -0.1
+        dock 1 closes  | a dock closes by a perch, which names what it holds
+        dock 1 opens   | dock 1 is open
+        dock 0 opens   | 1 x amussel1 released at 0 s: -0.1, -0.1
+        see free_docks | [0, 1, 2, 3]
+        """,
+    ),
+    "its battery can be charged and drained by percent points": (
+        Fault.NONE,
+        """
+        battery -30 | 70
+        battery 10  | 80
+        battery 50  | 100
+        battery nan | 100
+        see dropped | Counter({'charging or draining: percent_points is outside -100 to 100': 1})
+        """,
+    ),
+}
 
 
-def test_feedback_is_the_percentage_covered_and_negative_farther_away(apad: GenerationAVehicle) -> None:
-    apad.receive(go_to("east", NORTH_M, EAST_M + 6), 0)
-    apad.advance(5_000)
-    apad.receive(go_to("back", NORTH_M, EAST_M), 5_000)
-    slow = [
-        it
-        for it in apad.advance(30_000)
-        if isinstance(it, BatteryAndProgressPublished) and it.goal_key == "back"
-    ]
-    assert slow[0].covered_percent < 0  # it cannot turn on the spot
-    assert slow[-1].covered_percent > 60
+@pytest.mark.parametrize(("fault", "story"), STORIES.values(), ids=STORIES)
+def test_story(fault: Fault, story: str) -> None:
+    play(story, Watched(fault).answer)
 
 
-def test_a_cancelled_go_to_is_pre_empted_and_keeps_moving(apad: GenerationAVehicle) -> None:
-    apad.receive(go_to("there", NORTH_M + 5), 0)
-    assert ends(apad.cancel("there", 2_000)) == [("there", GoalOutcome.PREEMPTED)]
-    assert ends(apad.advance(30_000)) == [] and apad.pose.north_m == pytest.approx(NORTH_M + 5)
+def test_a_crash_in_release_does_not_silence_the_position() -> None:
+    apad = vehicle(fault=Fault.RELEASE_CRASHES)
+    apad.receive(perch("amussel1"), 0)
+    apad.receive(release("amussel1"), 0)
+    told_ms = [it.at_ms for it in apad.advance(2_000) if isinstance(it, PosePublished)]
+    assert told_ms == list(range(100, 2_100, 100))
 
 
 def under_way(drift_m_s: tuple[float, float] = (0.0, 0.0)) -> GenerationAVehicle:
@@ -116,107 +312,6 @@ def test_controllers_off_let_it_coast_by_its_drag_and_then_drift_with_the_water(
     assert apad.pose.speed_m_s == 0.0
 
 
-def test_a_goal_without_controllers_stays_active_and_the_next_go_to_turns_both_on() -> None:
-    apad = under_way()
-    apad.enable_velocity_control(False, 10_000)
-    apad.enable_position_control(False, 10_000)
-    assert ends(apad.advance(100_000)) == []
-    here_m = apad.pose.north_m
-    apad.enable_velocity_control(True, 100_000)  # by its source this sets no axis
-    apad.advance(130_000)
-    assert apad.pose.north_m == pytest.approx(here_m)
-    published = apad.receive(go_to("next", here_m + 5), 130_000) + apad.advance(160_000)
-    assert apad.has_thrust
-    assert ends(published) == [("far", GoalOutcome.PREEMPTED), ("next", GoalOutcome.SUCCEEDED)]
-
-
-def test_controllers_that_come_on_again_steer_to_the_old_reference_though_its_goal_is_cancelled() -> None:
-    apad = under_way()
-    apad.cancel("far", 10_000)
-    apad.enable_velocity_control(False, 10_000)
-    apad.advance(60_000)
-    here_m = apad.pose.north_m
-    apad.configure_axes([2, 2, 0, 0, 0, 0], 60_000)
-    assert ends(apad.advance(80_000)) == [] and apad.pose.north_m > here_m + 5
-
-
-def test_a_perch_asks_for_no_nearness_and_takes_the_first_free_dock(apad: GenerationAVehicle) -> None:
-    offsets = [(-0.1, -0.1), (-0.1, 0.1), (0.1, -0.1), (0.1, 0.1)]
-    for number, (north_m, east_m) in enumerate(offsets):
-        published = apad.receive(perch(f"amussel{number}"), 0)
-        (message,) = held(published)
-        assert (message.name, message.at_ms) == (f"amussel{number}", 0)
-        assert (message.north_m, message.east_m) == pytest.approx((NORTH_M + north_m, EAST_M + east_m))
-        assert ends(published) == [(f"perch amussel{number}", GoalOutcome.SUCCEEDED)]
-    apad.receive(release("amussel1"), 0)
-    apad.receive(perch("amussel9"), 0)
-    assert apad.held == ["amussel0", "amussel9", "amussel2", "amussel3"]
-
-
-def test_the_same_object_perched_twice_takes_two_docks(apad: GenerationAVehicle) -> None:
-    apad.receive(perch("amussel1"), 0)
-    apad.receive(perch("amussel1"), 0)
-    assert apad.free_docks == [2, 3]
-
-
-def test_what_is_held_is_told_at_20_hz_and_follows_the_vehicle(apad: GenerationAVehicle) -> None:
-    apad.receive(perch("amussel1"), 0)
-    apad.receive(go_to("there", NORTH_M + 5), 0)
-    told = held(apad.advance(30_000))
-    assert [it.at_ms for it in told] == list(range(50, 30_050, 50))
-    assert (told[-1].north_m, told[-1].east_m) == pytest.approx((NORTH_M + 4.9, EAST_M - 0.1))
-
-
-def test_a_release_has_a_last_message_and_a_result(apad: GenerationAVehicle) -> None:
-    apad.receive(perch("amussel1"), 0)
-    published = apad.receive(release("amussel1"), 1_020)
-    assert (held(published)[-1].at_ms, held(published)[-1].released) == (1_020, True)
-    assert ends(published) == [("release amussel1", GoalOutcome.SUCCEEDED)]
-    assert held(apad.advance(3_000)) == []
-
-
-@pytest.mark.parametrize("name", ["", "amussel2"])
-def test_a_release_of_what_is_not_held_is_aborted(apad: GenerationAVehicle, name: str) -> None:
-    apad.receive(perch("amussel1"), 0)
-    assert ends(apad.receive(release(name), 0)) == [(f"release {name}", GoalOutcome.ABORTED)]
-    assert apad.held == ["amussel1"]
-
-
-def test_a_silent_release_lets_go_without_a_message() -> None:
-    apad = vehicle(fault=Fault.RELEASE_SILENT)
-    apad.receive(perch("amussel1"), 0)
-    assert apad.receive(release("amussel1"), 0) == [] and held(apad.advance(3_000)) == []
-    assert ends(apad.receive(perch("amussel2"), 3_000)) == [("perch amussel2", GoalOutcome.SUCCEEDED)]
-
-
-def test_a_crash_in_release_silences_all_that_is_held_but_not_the_position() -> None:
-    apad = vehicle(fault=Fault.RELEASE_CRASHES)
-    for number in (1, 2):
-        apad.receive(perch(f"amussel{number}"), 0)
-    apad.receive(release("amussel1"), 0)
-    published = apad.advance(2_000)
-    assert held(published) == [] and ends(published) == []
-    assert [it.at_ms for it in published if isinstance(it, PosePublished)] == list(range(100, 2_100, 100))
-    assert ends(apad.receive(go_to("there", NORTH_M), 2_000)) == []
-    assert apad.dropped.total() == 1
-
-
-def test_a_goal_of_an_unknown_kind_is_active_until_pre_empted(apad: GenerationAVehicle) -> None:
-    apad.receive(GoalOrder("what", 7, 0.0, 0.0, ""), 0)
-    assert ends(apad.advance(60_000)) == []
-    assert ends(apad.receive(go_to("there", NORTH_M), 60_000)) == [("what", GoalOutcome.PREEMPTED)]
-
-
-def test_a_person_may_open_a_dock_but_not_close_one(apad: GenerationAVehicle) -> None:
-    apad.receive(perch("amussel1"), 0)
-    with pytest.raises(ValueError, match="a dock closes by a perch"):
-        apad.set_dock(1, True, 0)
-    with pytest.raises(ValueError, match="dock 1 is open"):
-        apad.set_dock(1, False, 0)
-    assert [it.released for it in held(apad.set_dock(0, False, 0))] == [True]
-    assert apad.free_docks == [0, 1, 2, 3]
-
-
 @settings(max_examples=50, deadline=None)
 @given(st.lists(st.integers(0, 20_000), max_size=12))
 def test_how_time_is_cut_never_shows(cuts: list[int]) -> None:
@@ -229,17 +324,6 @@ def test_how_time_is_cut_never_shows(cuts: list[int]) -> None:
         return published + apad.advance(20_000)
 
     assert flown(set(cuts)) == flown(set())
-
-
-def test_its_battery_can_be_charged_and_drained_by_percent_points(apad: GenerationAVehicle) -> None:
-    apad.change_battery(-30.0, 0)
-    assert apad.battery_percent == pytest.approx(70.0)
-    apad.change_battery(10.0, 0)
-    assert apad.battery_percent == pytest.approx(80.0)
-    apad.change_battery(50.0, 0)
-    assert apad.battery_percent == 100.0
-    apad.change_battery(float("nan"), 0)
-    assert apad.battery_percent == 100.0 and apad.dropped.total() == 1
 
 
 @pytest.mark.parametrize("docks", [1, 4, 6])

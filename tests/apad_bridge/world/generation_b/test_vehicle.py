@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
+from flying import play
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenario_files import POOL_FILE
@@ -59,66 +61,255 @@ def apad() -> GenerationBVehicle:
     return vehicle()
 
 
-def test_a_go_to_is_taken_at_once_and_its_end_told_by_topics(apad: GenerationBVehicle) -> None:
-    published = apad.receive(GoTo(0, NORTH_M + 5, EAST_M, 0.5, 0.5), 0)
-    assert status_changes(published) == [(0, PrimitiveStatus.RUNNING)]
-    published = apad.advance(30_000)
-    (_, running), (done_ms, done) = status_changes(published)
-    assert (running, done) == (PrimitiveStatus.RUNNING, PrimitiveStatus.DONE)
+class Watched:
+    """A vehicle of a transcript, whose places are metres from where it began. The answers are what its clients see change."""
+
+    def __init__(
+        self, drift_m_s: tuple[float, float] = (0.0, 0.0), fault: Fault = Fault.NONE, docks: int = 4
+    ) -> None:
+        config = replace(POOL.apad, drift_m_s=drift_m_s, docks=docks)
+        self.apad = GenerationBVehicle(SimulatedAPad(config), 0, fault)
+        self.now_ms = 0
+        self.apad.advance(0)
+
+    def answer(self, move: str) -> str:
+        name, *words = move.split()
+        numbers = [float(it) for it in words if it.lstrip("-").replace(".", "").isdigit()]
+        apad, now_ms = self.apad, self.now_ms
+        match name:
+            case "go":
+                order = GoTo(0, NORTH_M + numbers[0], EAST_M, *(numbers[1:] or (0.5, 0.5)))
+                return shown(apad.receive(order, now_ms))
+            case "hold":
+                return shown(
+                    apad.receive(Hold(0, NORTH_M + numbers[0], EAST_M + numbers[1], *numbers[2:]), now_ms)
+                )
+            case "dock" | "undock":
+                order = replace({"dock": DOCK, "undock": UNDOCK}[name], dock_index=int(words[0]))
+                return shown(apad.receive(order, now_ms))
+            case "manual":
+                return shown(apad.set_manual(words == ["on"], now_ms))
+            case "stop" | "pause" | "go_on":
+                return shown(getattr(apad, name)(now_ms))
+            case "load":
+                return shown(apad.load(int(words[0]), words[1] == "on", now_ms) or [])
+            case "detect":
+                return shown(apad.detect(numbers[0], numbers[1], now_ms) or [])
+            case "at":
+                pose = apad.pose
+                return f"{pose.north_m - NORTH_M:.1f}, {pose.east_m - EAST_M:.1f}, {pose.heading_rad:.2f} rad"
+            case "battery":
+                return f"{apad.battery_percent:.2f} %"
+            case "see":
+                return str(getattr(apad, words[0]))
+        self.now_ms = round(1000 * numbers[0])
+        return shown(apad.advance(self.now_ms))
+
+
+def shown(published: list[Published]) -> str:
+    """Changes of the statuses, and what is told once."""
+    found = []
+    for docking in (False, True):
+        changes = [
+            f"{it.name.lower()} at {at_ms / 1000:g}" for at_ms, it in status_changes(published, docking)
+        ]
+        found += [f"{'docking' if docking else 'way'} {', '.join(changes)}"] * bool(changes)
+    for it in published:
+        match it:
+            case ArmPublished():
+                found.append(f"open at {it.at_ms / 1000:g}: {[n for n in range(4) if it.arm.is_open[n]]}")
+            case CameraTurned():
+                found.append(f"camera {it.servo:g}")
+            case Finished():
+                found.append(f"finished at {it.at_ms / 1000:g}")
+            case GoToBegun():
+                found.append("begun")
+            case GoToEnded():
+                found.append(f"ended: {it.status.name.lower()}")
+    return "; ".join(found)
+
+
+STORIES: dict[str, tuple[dict[str, Any], str]] = {
     # 5 m at 0.5 m/s, half a metre early, half a second for the mean, and the start from rest.
-    assert 9_000 < done_ms < 12_500
-    assert [it.at_ms for it in published if isinstance(it, Finished)] == [done_ms]
+    "a go-to is taken at once, and its end told by topics and below": (
+        {},
+        """
+        go 5       | way running at 0; begun
+        advance 30 | way running at 1, done at 10.3; docking idle at 1; ended: done; finished at 10.3
+        """,
+    ),
+    # A little of its own way is left.
+    "after the end of a primitive the water takes the boat": (
+        {"drift_m_s": (0.1, -0.2)},
+        """
+        go 1       | way running at 0; begun
+        advance 30 | way running at 1, done at 2.3; docking idle at 1; ended: done; finished at 2.3
+        at         | 5.3, -5.5, 0.00 rad
+        advance 40 | way done at 31; docking idle at 31
+        at         | 6.4, -7.5, 0.00 rad
+        see stage  | Stage.OFF
+        """,
+    ),
+    "dynamic positioning holds against the water and never ends": (
+        {"drift_m_s": (0.1, -0.2)},
+        """
+        hold 0 1 1  |
+        advance 600 | way idle at 1; docking idle at 1
+        at          | 0.0, 1.0, 1.00 rad
+        """,
+    ),
+    "without a speed or a radius a go-to aborts": (
+        {},
+        """
+        go 5 0.0 0.5  | way running at 0, idle at 0; begun; ended: idle; finished at 0
+        go 5 0.5 0.0  | way running at 0, idle at 0; begun; ended: idle; finished at 0
+        go 5 0.5 -1.0 | way running at 0, idle at 0; begun; ended: idle; finished at 0
+        advance 10    | way idle at 1; docking idle at 1
+        at            | 0.0, 0.0, 0.00 rad
+        """,
+    ),
+    "a new order pre-empts": (
+        {},
+        """
+        go 5      | way running at 0; begun
+        advance 2 | way running at 1; docking idle at 1
+        hold 0 0  | way preempted at 2; ended: preempted; finished at 2
+        """,
+    ),
+    "docking stands still for 27 s and then searches for ever": (
+        {},
+        """
+        dock 2       | docking running at 0; camera 0.75; open at 0: [2]
+        advance 27   | way idle at 1; docking running at 1
+        at           | 0.0, 0.0, 0.00 rad
+        advance 37   | way idle at 28; docking running at 28
+        at           | 0.0, 0.0, 3.00 rad
+        advance 1000 | way idle at 38; docking running at 38
+        """,
+    ),
+    "a detection older than a second is none": (
+        {},
+        """
+        dock 0        | docking running at 0; camera 0.1; open at 0: [0]
+        advance 26.95 | way idle at 1; docking running at 1
+        detect 0 0.5  |
+        advance 27.95 | way idle at 27; docking running at 27
+        at            | 0.1, 0.0, 0.00 rad
+        advance 30    | way idle at 28; docking running at 28
+        at            | 0.2, 0.0, 0.60 rad
+        """,
+    ),
+    # 0.3 m/s for 8 s, less the start from rest.
+    "undocking pulls back for 8 s": (
+        {},
+        """
+        undock 0   | docking running at 0; camera 0.1
+        advance 35 | way idle at 1; docking running at 1, done at 35; open at 27: [0]; open at 35: [];
+                   | finished at 35
+        at         | -2.2, 0.0, 0.00 rad
+        """,
+    ),
+    "a pilot pre-empts, and nothing is begun meanwhile": (
+        {},
+        """
+        go 5       | way running at 0; begun
+        advance 1  | way running at 1; docking idle at 1
+        manual on  | way preempted at 1; ended: preempted; finished at 1
+        advance 2  | way preempted at 2; docking idle at 2
+        go 0       | way running at 2, preempted at 2; begun; ended: preempted; finished at 2
+        advance 3  | way preempted at 3; docking idle at 3
+        manual off |
+        go 0       | way running at 3; begun
+        """,
+    ),
+    "stop_mission ends what is under way": (
+        {},
+        """
+        dock 0    | docking running at 0; camera 0.1; open at 0: [0]
+        advance 5 | way idle at 1; docking running at 1
+        stop      | docking preempted at 5; open at 5: []; finished at 5
+        see stage | Stage.OFF
+        """,
+    ),
+    # Coasting only while it is paused; after the end nothing is paused any more.
+    "a paused mission goes on where it was": (
+        {},
+        """
+        go 9       | way running at 0; begun
+        advance 4  | way running at 1; docking idle at 1
+        pause      | way preempted at 4; ended: preempted; finished at 4
+        advance 60 | way preempted at 5; docking idle at 5
+        at         | 3.6, 0.0, 0.00 rad
+        go_on      | way running at 60; begun
+        advance 90 | way running at 61, done at 71.1; docking idle at 61; ended: done; finished at 71.1
+        go_on      |
+        see stage  | Stage.OFF
+        """,
+    ),
+    # 10 W a dock and 25 W of hotel load for an hour, from a battery of 230 Wh.
+    "charging what the bench says it holds costs energy": (
+        {},
+        """
+        battery      | 100.00 %
+        load 0 on    |
+        load 1 on    |
+        load 1 on    |
+        advance 3600 | way idle at 1; docking idle at 1
+        battery      | 80.43 %
+        load 0 off   |
+        load 1 off   |
+        load 3 off   |
+        advance 7200 | way idle at 3601; docking idle at 3601
+        battery      | 69.57 %
+        """,
+    ),
+    "a dock that it has not is ordered in vain": (
+        {"docks": 2},
+        """
+        dock 2      |
+        see dropped | Counter({'docking: no such dock': 1})
+        see stage   | Stage.OFF
+        dock 1      | docking running at 0; camera 0.46; open at 0: [1]
+        see stage   | Stage.SERVO
+        """,
+    ),
+    "one that lies shows it below the services as on the topics": (
+        {"fault": Fault.LIES},
+        """
+        go 2       | way running at 0, done at 0; begun; ended: done; finished at 0
+        advance 20 | way done at 1; docking idle at 1
+        """,
+    ),
+    "one that drops a go-to shows it below the services as on the topics": (
+        {"fault": Fault.DROPS},
+        """
+        go 2       | way running at 0, preempted at 0; begun; ended: preempted; finished at 0
+        advance 20 | way preempted at 1; docking idle at 1
+        at         | 0.0, 0.0, 0.00 rad
+        """,
+    ),
+    "one that is stuck shows it below the services as on the topics": (
+        {"fault": Fault.STUCK},
+        """
+        go 2       | way running at 0; begun
+        advance 20 | way running at 1; docking idle at 1
+        see stage  | Stage.GOING
+        """,
+    ),
+    "one that is silent shows nothing": (
+        {"fault": Fault.SILENT},
+        """
+        go 2       |
+        advance 20 |
+        battery    | 99.90 %
+        """,
+    ),
+}
 
 
-def test_after_the_end_of_a_primitive_the_water_takes_the_boat() -> None:
-    apad = vehicle(drift_m_s=(0.1, -0.2))
-    apad.receive(GoTo(0, NORTH_M + 1, EAST_M, 0.5, 0.5), 0)
-    assert status_changes(apad.advance(30_000))[-1][0] < 20_000
-    before = apad.pose
-    apad.advance(40_000)
-    assert apad.stage is Stage.OFF
-    moved_m = (apad.pose.north_m - before.north_m, apad.pose.east_m - before.east_m)
-    assert moved_m == pytest.approx((1.0, -2.0), abs=0.05)  # a little of its own way is left
-
-
-def test_dynamic_positioning_holds_against_the_water_and_never_ends() -> None:
-    apad = vehicle(drift_m_s=(0.1, -0.2))
-    apad.receive(Hold(0, NORTH_M, EAST_M + 1, 1.0), 0)
-    published = apad.advance(600_000)
-    assert (apad.pose.north_m, apad.pose.east_m, apad.pose.heading_rad) == pytest.approx(
-        (NORTH_M, EAST_M + 1, 1.0)
-    )
-    assert not [it for it in published if isinstance(it, Finished)]
-
-
-@pytest.mark.parametrize(("speed_m_s", "radius_m"), [(0.0, 0.5), (0.5, 0.0), (0.5, -1.0)])
-def test_without_a_speed_or_a_radius_a_go_to_aborts(
-    apad: GenerationBVehicle, speed_m_s: float, radius_m: float
-) -> None:
-    published = apad.receive(GoTo(0, NORTH_M + 5, EAST_M, speed_m_s, radius_m), 0)
-    assert status_changes(published) == [(0, PrimitiveStatus.RUNNING), (0, PrimitiveStatus.IDLE)]
-    apad.advance(10_000)
-    assert apad.pose.north_m == NORTH_M
-
-
-def test_a_new_order_pre_empts(apad: GenerationBVehicle) -> None:
-    apad.receive(GoTo(0, NORTH_M + 5, EAST_M, 0.5, 0.5), 0)
-    published = apad.receive(Hold(0, NORTH_M, EAST_M), 2_000)
-    assert status_changes(published)[-1] == (2_000, PrimitiveStatus.PREEMPTED)
-
-
-def test_docking_stands_still_for_27_s_and_then_searches_for_ever(apad: GenerationBVehicle) -> None:
-    published = apad.receive(replace(DOCK, dock_index=2), 0)
-    assert CameraTurned(0, 0.75) in published
-    assert [it.arm.is_open for it in published if isinstance(it, ArmPublished)] == [
-        (False, False, True, False)
-    ]
-    apad.advance(27_000)
-    assert apad.pose.heading_rad == 0.0
-    apad.advance(37_000)
-    assert apad.pose.heading_rad == pytest.approx(3.0)  # 0.3 rad/s for 10 s
-    published = apad.advance(1_000_000)
-    assert status_changes(published, docking=True) == [(38_000, PrimitiveStatus.RUNNING)]
+@pytest.mark.parametrize(("setup", "story"), STORIES.values(), ids=STORIES)
+def test_story(setup: dict[str, Any], story: str) -> None:
+    play(story, Watched(**setup).answer)
 
 
 def test_docking_follows_its_law_and_ends_when_the_target_is_low_in_the_image(
@@ -142,70 +333,6 @@ def test_docking_follows_its_law_and_ends_when_the_target_is_low_in_the_image(
     assert [it.arm.is_open for it in published if isinstance(it, ArmPublished)] == [(False,) * 4]
 
 
-def test_a_detection_older_than_a_second_is_none(apad: GenerationBVehicle) -> None:
-    apad.receive(DOCK, 0)
-    apad.detect(0.0, 0.5, 26_950)
-    apad.advance(27_950)
-    assert apad.pose.heading_rad == pytest.approx(0.0, abs=1e-9)
-    apad.advance(30_000)
-    assert apad.pose.heading_rad > 0.3
-
-
-def test_undocking_pulls_back_for_8_s(apad: GenerationBVehicle) -> None:
-    apad.receive(UNDOCK, 0)
-    published = apad.advance(35_000)
-    assert status_changes(published, docking=True)[-1] == (35_000, PrimitiveStatus.DONE)
-    arms = [(it.at_ms, it.arm.is_open[0]) for it in published if isinstance(it, ArmPublished)]
-    assert arms == [(27_000, True), (35_000, False)]
-    # 0.3 m/s for 8 s, less the start from rest.
-    assert -2.4 < apad.pose.north_m - NORTH_M < -2.1
-
-
-def test_a_pilot_pre_empts_and_nothing_is_begun_meanwhile(apad: GenerationBVehicle) -> None:
-    apad.receive(GoTo(0, NORTH_M + 5, EAST_M, 0.5, 0.5), 0)
-    assert status_changes(apad.set_manual(True, 1_000))[-1][1] is PrimitiveStatus.PREEMPTED
-    assert (
-        status_changes(apad.receive(GoTo(0, NORTH_M, EAST_M, 0.5, 0.5), 2_000))[-1][1]
-        is PrimitiveStatus.PREEMPTED
-    )
-    apad.set_manual(False, 3_000)
-    assert (
-        status_changes(apad.receive(GoTo(0, NORTH_M, EAST_M, 0.5, 0.5), 3_000))[-1][1]
-        is PrimitiveStatus.RUNNING
-    )
-
-
-def test_stop_mission_ends_what_is_under_way(apad: GenerationBVehicle) -> None:
-    apad.receive(DOCK, 0)
-    assert status_changes(apad.stop(5_000), docking=True)[-1] == (5_000, PrimitiveStatus.PREEMPTED)
-    assert apad.stage is Stage.OFF
-
-
-def test_a_paused_mission_goes_on_where_it_was(apad: GenerationBVehicle) -> None:
-    apad.receive(GoTo(0, NORTH_M + 9, EAST_M, 0.5, 0.5), 0)
-    assert status_changes(apad.pause(4_000))[-1][1] is PrimitiveStatus.PREEMPTED
-    apad.advance(60_000)
-    assert apad.pose.north_m < NORTH_M + 6  # coasting only
-    assert status_changes(apad.go_on(60_000))[-1][1] is PrimitiveStatus.RUNNING
-    assert status_changes(apad.advance(90_000))[-1][1] is PrimitiveStatus.DONE
-    apad.go_on(91_000)  # nothing is paused any more
-    assert apad.stage is Stage.OFF
-
-
-def test_charging_what_the_bench_says_it_holds_costs_energy() -> None:
-    """10 W a dock for an hour, from a battery of 230 Wh."""
-    empty, laden = vehicle(), vehicle()
-    for dock_index in (0, 1, 1):
-        laden.load(dock_index, True, 0)
-    assert empty.advance(3_600_000) and laden.advance(3_600_000)
-    assert empty.battery_percent - laden.battery_percent == pytest.approx(100 * 20 / 230)
-    before = laden.battery_percent
-    for dock_index in (0, 1, 3):
-        laden.load(dock_index, False, 3_600_000)
-    laden.advance(7_200_000)
-    assert before - laden.battery_percent == pytest.approx(100 * POOL.apad.battery.hotel_w / 230)
-
-
 def test_what_lies_below_the_services_tells_of_each_go_to_ten_times_a_second(
     apad: GenerationBVehicle,
 ) -> None:
@@ -219,24 +346,6 @@ def test_what_lies_below_the_services_tells_of_each_go_to_ten_times_a_second(
     assert ended.left.distance_m == pytest.approx(ended.pose.east_m - (EAST_M - 4))
     told_ms = [it.at_ms for it in published if isinstance(it, GoToLeft)]
     assert told_ms == list(range(100, ended.left.at_ms, 100))
-
-
-@pytest.mark.parametrize(
-    ("fault", "ends"),
-    [
-        (Fault.LIES, [PrimitiveStatus.DONE]),
-        (Fault.DROPS, [PrimitiveStatus.PREEMPTED]),
-        (Fault.STUCK, []),
-        (Fault.SILENT, []),
-    ],
-)
-def test_a_fault_shows_below_the_services_as_it_does_on_the_topics(
-    fault: Fault, ends: list[PrimitiveStatus]
-) -> None:
-    apad = GenerationBVehicle(SimulatedAPad(POOL.apad), 0, fault)
-    published = apad.receive(GoTo(0, NORTH_M + 2, EAST_M, 0.5, 0.5), 0) + apad.advance(20_000)
-    assert [it.status for it in published if isinstance(it, GoToEnded)] == ends
-    assert any(isinstance(it, GoToBegun) for it in published) is (fault is not Fault.SILENT)
 
 
 def test_requests_are_met_by_their_fields() -> None:
@@ -262,11 +371,3 @@ def test_however_time_is_cut_the_same_is_shown(cuts: list[int]) -> None:
         return published, (apad.pose.north_m, apad.pose.east_m)
 
     assert flown(sorted(cuts)) == flown([])
-
-
-def test_a_dock_that_it_has_not_is_ordered_in_vain() -> None:
-    apad = GenerationBVehicle(SimulatedAPad(replace(POOL.apad, docks=2)), 0)
-    apad.receive(DockingOrder(True, 2, 0.2, 0.3, 0.15, 0.2), 0)
-    assert apad.dropped == {"docking: no such dock": 1} and apad.stage is Stage.OFF
-    apad.receive(DockingOrder(True, 1, 0.2, 0.3, 0.15, 0.2), 0)
-    assert apad.stage is Stage.SERVO
