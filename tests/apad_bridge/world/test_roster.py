@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+import re
+from collections.abc import Callable
 from itertools import product
 from pathlib import Path
 from typing import Any, cast
 
 import pytest
+from flying import play
 from journals import facts_of, journal_of, state_of
 from scenario_files import POOL_FILE
 
@@ -22,7 +25,7 @@ from apad_bridge.assembly import fleet_parts, flight_parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.events.event import Event
 from apad_bridge.events.fleet_events import Presence, PresenceChanged
-from apad_bridge.events.mission_events import MissionChanged, Phase
+from apad_bridge.events.mission_events import MissionChanged
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.uptime_figures import uptime_figures
@@ -144,10 +147,66 @@ class Bench:
             self.flight.tick(self.flight.now_ms)
             self.flight.now_ms += 1000
 
-    def real_one_says(
-        self, north_m: float, primary: float, state: State = State.ACTIVE, ahead_ms: int = 0
-    ) -> None:
-        agent_ms = self.flight.now_ms * self.scenario.theta + ahead_ms
+    # Moves of a transcript.
+
+    def answer(self, move: str) -> str:
+        """A line's answer: what was asked and told, with the aMussels whose presence or step changed."""
+        before = len(facts_of(self.recorder))
+        said = self.do(move)
+        shown = [TOLD[kind](data) for _, kind, data in facts_of(self.recorder)[before:] if kind in TOLD]
+        return "; ".join(it for it in (said, *shown) if it)
+
+    def do(self, move: str) -> str:
+        name, *words = move.split()
+        numbers = [float(it) for it in words if re.fullmatch(r"[\d.e-]+|nan", it)]
+        mission, beliefs = self.flight.supervisor.mission, self.flight.supervisor.beliefs
+        match name:
+            case "ticks":
+                self.ticks(int(words[0]))
+            case "until":
+                for _ in range(300):
+                    if move.endswith(mission.state.phase.value) or self.charging:
+                        break
+                    self.ticks(1)
+            case "real":
+                self.real_one_says(numbers[0], numbers[1], State[words[2]], int(numbers[2]))
+            case "fault":
+                return told(self.ask(FaultRequest(int(words[0]), TimedFault(words[1]))))
+            case "elsewhere":
+                self.flight.supervisor.allocation.give(int(words[0]))
+            case "back":
+                self.flight.supervisor.allocation.take(int(words[0]))
+            case "believed":
+                belief = beliefs.get(THE_ONE)
+                age_s = (self.flight.now_ms - belief.heard_ms) // 1000
+                return f"{belief.north_m:.2f} m, {belief.primary:.2f}, heard {age_s} s ago"
+            case "body":
+                state, north_m = self.truth()
+                return f"{state.name} at {north_m:.2f} m"
+            case "home":
+                return str(self.home_m() and tuple(round(it, 2) for it in self.home_m()))
+            case "see":
+                seen = {
+                    "beliefs": [it.agent_id for it in beliefs.all()],
+                    "plan": [it.agent_id for it in mission.state.plan],
+                }
+                return str(seen[words[0]]) if words[0] in seen else mission.state.phase.value
+            case _:
+                whom = self.charging if words[0] == "docked" else int(words[0])
+                trigger = PresenceTrigger[name.upper()]
+                place, charges = tuple(numbers[1:3]) or None, tuple(numbers[3:5]) or None
+                return told(self.ask(PresenceRequest(whom, trigger, "a test", place, charges)))
+        return ""
+
+    @property
+    def charging(self) -> int | None:
+        """An aMussel that is believed to charge."""
+        return next(
+            (it.agent_id for it in self.flight.supervisor.beliefs.all() if it.state is State.CHARGING), None
+        )
+
+    def real_one_says(self, north_m: float, primary: float, state: State, ahead_s: int) -> None:
+        agent_ms = (self.flight.now_ms + 1000 * ahead_s) * self.scenario.theta
         self.elsewhere.packets.append(
             StatusPacket(THE_ONE, 0, state, primary, 0.8, north_m, 0.5, 3.0, agent_ms)
         )
@@ -171,6 +230,24 @@ def quiet_scenario(charge: float) -> Scenario:
     return from_data(data, "quiet")
 
 
+def told(refusals: list[str | None]) -> str:
+    return "; ".join(it or "done" for it in refusals)
+
+
+TOLD: dict[str, Callable[[dict[str, Any]], str]] = {
+    "presence": lambda it: f"{it['id']} is {it['is']}",
+    "given_up": lambda it: f"{it['agent']} is left: {it['reason']}",
+    "stimulus": lambda it: f"stimulus {[*map(int, it['wire'])]}" if it["wire"][0] == 8 else "",
+    "dock": lambda it: f"docked {it['agent']}",
+    "primitive": lambda it: (
+        f"goes to {it['north_m']:.2f}, {it['east_m']:.2f}"
+        if (it["name"], it["phase"]) == ("go to point", "started")
+        else ""
+    ),
+}
+"""The events that a transcript shows."""
+
+
 @pytest.mark.parametrize(("presence", "trigger"), list(product(Presence, PresenceTrigger)))
 def test_every_pair_is_in_the_table_or_refused(presence: Presence, trigger: PresenceTrigger) -> None:
     may = {
@@ -186,88 +263,202 @@ def bench() -> Bench:
     return Bench()
 
 
-def test_a_real_one_is_believed_while_its_twin_goes_on_unheard_and_takes_over_where_it_is_left(
-    bench: Bench,
-) -> None:
+STORIES: dict[str, tuple[float, str]] = {
+    # Its twin reports every second, and is muted. At theta 30 it loses a minute's charge every two ticks.
+    "a real one is believed while its twin goes on unheard, which takes over where it is left": (
+        0.95,
+        """
+        ticks 5                |
+        believed               | 15.62 m, 0.95, heard 1 s ago
+        body                   | ACTIVE at 15.62 m
+        hand_over 3            | done; 3 is real
+        ticks 5                |
+        believed               | 15.62 m, 0.95, heard 6 s ago
+        home                   | None
+        real 20.0 0.5 ACTIVE 0 |
+        believed               | 20.00 m, 0.50, heard 1 s ago
+        body                   | ACTIVE at 15.62 m
+        take_back 3            | done; 3 is simulated
+        ticks 10               |
+        body                   | ACTIVE at 20.00 m
+        believed               | 20.00 m, 0.49, heard 1 s ago
+        """,
+    ),
+    "a real one's clock, far ahead, counts for nothing after it is taken back": (
+        0.95,
+        """
+        ticks 5                   |
+        hand_over 3               | done; 3 is real
+        real 20.0 0.5 ACTIVE 3600 |
+        believed                  | 20.00 m, 0.50, heard 1 s ago
+        take_back 3               | done; 3 is simulated
+        ticks 1                   |
+        believed                  | 20.00 m, 0.50, heard 1 s ago
+        """,
+    ),
+    "a real one's clock, some seconds ahead, counts for nothing after it is taken back": (
+        0.95,
+        """
+        ticks 5                 |
+        hand_over 3             | done; 3 is real
+        real 20.0 0.5 ACTIVE 20 |
+        believed                | 20.00 m, 0.50, heard 1 s ago
+        take_back 3             | done; 3 is simulated
+        ticks 1                 |
+        believed                | 20.00 m, 0.50, heard 1 s ago
+        """,
+    ),
+    "its twin's clock counts for nothing before": (
+        0.95,
+        """
+        ticks 5                 |
+        hand_over 3             | done; 3 is real
+        real 20.0 0.5 ACTIVE -4 |
+        believed                | 20.00 m, 0.50, heard 1 s ago
+        take_back 3             | done; 3 is simulated
+        ticks 1                 |
+        believed                | 20.00 m, 0.50, heard 1 s ago
+        """,
+    ),
+    # It would else be brought back to the place of the simulated one.
+    "the aPad goes to a real one where that is and no longer to its simulated place": (
+        0.5,
+        """
+        ticks 2               | goes to 24.04, 7.36
+        retire 1              | done; 1 is retired
+        retire 2              | done; 1 is left: nothing is believed of it any more; goes to 3.13, 11.67;
+                              | 2 is retired
+        retire 4              | done; 2 is left: nothing is believed of it any more; goes to 15.62, 14.30;
+                              | 4 is retired
+        until go to aMussel   |
+        hand_over 3           | done; 3 is real
+        ticks 5               | 3 is left: another board has its id now, and has not been heard;
+                              | 4 is left: it never reported
+        see phase             | idle wait
+        real 2.0 0.4 ACTIVE 0 | goes to 2.00, 0.50
+        real 2.0 0.4 ACTIVE 0 |
+        real 2.0 0.4 ACTIVE 0 |
+        home                  | (2.0, 0.5)
+        """,
+    ),
+    "one that is retired on the way to it is left": (
+        0.5,
+        """
+        ticks 3  | goes to 24.04, 7.36
+        see plan | [1, 2, 3, 4]
+        retire 1 | done; 1 is retired
+        ticks 2  | 1 is left: nothing is believed of it any more; goes to 3.13, 11.67
+        see plan | [2, 3, 4]
+        """,
+    ),
+    "taken back before anything was heard of the real one is refused": (
+        0.95,
+        """
+        hand_over 3 | done; 3 is real
+        take_back 3 | no report came from the real aMussel 3: retire it, and spawn it somewhere
+        """,
+    ),
+    "a retired one is planned for no more and may be spawned elsewhere, its new home": (
+        0.5,
+        """
+        ticks 3               | goes to 24.04, 7.36
+        retire 1              | done; 1 is retired
+        retire 2              | done; 1 is left: nothing is believed of it any more; goes to 3.13, 11.67;
+                              | 2 is retired
+        retire 4              | done; 2 is left: nothing is believed of it any more; goes to 15.62, 14.30;
+                              | 4 is retired
+        retire 3              | done; 3 is retired
+        ticks 60              | 3 is left: nothing is believed of it any more; 4 is left: it never reported
+        see beliefs           | []
+        spawn 3 7 8 0.25 0.75 | done; 3 is simulated
+        ticks 2               | goes to 7.00, 8.00
+        believed              | 7.00 m, 0.25, heard 1 s ago
+        home                  | (7.0, 8.0)
+        """,
+    ),
+    "a reset by fault is a reset": (
+        0.95,
+        """
+        ticks 3           |
+        body              | ACTIVE at 15.62 m
+        fault 3 brown_out | done; stimulus [8, 1]
+        ticks 3           |
+        body              | ACTIVE at 15.62 m
+        """,
+    ),
+    "what cannot be is refused in words": (
+        0.95,
+        """
+        ticks 2           |
+        retire 77         | aMussel 77 is not of this fleet
+        spawn 1           | aMussel 1 is simulated: it cannot spawn
+        hand_over 1       | done; 1 is real
+        fault 1 watchdog  | aMussel 1 is real: faults are for simulated ones
+        fault 2 coil_slip | aMussel 2 is in no dock, by its reports: coil_slip happens only there
+        """,
+    ),
+    "a spawning without a place and charges that can be is refused": (
+        0.95,
+        """
+        ticks 2             |
+        retire 1            | done; 1 is retired
+        spawn 1 5 5 0 0     | primary and secondary are charges above 0 and up to 1 (0 if left out): give both
+        spawn 1 5 5 0.5 0   | primary and secondary are charges above 0 and up to 1 (0 if left out): give both
+        spawn 1 5 5 0.5 1.1 | primary and secondary are charges above 0 and up to 1 (0 if left out): give both
+        spawn 1 5 5 nan 1   | primary and secondary are charges above 0 and up to 1 (0 if left out): give both
+        spawn 1 nan 5 0.5 1 | a place is metres north and east of the scenario's origin, 50000 m away at most
+        spawn 1 1e9 5 0.5 1 | a place is metres north and east of the scenario's origin, 50000 m away at most
+        spawn 1 5 5 0.5 1   | done; 1 is simulated
+        """,
+    ),
+    "one in a dock is left alone": (
+        0.5,
+        """
+        until docked  | goes to 24.04, 7.36; docked 1; goes to 3.13, 11.67
+        retire docked | aMussel 1 is in a dock: undock it first
+        """,
+    ),
+    "one that another aPad serves changes its presence only when it is back": (
+        0.95,
+        """
+        ticks 2     |
+        elsewhere 3 |
+        hand_over 3 | another aPad serves aMussel 3 and would not know of the change
+        back 3      |
+        hand_over 3 | done; 3 is real
+        """,
+    ),
+}
+
+
+@pytest.mark.parametrize(("charge", "story"), STORIES.values(), ids=STORIES)
+def test_story(charge: float, story: str) -> None:
+    play(story, Bench(charge).answer)
+
+
+def test_what_was_believed_of_one_that_is_handed_over_is_in_no_journal(bench: Bench) -> None:
+    """A resumed run would bring it back to the place of the simulated one."""
     bench.ticks(5)
-    beliefs = bench.flight.supervisor.beliefs
-    assert bench.ask(PresenceRequest(THE_ONE, PresenceTrigger.HAND_OVER, "a test")) == [None]
+    bench.ask(PresenceRequest(THE_ONE, PresenceTrigger.HAND_OVER, "a test"))
     bench.ticks(5)
-    # Its twin reports every second, and is muted. What was believed of it lives on.
-    assert beliefs.get(THE_ONE).heard_ms <= bench.flight.now_ms - 6000 and bench.home_m() is None
-    journaled = [
+    *_, newest = (
         it.event.snapshot for it in bench.recorder.journal.entries if isinstance(it.event, MissionChanged)
-    ]
-    assert THE_ONE not in {agent_id for agent_id, _, _ in journaled[-1].homes}, "a resumed run would know it"
-    _, twin_m = bench.truth()
-    bench.real_one_says(north_m=twin_m + 4.0, primary=0.5)
-    belief = beliefs.get(THE_ONE)
-    assert (belief.north_m, belief.primary) == pytest.approx((twin_m + 4.0, 0.5), abs=0.01)
-    assert bench.truth()[1] == pytest.approx(twin_m)
-    assert bench.ask(PresenceRequest(THE_ONE, PresenceTrigger.TAKE_BACK, "a test")) == [None]
-    bench.ticks(10)
-    assert bench.truth()[1] == pytest.approx(twin_m + 4.0, abs=0.01)
-    heard = beliefs.get(THE_ONE)
-    assert heard is not None and heard.heard_ms > belief.heard_ms
-    # At theta 30 it loses a minute's charge every two ticks.
-    assert 0.48 < heard.primary < 0.5
-    assert [data["is"] for _, kind, data in facts_of(bench.recorder) if kind == "presence"] == [
-        "real",
-        "simulated",
-    ]
+    )
+    assert THE_ONE not in {agent_id for agent_id, _, _ in newest.homes}
 
 
-@pytest.mark.parametrize("ahead_ms", [3_600_000 * 30, 20_000 * 30, -4000 * 30])
-def test_a_real_ones_clock_counts_for_nothing_after_it_is_taken_back_nor_its_twins_before(
-    bench: Bench, ahead_ms: int
-) -> None:
-    bench.ticks(5)
-    bench.ask(PresenceRequest(THE_ONE, PresenceTrigger.HAND_OVER, "a test"))
-    bench.real_one_says(20.0, 0.5, ahead_ms=ahead_ms)
-    beliefs = bench.flight.supervisor.beliefs
-    assert beliefs.get(THE_ONE).north_m == 20.0
-    bench.ask(PresenceRequest(THE_ONE, PresenceTrigger.TAKE_BACK, "a test"))
-    taken_ms = bench.flight.now_ms
-    bench.ticks(1)
-    assert beliefs.get(THE_ONE).heard_ms == taken_ms
-
-
-def test_the_apad_goes_to_a_real_one_where_that_is_and_no_longer_to_its_simulated_place() -> None:
-    bench = Bench(charge=0.5)
+def test_of_a_real_one_the_mission_s_docks_decide_and_not_its_last_report(bench: Bench) -> None:
     bench.ticks(2)
-    bench.ask(*(PresenceRequest(it, PresenceTrigger.RETIRE, "a test") for it in (1, 2, 4)))
-    mission = bench.flight.supervisor.mission
-    while mission.state.phase is not Phase.GO_COLLECT:
+    bench.ask(PresenceRequest(THE_ONE, PresenceTrigger.HAND_OVER, "a test"))
+    back = PresenceRequest(THE_ONE, PresenceTrigger.TAKE_BACK, "a test")
+    answers = []
+    for state, held in ((State.ACTIVE, frozenset({THE_ONE})), (State.CHARGING, frozenset[int]())):
+        bench.real_one_says(2.0, 0.5, state, 0)
         bench.ticks(1)
-        assert bench.flight.now_ms < 60_000
-    bench.ask(PresenceRequest(THE_ONE, PresenceTrigger.HAND_OVER, "a test"))
-    bench.ticks(5)
-    assert mission.state.phase is Phase.IDLE
-    reasons = {
-        data["agent"]: data["reason"] for _, kind, data in facts_of(bench.recorder) if kind == "given_up"
-    }
-    assert "another board has its id now" in reasons[THE_ONE]
-    went = len(facts_of(bench.recorder))
-    for _ in range(20):
-        bench.real_one_says(2.0, 0.4)
-    goals = {
-        (data["north_m"], data["east_m"])
-        for _, kind, data in facts_of(bench.recorder)[went:]
-        if kind == "primitive" and data["name"] == "go to point"
-    }
-    assert goals == {(2.0, 0.5)}
-    assert bench.home_m() == (2.0, 0.5), "it would be brought back to the place of the simulated one"
-
-
-def test_one_that_is_retired_on_the_way_to_it_is_left() -> None:
-    bench = Bench(charge=0.5)
-    bench.ticks(3)
-    mission = bench.flight.supervisor.mission
-    assert mission.state.phase is Phase.GO_COLLECT
-    first = mission.state.plan[0].agent_id
-    bench.ask(PresenceRequest(first, PresenceTrigger.RETIRE, "a test"))
-    bench.ticks(2)
-    assert first not in [it.agent_id for it in mission.state.plan] and mission.state.plan
+        beliefs, now_ms = bench.flight.supervisor.beliefs, bench.flight.now_ms
+        answers.append(bench.presences.do(back, bench.coordinator, beliefs, now_ms, held))
+    assert answers[0] == f"aMussel {THE_ONE} is in a dock: undock it first"
+    assert bench.presences.of(THE_ONE) is Presence.SIMULATED
 
 
 def test_uptimes_are_of_the_simulated_ones_and_others_are_told_apart(bench: Bench) -> None:
@@ -283,117 +474,6 @@ def test_uptimes_are_of_the_simulated_ones_and_others_are_told_apart(bench: Benc
     assert figures["uptime_paper"] == {"mean": 100.0, "max": 100.0, "min": 100.0}
     assert figures["active_mean"] == (2 * 19 + 2 * 11) / 19
     assert figures["excluded"] == {"amussels": 2, "beside_real_s": 8, "retired_s": 8, "samples_taken": 0}
-
-
-def test_taken_back_before_anything_was_heard_of_the_real_one_is_refused(bench: Bench) -> None:
-    bench.ask(PresenceRequest(THE_ONE, PresenceTrigger.HAND_OVER, "a test"))
-    (refusal,) = bench.ask(PresenceRequest(THE_ONE, PresenceTrigger.TAKE_BACK, "a test"))
-    assert refusal is not None and "no report came" in refusal
-
-
-def test_a_retired_one_is_planned_for_no_more_and_may_be_spawned_elsewhere() -> None:
-    bench = Bench(charge=0.5)  # below the threshold: all of them are to be collected
-    bench.ticks(3)
-    assert (
-        bench.ask(*(PresenceRequest(it, PresenceTrigger.RETIRE, "a test") for it in (1, 2, 4))) == [None] * 3
-    )
-    assert bench.ask(PresenceRequest(THE_ONE, PresenceTrigger.RETIRE, "a test")) == [None]
-    bench.ticks(60)
-    assert bench.flight.supervisor.beliefs.all() == []
-    assert not [it for it in facts_of(bench.recorder) if it[1] == "dock"]
-    assert bench.ask(PresenceRequest(THE_ONE, PresenceTrigger.SPAWN, "a test", (7.0, 8.0), (0.25, 0.75))) == [
-        None
-    ]
-    bench.ticks(2)
-    belief = bench.flight.supervisor.beliefs.get(THE_ONE)
-    assert (belief.north_m, belief.east_m, belief.primary) == pytest.approx((7.0, 8.0, 0.25), abs=0.01)
-    assert bench.home_m() == pytest.approx((7.0, 8.0), abs=0.01), (
-        "it would be brought back to the place before"
-    )
-
-
-def test_a_reset_by_fault_is_a_reset(bench: Bench) -> None:
-    bench.ticks(3)
-    before = bench.truth()
-    assert bench.ask(FaultRequest(THE_ONE, TimedFault.BROWN_OUT)) == [None]
-    wires = [data["wire"] for _, kind, data in facts_of(bench.recorder) if kind == "stimulus"]
-    assert wires[-1:] == [[8, 1]]
-    bench.ticks(3)
-    assert bench.truth() == (State.ACTIVE, pytest.approx(before[1]))
-
-
-def test_what_cannot_be_is_refused_in_words(bench: Bench) -> None:
-    bench.ticks(2)
-    unknown, spawned = bench.ask(
-        PresenceRequest(77, PresenceTrigger.RETIRE, "a test"),
-        PresenceRequest(1, PresenceTrigger.SPAWN, "a test"),
-    )
-    assert unknown == "aMussel 77 is not of this fleet"
-    assert spawned == "aMussel 1 is simulated: it cannot spawn"
-    bench.ask(PresenceRequest(1, PresenceTrigger.HAND_OVER, "a test"))
-    (faulty,) = bench.ask(FaultRequest(1, TimedFault.WATCHDOG))
-    assert faulty == "aMussel 1 is real: faults are for simulated ones"
-    (slipped,) = bench.ask(FaultRequest(2, TimedFault.COIL_SLIP))
-    assert slipped == "aMussel 2 is in no dock, by its reports: coil_slip happens only there"
-
-
-@pytest.mark.parametrize(
-    ("at", "charges", "refusal"),
-    [
-        ((5.0, 5.0), (0.0, 0.0), "charges above 0"),
-        ((5.0, 5.0), (0.5, 0.0), "charges above 0"),
-        ((5.0, 5.0), (0.5, 1.1), "up to 1"),
-        ((5.0, 5.0), (float("nan"), 1.0), "charges above 0"),
-        ((float("nan"), 5.0), (0.5, 1.0), "a place is metres"),
-        ((1e9, 5.0), (0.5, 1.0), "a place is metres"),
-    ],
-)
-def test_what_is_left_out_of_a_spawning_is_refused(
-    bench: Bench, at: tuple[float, float], charges: tuple[float, float], refusal: str
-) -> None:
-    bench.ticks(2)
-    bench.ask(PresenceRequest(1, PresenceTrigger.RETIRE, "a test"))
-    (answer,) = bench.ask(PresenceRequest(1, PresenceTrigger.SPAWN, "a test", at, charges))
-    assert answer is not None and refusal in answer
-    assert bench.ask(PresenceRequest(1, PresenceTrigger.SPAWN, "a test", (5.0, 5.0), (0.5, 1.0))) == [None]
-
-
-def test_one_in_a_dock_is_left_alone() -> None:
-    bench = Bench(charge=0.5)
-    beliefs = bench.flight.supervisor.beliefs
-    while not any(belief.state is State.CHARGING for belief in beliefs.all()):
-        bench.ticks(1)
-        assert bench.flight.now_ms < 300_000
-    docked = next(belief.agent_id for belief in beliefs.all() if belief.state is State.CHARGING)
-    (refusal,) = bench.ask(PresenceRequest(docked, PresenceTrigger.RETIRE, "a test"))
-    assert refusal == f"aMussel {docked} is in a dock: undock it first"
-
-
-def test_one_that_another_aPad_serves_changes_its_presence_only_when_it_is_back(bench: Bench) -> None:
-    bench.ticks(2)
-    bench.flight.supervisor.allocation.give(THE_ONE)
-    asked = PresenceRequest(THE_ONE, PresenceTrigger.HAND_OVER, "a test")
-    (refusal,) = bench.ask(asked)
-    assert refusal is not None and "another aPad serves" in refusal
-    bench.flight.supervisor.allocation.take(THE_ONE)
-    assert bench.ask(asked) == [None]
-
-
-def test_of_a_real_one_the_mission_s_docks_decide_and_not_its_last_report(bench: Bench) -> None:
-    bench.ticks(2)
-    bench.ask(PresenceRequest(THE_ONE, PresenceTrigger.HAND_OVER, "a test"))
-    back = PresenceRequest(THE_ONE, PresenceTrigger.TAKE_BACK, "a test")
-
-    def taken_back(held: frozenset[int]) -> object:
-        bench.ticks(1)
-        beliefs, now_ms = bench.flight.supervisor.beliefs, bench.flight.now_ms
-        return bench.presences.do(back, bench.coordinator, beliefs, now_ms, held)
-
-    bench.real_one_says(2.0, 0.5)
-    assert taken_back(frozenset({THE_ONE})) == f"aMussel {THE_ONE} is in a dock: undock it first"
-    bench.real_one_says(2.0, 0.5, State.CHARGING)
-    assert not isinstance(taken_back(frozenset()), str)
-    assert bench.presences.of(THE_ONE) is Presence.SIMULATED
 
 
 def test_what_was_done_is_answered_when_it_is_recorded(bench: Bench) -> None:

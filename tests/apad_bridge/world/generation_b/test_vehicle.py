@@ -62,7 +62,7 @@ def apad() -> GenerationBVehicle:
 
 
 class Watched:
-    """A vehicle of a transcript, whose places are metres from where it began. The answers are what its clients see change."""
+    """A vehicle of a transcript, whose places are metres from where it began. A line answers with what changes."""
 
     def __init__(
         self, drift_m_s: tuple[float, float] = (0.0, 0.0), fault: Fault = Fault.NONE, docks: int = 4
