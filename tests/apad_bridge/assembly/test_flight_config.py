@@ -31,7 +31,6 @@ def test_the_way_up_is_equally_long_for_bodies_water_twins_and_records() -> None
     scenario = sound(lambda data: data["board"].update(surfacing_s=61.007, float_timeout_s=33.25))
     config = flight_config(scenario)
     fleet = fleet_parts.fleet_config(config)
-    assert config.sea is not None and config.twin is not None
     assert fleet.maker().config(3).water.body.sinking.surfacing_ms == 61_007
     assert config.sea.sinking == fleet.body.sinking == TruthExtrapolator(scenario)._sinking
     assert config.twin.parameters.sinking == fleet.body.sinking
@@ -49,7 +48,6 @@ def test_board_and_apad_agree_on_the_modem_and_on_the_length_of_an_answer(
         data["board"]["whole"].update(turnaround_ms=400, transmit_ms=2000)
 
     config = flight_config(sound(with_modems))
-    assert config.board.whole is not None and config.acoustics is not None and config.sea is not None
     assert config.board.whole.answer_ms == answer_ms
     assert config.acoustics.schedule.answer_ms == 400 + answer_ms
     assert config.reports.modem == config.sea.modems == config.acoustics.schedule.water.modems

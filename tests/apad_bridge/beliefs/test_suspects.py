@@ -151,7 +151,6 @@ def test_a_dock_tells_what_is_left_of_a_capacity(ageing: float, load: float) -> 
     measurements = half_a_day_after_a_day(ageing, load, 0.0)
     docked_at = next(n for n, (it, _) in enumerate(measurements) if isinstance(it, Docked))
     before, after = told(*measurements[:docked_at]).capacity_left, told(*measurements).capacity_left
-    assert before is not None and after is not None
     assert before.high - before.low > 2 * (after.high - after.low)
     assert after.high - after.low < 0.08
     assert after.low - 0.01 <= 1 - ageing <= after.high + 0.01
@@ -213,7 +212,6 @@ def test_a_twin_goes_on_after_a_restart_in_the_middle_of_readings_that_stand(twi
     restored = twin.restored(1, json.loads(json.dumps(twin.kept(begin))))
     for hour in range(4, 7):
         begin, restored = (twin.update(it, *heard(hour * HOUR, 0.8)) for it in (begin, restored))
-        assert begin is not None and restored is not None
         assert restored.suspicion == begin.suspicion
         assert restored.charge_interval() == begin.charge_interval()
     assert reason(restored) == "its reading stands"

@@ -295,7 +295,6 @@ def test_one_that_is_up_too_early_for_a_repeated_permission_obeyed_the_first() -
     early_ms, late_ms = HOUR + 430_000, HOUR + 600_000
     once = twin.update(twin.predict(first, early_ms), *heard(early_ms, State.FLOATING, floats, 1))
     up = twin.update(twin.predict(both, early_ms), *heard(early_ms, State.FLOATING, floats, 1))
-    assert once is not None and up is not None
     assert up.primary == pytest.approx(once.primary, abs=1e-6)
     # Later, and unheard, it may have obeyed either.
     low, high = twin.predict(both, late_ms).charge_interval()

@@ -193,7 +193,6 @@ def test_to_a_twins_batteries_no_time_has_passed_when_its_clock_is_set() -> None
     for it in (fleet, never_set):
         it.advance(62 * MINUTE)
     set_anew, steady = fleet.get(5), never_set.get(5)
-    assert set_anew is not None and steady is not None
     assert set_anew.primary == pytest.approx(steady.primary, abs=1e-12)
     assert set_anew.charge_cov == pytest.approx(steady.charge_cov, abs=1e-12)
     assert set_anew.mode is steady.mode and set_anew.mode in (Mode.SURFACING, Mode.FLOATING)

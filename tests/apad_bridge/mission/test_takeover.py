@@ -180,7 +180,6 @@ class Story(Flying):
     @property
     def here_m(self) -> tuple[float, float]:
         pose = self.flight.supervisor.pose
-        assert pose is not None
         return pose.north_m, pose.east_m
 
     def told_by(self, act: Callable[[Any], object]) -> object:

@@ -92,7 +92,6 @@ def test_a_guest_is_handed_on_again_when_its_server_fails(tmp_path: Path) -> Non
     assert served_for_others and all(
         then[it].giver == "apad3" and then[it].taker == "apad1" for it in served_for_others
     )
-    assert opened.runner.assignment is not None
     assert opened.runner.assignment.shares == {
         "apad1": frozenset(range(1, 9)),
         "apad2": frozenset(),
@@ -115,7 +114,6 @@ def test_whom_its_docks_hold_stay_with_it(tmp_path: Path) -> None:
     ]
     assert sorted(docked) == list(NEEDY)
     assert [it["id"] for it in events_of(opened, "apad2", "handed_on")] == [8]
-    assert opened.runner.assignment is not None
     assert opened.runner.assignment.shares["apad2"] == frozenset(NEEDY)
     assert opened.figures()["apad2"]["amussels_lost"] == 0
 
@@ -199,7 +197,6 @@ def fly_watched(opened: OpenedLockstep) -> dict[str, set[int]]:
     """
     docked: dict[str, set[int]] = {name: set() for name in opened.flights}
     holding: dict[str, set[int]] = {name: set() for name in opened.flights}
-    assert opened.runner.consensus is not None
     parts, now_ms, is_over = opened.runner.consensus.parts, 0, False
     recent: list[dict[str, frozenset[int]]] = []
     while not is_over:

@@ -32,7 +32,6 @@ def test_at_the_docking_distance_it_is_where_docking_ends() -> None:
 
 def test_what_is_to_starboard_is_right_in_the_image_and_what_is_nearer_is_lower_and_larger() -> None:
     far, near = seen((0.0, 0.0), 0.0, 0.0, (2.0, 0.5)), seen((0.0, 0.0), 0.0, 0.0, (1.0, 0.25))
-    assert far is not None and near is not None
     assert far.horizontal > 0 and near.vertical > far.vertical and near.size > far.size
     left = seen((0.0, 0.0), 0.0, 0.0, (2.0, -0.5))
     assert left is not None and left.horizontal == pytest.approx(-far.horizontal)
