@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -60,9 +60,80 @@ def said(fleet: FleetBeliefs, at_ms: int, ahead_ms: int, primary: float = 0.7) -
     return fleet.hear(packet, at_ms)
 
 
-def primary_of(fleet: FleetBeliefs) -> float:
-    belief = fleet.get(5)
-    return belief.primary
+Row = tuple[float, float, float, str | None]
+"""The second at which it comes, the clock's lead in seconds of the mission, the charge, and why it is not believed."""
+YEAR_S = YEAR / 1000 / THETA
+
+
+def told_of(
+    at_s: Iterable[float], ahead_s: float, charge: float = 0.7, why_not: str | None = None
+) -> list[Row]:
+    return [(it, ahead_s, charge, why_not) for it in at_s]
+
+
+def set_by(ahead_s: float) -> list[Row]:
+    """A clock that was set: what was true before is wrong then."""
+    return [
+        (3600, 0, 0.7, None),
+        (3601, ahead_s, 0.7, CANNOT_SHOW),
+        *told_of((3602, 3603), ahead_s, 0.68),
+        (3604, 0, 0.7, CANNOT_SHOW),
+        (3605, ahead_s, 0.68, None),
+    ]
+
+
+def restarts_at(up_s: int) -> list[Row]:
+    """No packet is under way for more than a minute, so the one of a clock that began 1 s ago is none from before."""
+    return [
+        *told_of(range(up_s - 5, up_s), 0),
+        *told_of((up_s + 1, up_s + 2), -up_s, 0.68),
+        (up_s + 3, 0, 0.7, CANNOT_SHOW),
+    ]
+
+
+STORIES: dict[str, tuple[list[Row], float | None]] = {
+    "a clock that was set ahead is believed at its second packet": (set_by(YEAR_S), 0.68),
+    "a clock that was set back is believed at its second packet": (set_by(-3000), 0.68),
+    "a board that restarts in its second minute is heard at once": (restarts_at(62), 0.68),
+    "a board that restarts in its second hour is heard at once": (restarts_at(3600), 0.68),
+    # Its first packet may be one from before that waited. It was unheard until its clock caught up with the former one.
+    "one that restarts in its first minute is heard at its second packet": (
+        [*told_of(range(5, 30, 5), 0), (30, -27, 0.68, OVERTAKEN), *told_of(range(35, 55, 5), -27, 0.68)],
+        0.68,
+    ),
+    # One that was just switched on is heard at once.
+    "a first packet may state any time and makes nobody deaf": (
+        [
+            (120, YEAR_S, 0.7, None),
+            (121, 0, 0.7, CANNOT_SHOW),
+            (122, 0, 0.7, None),
+            *told_of(range(123, 180, 3), 0, 0.69),
+        ],
+        0.69,
+    ),
+    "two wrong stamps that disagree are not believed": (
+        [
+            (60, 0, 0.7, None),
+            *((60 * n, YEAR_S * (n % 2 + 1), 0.7, CANNOT_SHOW) for n in (2, 3, 4)),
+            (300, 0, 0.7, None),
+        ],
+        None,
+    ),
+    # The second is 20 minutes under way.
+    "a late packet is news if nothing newer came, and says nothing of the clock": (
+        [(3600, 0, 0.7, None), (5400, -1200, 0.7, None), (5401, 0, 0.7, None), (5402, -60, 0.7, OVERTAKEN)],
+        None,
+    ),
+}
+
+
+@both
+@pytest.mark.parametrize(("rows", "believed"), STORIES.values(), ids=STORIES)
+def test_story(made: Made, rows: list[Row], believed: float | None) -> None:
+    fleet = made()
+    for at_s, ahead_s, charge, why_not in rows:
+        assert said(fleet, 1000 * at_s, round(1000 * THETA * ahead_s), charge) == why_not, at_s
+    assert believed is None or fleet.get(5).primary == pytest.approx(believed, abs=0.02)
 
 
 @both
@@ -85,41 +156,6 @@ def fleet(made: Made) -> FleetBeliefs:
 
 
 @both
-@pytest.mark.parametrize("ahead_ms", [YEAR, -50 * MINUTE * THETA])
-def test_a_clock_that_was_set_is_believed_at_its_second_packet(fleet: FleetBeliefs, ahead_ms: int) -> None:
-    said(fleet, 60 * MINUTE, 0)
-    assert said(fleet, 60 * MINUTE + 1000, ahead_ms) == CANNOT_SHOW
-    assert said(fleet, 60 * MINUTE + 2000, ahead_ms, primary=0.68) is None
-    assert said(fleet, 60 * MINUTE + 3000, ahead_ms, primary=0.68) is None
-    assert primary_of(fleet) == pytest.approx(0.68, abs=0.02)
-    assert said(fleet, 60 * MINUTE + 4000, 0) == CANNOT_SHOW  # a stamp that was true before is wrong now
-    assert said(fleet, 60 * MINUTE + 5000, ahead_ms) is None
-
-
-@both
-@pytest.mark.parametrize("up_s", [62, 3600])
-def test_a_board_that_restarts_is_heard_at_once(fleet: FleetBeliefs, up_s: int) -> None:
-    """No packet is under way for more than a minute, so the one of a clock that began 1 s ago is none from before."""
-    for second in range(up_s - 5, up_s):
-        assert said(fleet, 1000 * second, 0) is None
-    on_ms = 1000 * up_s
-    assert said(fleet, on_ms + 1000, -THETA * on_ms, primary=0.68) is None
-    assert primary_of(fleet) == pytest.approx(0.68, abs=0.02)
-    assert said(fleet, on_ms + 2000, -THETA * on_ms, primary=0.68) is None
-    assert said(fleet, on_ms + 3000, 0) == CANNOT_SHOW
-
-
-@both
-def test_one_that_restarts_in_its_first_minute_is_heard_at_its_second_packet(fleet: FleetBeliefs) -> None:
-    """Its first packet may be one from before that waited. It was unheard until its clock caught up with the former one."""
-    for second in range(5, 30, 5):
-        assert said(fleet, 1000 * second, 0) is None
-    heard = [said(fleet, 1000 * second, -THETA * 27_000, primary=0.68) for second in range(30, 55, 5)]
-    assert heard == [OVERTAKEN, None, None, None, None]
-    assert primary_of(fleet) == pytest.approx(0.68, abs=0.02)
-
-
-@both
 def test_packets_of_a_boards_first_minute_that_waited_and_come_at_once_are_none_of_a_restart(
     fleet: FleetBeliefs,
 ) -> None:
@@ -133,38 +169,10 @@ def test_packets_of_a_boards_first_minute_that_waited_and_come_at_once_are_none_
 
 
 @both
-def test_a_first_packet_may_state_any_time_and_makes_nobody_deaf(fleet: FleetBeliefs) -> None:
-    on_ms = 2 * MINUTE  # one that was just switched on is heard at once
-    assert said(fleet, on_ms, YEAR) is None and said(fleet, on_ms + 1000, 0) == CANNOT_SHOW
-    assert said(fleet, on_ms + 2000, 0) is None
-    later = range(on_ms + 3000, on_ms + 60_000, 3000)
-    assert [said(fleet, at_ms, 0, primary=0.69) for at_ms in later] == [None] * 19
-    assert primary_of(fleet) == pytest.approx(0.69, abs=0.02)
-
-
-@both
 def test_the_same_packet_twice_agrees_with_nothing_but_itself(fleet: FleetBeliefs) -> None:
     said(fleet, MINUTE, 0)
     twice = StatusPacket(5, 9, State.ACTIVE, 0.7, 1.0, 3.0, 4.0, 3.0, YEAR)
     assert [fleet.hear(twice, MINUTE + n) for n in (1, 2, 3)] == [CANNOT_SHOW] * 3
-
-
-@both
-def test_two_wrong_stamps_that_disagree_are_not_believed(fleet: FleetBeliefs) -> None:
-    said(fleet, MINUTE, 0)
-    assert said(fleet, 2 * MINUTE, YEAR) == CANNOT_SHOW
-    assert said(fleet, 3 * MINUTE, 2 * YEAR) == CANNOT_SHOW
-    assert said(fleet, 4 * MINUTE, YEAR) == CANNOT_SHOW and said(fleet, 5 * MINUTE, 0) is None
-
-
-@both
-def test_a_late_packet_is_news_if_nothing_newer_came_and_says_nothing_of_the_clock(
-    fleet: FleetBeliefs,
-) -> None:
-    said(fleet, 60 * MINUTE, 0)
-    assert said(fleet, 90 * MINUTE, -20 * MINUTE * THETA) is None  # 20 minutes under way
-    assert said(fleet, 90 * MINUTE + 1000, 0) is None
-    assert said(fleet, 90 * MINUTE + 2000, -MINUTE * THETA) == OVERTAKEN
 
 
 @both
