@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from apad_bridge.planning.candidates import Candidate, Situation
-from apad_bridge.planning.costs import CostBreakdown, CostScales, cost_of
+from apad_bridge.planning.costs import CostScales, cost_of
 from apad_bridge.planning.solution import Solution, Step, StepKind
 from apad_bridge.planning.strategies.by_route import BestOfPool, Blend, Exact
 from apad_bridge.planning.strategies.paper_strategies import Greedy
@@ -25,21 +25,6 @@ SITUATION = Situation(
 COLLECTION = Solution((Step(StepKind.COLLECT, 1, 0), Step(StepKind.COLLECT, 2, 1)))
 
 
-def test_a_collection_costs_its_way_and_its_demand() -> None:
-    assert cost_of(COLLECTION, SITUATION) == CostBreakdown(18.0, 1.25, 18.0, 1.25)
-
-
-def test_scale_factors_weigh_the_two_against_each_other() -> None:
-    cost = cost_of(COLLECTION, SITUATION, CostScales(distance_per_m=0.5, energy_per_charge=8.0))
-    assert (cost.distance_cost, cost.energy_cost, cost.total) == (9.0, 10.0, 19.0)
-    assert (cost.distance_m, cost.demand) == (18.0, 1.25)
-
-
-def test_a_redeployment_goes_to_homes_and_demands_no_charge() -> None:
-    plan = Solution((Step(StepKind.DEPLOY, 1, 0), Step(StepKind.DEPLOY, 2, 1)))
-    assert cost_of(plan, SITUATION) == CostBreakdown(11.0, 0.0, 11.0, 0.0)  # 1 m, then 6-8-10
-
-
 class Southerly:
     """A metre to the north takes a third of a calm one's energy, and one to the south three times as much."""
 
@@ -50,9 +35,36 @@ class Southerly:
         return math.dist(from_m, to_m)
 
 
-def test_a_way_costs_by_the_sea_and_is_as_long_as_before() -> None:
-    cost = cost_of(COLLECTION, replace(SITUATION, sea=Southerly()), CostScales(distance_per_m=2.0))
-    assert (cost.distance_m, cost.distance_cost) == (18.0, pytest.approx(2 * 18 / 3))
+REDEPLOYMENT = Solution((Step(StepKind.DEPLOY, 1, 0), Step(StepKind.DEPLOY, 2, 1)))
+IN_A_SEA = replace(SITUATION, sea=Southerly())
+
+
+@pytest.mark.parametrize(
+    ("plan", "situation", "scales", "expected"),
+    [
+        pytest.param(COLLECTION, SITUATION, CostScales(), (18.0, 1.25, 18.0, 1.25), id="way and demand"),
+        pytest.param(COLLECTION, SITUATION, CostScales(0.5, 8.0), (18.0, 1.25, 9.0, 10.0), id="weighed"),
+        pytest.param(
+            COLLECTION,
+            SITUATION,
+            Costs(distance_per_m=2.0, energy_per_charge=0.0),
+            (18.0, 1.25, 36.0, 0.0),
+            id="a scenario's factors",
+        ),
+        # 1 m, then 6-8-10.
+        pytest.param(
+            REDEPLOYMENT, SITUATION, CostScales(), (11.0, 0.0, 11.0, 0.0), id="to homes, without demand"
+        ),
+        pytest.param(COLLECTION, IN_A_SEA, CostScales(2.0), (18.0, 1.25, 12.0, 1.25), id="by the sea"),
+        pytest.param(Solution(()), SITUATION, CostScales(), (0.0, 0.0, 0.0, 0.0), id="waiting costs nothing"),
+    ],
+)
+def test_a_plan_costs_its_way_and_its_demand(
+    plan: Solution, situation: Situation, scales: CostScales, expected: tuple[float, ...]
+) -> None:
+    cost = cost_of(plan, situation, scales)
+    found = (cost.distance_m, cost.demand, cost.distance_cost, cost.energy_cost)
+    assert found == pytest.approx(expected) and cost.total == pytest.approx(sum(expected[2:]))
 
 
 @pytest.mark.parametrize("strategy", [Blend(CostScales(1.0, 1.0)), Exact(CostScales()), BestOfPool()])
@@ -66,15 +78,6 @@ def test_a_planner_goes_with_the_sea_to_one_of_two_alike(strategy: CollectionStr
     # Both: with the sea first, 12 / 3 + 20 x 3, or against it, 8 x 3 + 20 / 3.
     assert [it.agent_id for it in strategy.plan(in_a_sea, 2).steps] == [1, 2]
     assert Greedy().plan(in_a_sea, 1) == Greedy().plan(calm, 1)
-
-
-def test_the_scenarios_own_block_of_factors_fits() -> None:
-    cost = cost_of(COLLECTION, SITUATION, Costs(distance_per_m=2.0, energy_per_charge=0.0))
-    assert (cost.distance_cost, cost.energy_cost) == (36.0, 0.0)
-
-
-def test_waiting_costs_nothing() -> None:
-    assert cost_of(Solution(()), SITUATION).total == 0.0
 
 
 def test_a_plan_for_somebody_else_is_our_bug() -> None:

@@ -91,20 +91,37 @@ HEAPS = {
 }
 
 
-def test_each_takes_the_heap_that_it_stands_beside() -> None:
-    assert allocate([(5.0, 190.0), (5.0, 10.0), (5.0, 90.0)], HEAPS) == ((3, 6, 9), (2, 5, 7), (1, 4, 8))
-
-
-def test_from_one_harbour_they_part_all_the_same() -> None:
-    """From one start all shares are equally good at first; the moving centres find the heaps."""
-    found = allocate([(0.0, 0.0), (0.0, 1.0), (0.0, 2.0)], HEAPS)
-    assert sorted(found) == [(1, 4, 8), (2, 5, 7), (3, 6, 9)]
-
-
-def test_nearness_gives_way_to_equal_numbers() -> None:
-    """Five lie about the first aPad and one about the second, so the farthest two of the five change over."""
-    places_m = {1: (0.0, 0.0), 2: (0.0, 1.0), 3: (0.0, 2.0), 4: (0.0, 3.0), 5: (0.0, 4.0), 6: (0.0, 100.0)}
-    assert allocate([(0.0, 2.0), (0.0, 100.0)], places_m) == ((1, 2, 3), (4, 5, 6))
+@pytest.mark.parametrize(
+    ("starts_m", "places_m", "shares"),
+    [
+        pytest.param(
+            [(5.0, 190.0), (5.0, 10.0), (5.0, 90.0)],
+            HEAPS,
+            [(3, 6, 9), (2, 5, 7), (1, 4, 8)],
+            id="each takes the heap that it stands beside",
+        ),
+        # All shares are equally good at first; the moving centres find the heaps.
+        pytest.param(
+            [(0.0, 0.0), (0.0, 1.0), (0.0, 2.0)],
+            HEAPS,
+            [(2, 5, 7), (1, 4, 8), (3, 6, 9)],
+            id="from one harbour they part all the same",
+        ),
+        # Five lie about the first aPad and one about the second, so the farthest two of the five change over.
+        pytest.param(
+            [(0.0, 2.0), (0.0, 100.0)],
+            {n: (0.0, n - 1.0 if n < 6 else 100.0) for n in range(1, 7)},
+            [(1, 2, 3), (4, 5, 6)],
+            id="nearness gives way to equal numbers",
+        ),
+    ],
+)
+def test_shares_of_simple_layouts(
+    starts_m: list[tuple[float, float]],
+    places_m: dict[int, tuple[float, float]],
+    shares: list[tuple[int, ...]],
+) -> None:
+    assert list(allocate(starts_m, places_m)) == shares
 
 
 def test_a_hundred_kilometres_are_exact_and_more_is_refused() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 from doc_blocks import install_template
@@ -17,7 +18,7 @@ from apad_bridge.planning.registry import (
     label,
     redeployment,
 )
-from apad_bridge.planning.strategies.paper_strategies import Cautious, Greedy, GreedyRedeploy, NoCollection
+from apad_bridge.planning.strategies.paper_strategies import Greedy, GreedyRedeploy, NoCollection
 
 
 def install(site: Path, distribution: str, entries: str, module: str, code: str) -> None:
@@ -35,23 +36,17 @@ def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_the_built_in_ones() -> None:
-    assert isinstance(collection("greedy"), Greedy)
-    assert isinstance(collection("cautious"), Cautious)
-    assert isinstance(collection("none"), NoCollection)
-    assert isinstance(redeployment("greedy-redeploy"), GreedyRedeploy)
-
-
-def test_an_unknown_name_is_answered_with_the_known_ones() -> None:
-    with pytest.raises(ValueError, match=r"^unknown strategy 'gready'; known: .*cautious.*greedy.*none"):
-        collection("gready")
-
-
-def test_a_redeployment_is_no_collection() -> None:
-    with pytest.raises(ValueError, match=r"'greedy-redeploy' .* is no collect strategy"):
-        collection("greedy-redeploy")
-    with pytest.raises(ValueError, match=r"'greedy' .* is no deploy strategy"):
-        redeployment("greedy")
+@pytest.mark.parametrize(
+    ("find", "name", "why"),
+    [
+        (collection, "gready", r"^unknown strategy 'gready'; known: .*cautious.*greedy.*none"),
+        (collection, "greedy-redeploy", r"'greedy-redeploy' .* is no collect strategy"),
+        (redeployment, "greedy", r"'greedy' .* is no deploy strategy"),
+    ],
+)
+def test_what_no_built_in_one_is(find: Any, name: str, why: str) -> None:
+    with pytest.raises(ValueError, match=why):
+        find(name)
 
 
 def test_the_template_adds_a_strategy(site: Path) -> None:

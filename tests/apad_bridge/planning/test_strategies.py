@@ -7,13 +7,14 @@ from dataclasses import fields
 from math import dist
 from pathlib import Path
 from random import Random
+from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from apad_bridge.planning.candidates import Candidate, Situation
-from apad_bridge.planning.solution import Solution, Step, StepKind, check_solution
+from apad_bridge.planning.solution import Solution, StepKind, check_solution
 from apad_bridge.planning.strategies.paper_strategies import Cautious, Greedy, GreedyRedeploy, NoCollection
 
 metres = st.floats(-100, 100)
@@ -55,46 +56,67 @@ def test_the_page_for_authors_describes_what_a_strategy_finds() -> None:
     } <= described & found
 
 
-def test_cautious_takes_the_lowest_charges_wherever_they_are() -> None:
-    agents = (
-        floating(1, 0, 1, 0.6),
-        floating(2, 90, 90, 0.2),
-        floating(3, 0, 2, 0.7),
-        floating(4, -50, 0, 0.4),
-    )
-    plan = Cautious().plan(Situation(0, 0, agents, (3, 1, 0)), batch=4)
-    assert plan.steps == (
-        Step(StepKind.COLLECT, 2, 3),
-        Step(StepKind.COLLECT, 4, 1),
-        Step(StepKind.COLLECT, 1, 0),
-    )
-
-
-def test_cautious_breaks_ties_by_the_lower_id() -> None:
-    agents = tuple(floating(k, k, 0, 0.5) for k in (9, 3, 7))
-    assert ids(Cautious().plan(Situation(0, 0, agents, (0, 1, 2, 3)), batch=2)) == [3, 7]
-
-
-def test_greedy_moves_on_to_what_it_chose() -> None:
-    # From the aPad 2 is nearer than 3, but after 1 the aPad is at 10 m north, and 3 is nearer than 2.
-    agents = (floating(1, 10, 0), floating(2, -11, 0), floating(3, 22, 0))
-    assert ids(Greedy().plan(Situation(0, 0, agents, (0, 1, 2, 3)), batch=4)) == [1, 3, 2]
-
-
-def test_greedy_breaks_ties_by_the_lower_id() -> None:
-    agents = (floating(8, 0, 5), floating(2, 0, -5), floating(5, 5, 0))
-    assert ids(Greedy().plan(Situation(0, 0, agents, (0, 1, 2, 3)), batch=1)) == [2]
-
-
-def test_greedy_redeploy_goes_to_the_nearest_home_in_turn_and_opens_the_slot_that_holds_the_agent() -> None:
-    agents = (docked(1, 40, 0, 0), docked(2, -15, 0, 1), docked(3, 10, 0, 3), docked(4, 30, 0, 2))
-    plan = GreedyRedeploy().plan(Situation(0, 0, agents, ()))
-    assert [(step.kind, step.agent_id, step.dock_index) for step in plan.steps] == [
-        (StepKind.DEPLOY, 3, 3),
-        (StepKind.DEPLOY, 4, 2),
-        (StepKind.DEPLOY, 1, 0),
-        (StepKind.DEPLOY, 2, 1),
-    ]
+@pytest.mark.parametrize(
+    ("strategy", "agents", "docks", "batch", "chosen"),
+    [
+        pytest.param(
+            Cautious(),
+            [
+                floating(1, 0, 1, 0.6),
+                floating(2, 90, 90, 0.2),
+                floating(3, 0, 2, 0.7),
+                floating(4, -50, 0, 0.4),
+            ],
+            (3, 1, 0),
+            4,
+            [(2, 3), (4, 1), (1, 0)],
+            id="cautious takes the lowest charges wherever they are",
+        ),
+        pytest.param(
+            Cautious(),
+            [floating(k, k, 0) for k in (9, 3, 7)],
+            (0, 1, 2, 3),
+            2,
+            [(3, 0), (7, 1)],
+            id="cautious breaks ties by the lower id",
+        ),
+        # From the aPad 2 is nearer than 3, but after 1 the aPad is at 10 m north, and 3 is nearer than 2.
+        pytest.param(
+            Greedy(),
+            [floating(1, 10, 0), floating(2, -11, 0), floating(3, 22, 0)],
+            (0, 1, 2, 3),
+            4,
+            [(1, 0), (3, 1), (2, 2)],
+            id="greedy moves on to what it chose",
+        ),
+        pytest.param(
+            Greedy(),
+            [floating(8, 0, 5), floating(2, 0, -5), floating(5, 5, 0)],
+            (0, 1, 2, 3),
+            1,
+            [(2, 0)],
+            id="greedy breaks ties by the lower id",
+        ),
+        pytest.param(
+            GreedyRedeploy(),
+            [docked(1, 40, 0, 0), docked(2, -15, 0, 1), docked(3, 10, 0, 3), docked(4, 30, 0, 2)],
+            (),
+            None,
+            [(3, 3), (4, 2), (1, 0), (2, 1)],
+            id="greedy-redeploy goes to the nearest home in turn and opens the dock that holds the aMussel",
+        ),
+    ],
+)
+def test_who_is_chosen_in_which_order_and_with_which_dock(
+    strategy: Any,
+    agents: list[Candidate],
+    docks: tuple[int, ...],
+    batch: int | None,
+    chosen: list[tuple[int, int]],
+) -> None:
+    plan = strategy.plan(Situation(0, 0, tuple(agents), docks), *([] if batch is None else [batch]))
+    assert [(step.agent_id, step.dock_index) for step in plan.steps] == chosen
+    assert {step.kind for step in plan.steps} == {StepKind.DEPLOY if batch is None else StepKind.COLLECT}
 
 
 def test_redeploying_what_is_not_docked_is_our_bug() -> None:
