@@ -97,48 +97,45 @@ def test_a_run_needs_no_package_of_studies_and_prints_what_nobody_can_exceed(
     assert "4 docks sustain at most 15.2 aMussels (12.0" in capsys.readouterr().out
 
 
-def test_without_pyarrow_a_study_says_how_to_get_it_before_it_flies(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr("apad_bridge.studies.commands.study.find_spec", lambda name: None)
-    assert main(["study", "table2", "--out", str(tmp_path / "out")]) == 2
-    assert (
-        "pyarrow, which writes the results, is missing" in capsys.readouterr().err
-        and not (tmp_path / "out").exists()
-    )
-
-
 @pytest.mark.parametrize(
     ("words", "told"),
     [
         (["table2", "--theta", "0"], "--theta 0: must be 1 or more"),
         (["pool-12", "--seeds", "-1"], "--seeds -1: must be 1 or more"),
         (["sleep", "--theta", "1"], "--theta works with table2 only"),
+        (["table2"], "pyarrow, which writes the results, is missing"),
     ],
 )
-def test_an_option_that_no_flight_can_have_is_told(
-    words: list[str], told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_what_no_study_can_fly_is_told_before_it_flies(
+    words: list[str],
+    told: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
+    if words == ["table2"]:
+        monkeypatch.setattr("apad_bridge.studies.commands.study.find_spec", lambda name: None)
     assert main(["study", *words, "--out", str(tmp_path / "out")]) == 2
     assert told in capsys.readouterr().err and not (tmp_path / "out").exists()
 
 
 def test_a_study_multiplies_settings_strategies_and_seeds() -> None:
+    home = {"charging_w": 300.0, "go_at": 0.2}
     found = plan(
-        parameters={"duration_s": [300.0], "theta": [1, 30], "mission.batch": [1, 4]},
+        parameters={
+            "duration_s": [300.0],
+            "theta": [1, 30],
+            "mission.batch": [1, 4],
+            "apad.home": [None, home],
+        },
         strategies=["greedy", {"collection": "cautious", "full_threshold": 0.9}],
     )
-    assert found.missions == 4 * 2 * 4 == len(found.settings) * len(found.strategies) * len(found.seeds)
-    assert found.settings[0].label == "pool, duration_s 300.0, mission.batch 1, theta 1"
-    one = found.scenario(1, 1, 3)
-    assert (one.seed, one.theta, one.mission.batch, one.mission.full_threshold) == (3, 1, 4, 0.9)
+    assert found.missions == 8 * 2 * 4 == len(found.settings) * len(found.strategies) * len(found.seeds)
+    assert found.settings[0].label == "pool, duration_s 300.0, mission.batch 1, apad.home None, theta 1"
+    one = found.scenario(found.settings.index(found.settings[-1]), 1, 3)
+    assert (one.seed, one.theta, one.mission.batch, one.mission.full_threshold) == (3, 30, 4, 0.9)
+    assert found.scenario(0, 0, 1).apad.home is None and one.apad.home.go_at == 0.2
     assert found.strategies[1] == "collection cautious, full_threshold 0.9"
-
-
-def test_a_parameter_s_value_may_be_a_block() -> None:
-    found = plan(parameters={"apad.home": [None, {"charging_w": 300.0, "go_at": 0.2}]})
-    homes = [found.scenario(setting, 0, 1).apad.home for setting in (0, 1)]
-    assert homes[0] is None and homes[1] is not None and homes[1].go_at == 0.2
 
 
 def test_a_mission_of_a_whole_board_is_flown_tick_by_tick_where_asked(tmp_path: Path) -> None:

@@ -45,15 +45,13 @@ def test_no_charging_is_the_paper_s_row_and_an_independent_stepper_s() -> None:
     scenario = load(SCENARIOS / "no-charging.yaml")
     flown = fly(scenario, Model.EVENT_DRIVEN)
     paper = next(row for row in PAPER if row.collection == "none")
-    assert flown.uptime_paper_mean == pytest.approx(paper.mean, abs=0.05)
-    assert flown.uptime_paper_max == pytest.approx(paper.max, abs=0.05)
-    assert flown.uptime_paper_min == pytest.approx(paper.min, abs=0.05)
+    found = (flown.uptime_paper_mean, flown.uptime_paper_max, flown.uptime_paper_min)
+    assert found == pytest.approx((paper.mean, paper.max, paper.min), abs=0.05)
     assert (flown.active_mean, flown.metres) == (pytest.approx(paper.active_mean, abs=0.05), 0)
     uptimes = stepped_uptimes([start.primary for start in starts_of(scenario)], 30, 2400)
     # One step is 0.042 points; the flight's own battery may differ from the stepper's floats by one step at most.
-    assert flown.uptime_paper_mean == pytest.approx(sum(uptimes) / len(uptimes), abs=0.05)
-    assert flown.uptime_paper_max == pytest.approx(max(uptimes), abs=0.05)
-    assert flown.uptime_paper_min == pytest.approx(min(uptimes), abs=0.05)
+    stepped = (sum(uptimes) / len(uptimes), max(uptimes), min(uptimes))
+    assert found == pytest.approx(stepped, abs=0.05)
 
 
 def test_cautious_on_random_configurations_has_the_paper_s_row_inside_its_central_90_percent(
