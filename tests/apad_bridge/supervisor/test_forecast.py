@@ -59,26 +59,38 @@ def misses(told: list[tuple[float, float | None]], times_s: list[float]) -> list
     return found
 
 
-def test_the_next_pick_up_is_foretold(foretold: tuple[Flying, list[tuple[float, Phase, Forecast]]]) -> None:
-    flying, told = foretold
-    docked_s = happened(flying, "dock", "closed", True)
-    assert len(docked_s) > 8
-    on_the_way = [(t, it.next_pickup_s) for t, phase, it in told if phase in (Phase.GO_COLLECT, Phase.DOCK)]
-    found = misses(on_the_way, docked_s)
-    assert len(found) > 300 and max(map(abs, found)) < 5.0
-    # Also minutes before, while a batch still charges.
-    charging = [(t, it.next_pickup_s) for t, phase, it in told if phase is Phase.CHARGE]
-    found = misses(charging, docked_s)
-    assert len(found) > 500 and median(map(abs, found)) < 30.0
+ON_THE_WAY, CHARGING = {Phase.GO_COLLECT, Phase.DOCK}, {Phase.CHARGE}
+DOCKED, FULL = ("dock", "closed", True), ("plan", "what", "redeploy")
 
 
-def test_the_full_batch_is_foretold(foretold: tuple[Flying, list[tuple[float, Phase, Forecast]]]) -> None:
-    flying, told = foretold
-    full_s = happened(flying, "plan", "what", "redeploy")
-    charging = [(t, it.batch_full_s) for t, phase, it in told if phase is Phase.CHARGE]
-    found = misses(charging, full_s)
-    assert len(found) > 500
-    assert median(map(abs, found)) < 30.0 and max(map(abs, found)) < 120.0
+@pytest.mark.parametrize(
+    ("dispatch", "phases", "figure", "event", "middle_s", "most_s"),
+    [
+        pytest.param(Dispatch.BATCH, ON_THE_WAY, "next_pickup_s", DOCKED, 5.0, 5.0, id="on the way"),
+        pytest.param(Dispatch.BATCH, CHARGING, "next_pickup_s", DOCKED, 30.0, math.inf, id="minutes before"),
+        pytest.param(Dispatch.BATCH, CHARGING, "batch_full_s", FULL, 30.0, 120.0, id="the full batch"),
+        # A batch is not what it waits for: it collects one as soon as a dock is free.
+        pytest.param(
+            Dispatch.ASYNCHRONOUS, CHARGING, "next_pickup_s", DOCKED, 10.0, math.inf, id="one by one"
+        ),
+    ],
+)
+def test_what_comes_next_is_foretold(
+    pool: Scenario,
+    foretold: tuple[Flying, list[tuple[float, Phase, Forecast]]],
+    dispatch: Dispatch,
+    phases: set[Phase],
+    figure: str,
+    event: tuple[str, str, object],
+    middle_s: float,
+    most_s: float,
+) -> None:
+    own = replace(pool, mission=replace(pool.mission, dispatch=dispatch))
+    flying, told = foretold if dispatch is pool.mission.dispatch else foretold_of(own)
+    times_s = happened(flying, *event)
+    found = misses([(t, getattr(it, figure)) for t, phase, it in told if phase in phases], times_s)
+    assert len(found) > 300 and len(times_s) > 2
+    assert median(map(abs, found)) < middle_s and max(map(abs, found)) < most_s
 
 
 def test_the_end_and_the_battery_then_are_foretold(
@@ -91,15 +103,6 @@ def test_the_end_and_the_battery_then_are_foretold(
         assert forecast.mission_end_s == pytest.approx(pool.duration_s - now_s)
         assert forecast.apad_fraction_at_end == pytest.approx(battery.fraction, abs=0.02)
     assert told[-1][2] == Forecast()
-
-
-def test_the_next_pick_up_of_an_asynchronous_mission_is_foretold(pool: Scenario) -> None:
-    """A batch is not what it waits for: it collects one as soon as a dock is free."""
-    mission = replace(pool.mission, dispatch=Dispatch.ASYNCHRONOUS)
-    flying, told = foretold_of(replace(pool, mission=mission))
-    charging = [(t, it.next_pickup_s) for t, phase, it in told if phase is Phase.CHARGE]
-    found = misses(charging, happened(flying, "dock", "closed", True))
-    assert len(found) > 500 and median(map(abs, found)) < 10.0
 
 
 def test_an_empty_battery_ends_the_mission_first(pool: Scenario) -> None:

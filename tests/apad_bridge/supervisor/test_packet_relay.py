@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable
-from dataclasses import replace
+from collections import Counter
+from typing import Any
 
 import pytest
+from flying import play
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agents.mussel.stimuli import AgentStimulus, ContactClosed, ContactOpened, DockMoved, from_wire, to_wire
+from agents.mussel.stimuli import ContactClosed, ContactOpened, DockMoved
 from agents.packet_medium import Medium
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.hold_last import HoldLast
-from apad_bridge.mission.facts import AMusselHeard, RangeHeard, Send
+from apad_bridge.mission.facts import Send, AMusselHeard
 from apad_bridge.mission.sources import Allocation
 from apad_bridge.supervisor.packet_relay import (
     FLEET_ALONE,
@@ -33,7 +33,6 @@ from apad_bridge.supervisor.packet_relay import (
     outcomes,
     whole_flight,
 )
-from firmware_model.packets import EVERYONE
 from firmware_model.states import State
 
 FOR_OTHERS = {RelayOutcome.PUBLISH, RelayOutcome.RECEIVE, RelayOutcome.REFUSE}
@@ -87,121 +86,218 @@ class Process:
         return arrived
 
 
-def test_a_whole_flight_hears_real_amussels_and_refuses_a_second_voice_of_a_simulated_one() -> None:
-    process = Process(whole_flight(lambda: frozenset({1, 2})))
-    process.arrived = [
-        RelayedPacket(PacketOrigin.REMOTE_AMUSSEL, 3, Medium.SOUND, b"real", 5),
-        RelayedPacket(PacketOrigin.REMOTE_AMUSSEL, 1, Medium.SOUND, b"second voice", 5),
-        RelayedPacket(PacketOrigin.REMOTE_AMUSSEL, 4, Medium.WIFI, b"real too", 5),
-    ]
-    assert process.relay.advance(5) == [
-        AMusselHeard(Medium.SOUND, 5, b"real"),
-        AMusselHeard(Medium.WIFI, 5, b"real too"),
-    ]
-    assert process.relay.dropped.total() == 1
-    for agent_id in (1, 3, EVERYONE):
-        process.relay.forward(Send(Medium.SOUND, agent_id, b""), 6)
-        process.relay.transmit(Medium.WIFI, agent_id, b"", 6)
-    assert [(it.source, it.agent_id) for it in process.published] == [(SUPERVISOR, 3), (SUPERVISOR, EVERYONE)]
+CONTACTS = {"opens": ContactOpened(), "closes": ContactClosed(1, 2), "moves": DockMoved(3, 4)}
 
 
-def measured(agent_id: int, data: bytes) -> RelayedPacket:
-    return RelayedPacket(PacketOrigin.REMOTE_AMUSSEL, agent_id, RANGE, data, 5_000)
+class Told:
+    """A process of a transcript. A line's answer is what it receives, publishes and drops."""
+
+    def __init__(self, division: Division) -> None:
+        self.process = Process(division)
+        self.relay = self.process.relay
+        self.dropped: Counter[str] = Counter()
+
+    def answer(self, move: str) -> str:
+        name, *words = move.split()
+        received: list[Any] = []
+        match name:
+            case "hears":  # a source, an aMussel, a medium and what it carries
+                source, agent_id, medium, *text = words
+                data = " ".join(text).encode("latin-1").decode("unicode-escape").encode("latin-1")
+                of = {"wifi": Medium.WIFI, "sound": Medium.SOUND, "range": RANGE, "none": None}[medium]
+                self.process.arrived.append(
+                    RelayedPacket(PacketOrigin[source.upper()], int(agent_id), of, data, 5_000)
+                )
+            case "at":
+                received = self.relay.advance(1000 * int(words[0]))
+            case "commands":
+                self.relay.forward(Send(Medium.SOUND, int(words[0]), b"command"), 6_000)
+            case "speaks":
+                self.relay.transmit(Medium.WIFI, int(words[0]), b"status", 6_000)
+            case "pings":
+                self.relay.ping(int(words[0]), 1000 * int(words[1]))
+            case "dock":
+                self.relay.send_contact(RemoteContact(7, CONTACTS[words[0]]), 1_000)
+            case "reported":  # a state, when it was heard, and the time of the look
+                state, heard_ms, now_ms = State[words[0]], 1000 * int(words[1]), 1000 * int(words[2])
+                self.relay.repeat_contacts(lambda it: Belief(it, heard_ms, state, 0.5, 1.0, 0.0, 0.0), now_ms)
+            case "unheard":
+                self.relay.repeat_contacts(lambda it: None, 2_000)
+            case "without_outlets":
+                self.relay = self.relay.without_outlets()
+        dropped = self.process.relay.dropped - self.dropped
+        self.dropped = Counter(self.process.relay.dropped)
+        sent = [
+            f"{it.source.name.lower()} to {it.agent_id}: {(it.data or b'ping').decode()}"
+            for it in self.process.published
+        ]
+        self.process.published.clear()
+        return "; ".join(
+            [*map(str, received), *sent, *(f"{count} x {why}" for why, count in dropped.items())]
+        )
 
 
-def test_a_ping_of_a_real_amussel_gets_its_range_once_and_one_that_is_under_way_is_enough() -> None:
-    process = Process(whole_flight(lambda: frozenset({1, 2})))
-    for at_ms in (1_000, 4_000):
-        process.relay.ping(3, at_ms)
-    assert process.published == [RelayedPacket(SUPERVISOR, 3, RANGE, b"", 1_000)]
-    process.arrived = [measured(3, b"29.600"), measured(3, b"29.600"), measured(1, b"29.600")]
-    assert process.relay.advance(5_000) == [RangeHeard(5_000, 3, 29.6)]
-    assert process.relay.dropped == {
-        "range: no ping awaits it": 1,
-        "a packet of a real aMussel whose id is simulated here": 1,
-    }
-    process.relay.ping(3, 6_000)
-    assert len(process.published) == 2
+OURS = whole_flight(lambda: frozenset({1, 2}))
+STORIES: dict[str, tuple[Division, str]] = {
+    "a whole flight hears real aMussels, and refuses a second voice of a simulated one": (
+        OURS,
+        """
+        hears remote_amussel 3 sound real         |
+        hears remote_amussel 1 sound second voice |
+        hears remote_amussel 4 wifi real too      |
+        at 5                                      | AMusselHeard(Medium.SOUND, at_ms=5000, data=b'real');
+                                                  | AMusselHeard(Medium.WIFI, at_ms=5000, data=b'real too');
+                                                  | 1 x a packet of a real aMussel whose id is simulated here
+        commands 1                                |
+        commands 3                                | local_supervisor to 3: command
+        commands 65535                            | local_supervisor to 65535: command
+        speaks 1                                  |
+        speaks 3                                  |
+        """,
+    ),
+    "a ping of a real aMussel gets its range once, and one that is under way is enough": (
+        OURS,
+        """
+        pings 3 1                           | local_supervisor to 3: ping
+        pings 3 4                           |
+        hears remote_amussel 3 range 29.600 |
+        hears remote_amussel 3 range 29.600 |
+        hears remote_amussel 1 range 29.600 |
+        at 5                                | RangeHeard(at_ms=5000, agent_id=3, range_m=29.6);
+                                            | 1 x range: no ping awaits it;
+                                            | 1 x a packet of a real aMussel whose id is simulated here
+        pings 3 6                           | local_supervisor to 3: ping
+        """,
+    ),
+    # 30 s in the modem's queue, and the modem's 4 s.
+    "a range that is none is dropped, and the ping is unanswered after 34 s": (
+        whole_flight(frozenset),
+        """
+        pings 3 1                             | local_supervisor to 3: ping
+        hears remote_amussel 3 range          |
+        hears remote_amussel 3 range near     |
+        hears remote_amussel 3 range nan      |
+        hears remote_amussel 3 range inf      |
+        hears remote_amussel 3 range -0.1     |
+        hears remote_amussel 3 range 100000.1 |
+        hears remote_amussel 3 range \xff     |
+        hears remote_amussel 3 range 1 2      |
+        at 5                                  | 8 x range: range_m is outside 0 to 100000
+        at 35                                 |
+        at 36                                 | RangeHeard(at_ms=36000, agent_id=3, range_m=None)
+        at 99                                 |
+        """,
+    ),
+    "a fleet with docks speaks, and hears a mission's commands and contacts": (
+        FLEET_WITH_DOCKS,
+        """
+        speaks 7                                   | local_amussel to 7: status
+        hears remote_supervisor 7 sound permission |
+        hears remote_supervisor 65535 sound beacon |
+        hears remote_dock 7 none [0, 1, 2]         |
+        at 5                                       | Send(...agent_id=7, data=b'permission'...);
+                                                   | Send(...agent_id=65535, data=b'beacon'...);
+                                                   | RemoteContact(agent_id=7, stimulus=ContactClosed(...1, ...2))
+        """,
+    ),
+    "a mission commands and carries, and hears a fleet": (
+        MISSION_ALONE,
+        """
+        commands 7                         | local_supervisor to 7: command
+        commands 65535                     | local_supervisor to 65535: command
+        dock closes                        | local_dock to 7: [0, 1, 2]
+        hears remote_amussel 7 wifi status |
+        at 5                               | AMusselHeard(Medium.WIFI, at_ms=5000, data=b'status')
+        """,
+    ),
+    # The first report came before it; the second at the same look is no newer; once it is felt, it is its own doing.
+    "a release that a cut link has lost is told again after a report of the aMussel": (
+        MISSION_ALONE,
+        """
+        dock opens              | local_dock to 7: [2]
+        unheard                 |
+        reported CHARGING 0 3   |
+        reported CHARGING 60 60 | local_dock to 7: [2]
+        reported CHARGING 60 70 |
+        reported RELEASED 70 70 |
+        reported CHARGING 90 90 |
+        """,
+    ),
+    "one that sinks has felt its release, and one that reports has not": (
+        MISSION_ALONE,
+        """
+        dock opens               | local_dock to 7: [2]
+        reported REPORTING 60 60 | local_dock to 7: [2]
+        reported SINKING 70 70   |
+        reported REPORTING 90 90 |
+        """,
+    ),
+    "a docking that a cut link has lost is told again": (
+        MISSION_ALONE,
+        """
+        dock closes             | local_dock to 7: [0, 1, 2]
+        reported FLOATING 60 60 | local_dock to 7: [0, 1, 2]
+        reported CHARGING 70 70 |
+        reported FLOATING 90 90 |
+        """,
+    ),
+    "an aMussel that is told again of its dock is where the dock is now": (
+        MISSION_ALONE,
+        """
+        dock closes             | local_dock to 7: [0, 1, 2]
+        dock moves              | local_dock to 7: [1, 3, 4]
+        reported FLOATING 60 60 | local_dock to 7: [0, 3, 4]
+        """,
+    ),
+    "an aMussel that never feels its dock is told three times": (
+        MISSION_ALONE,
+        """
+        dock closes             | local_dock to 7: [0, 1, 2]
+        reported FLOATING 10 10 | local_dock to 7: [0, 1, 2]
+        reported FLOATING 20 20 | local_dock to 7: [0, 1, 2]
+        reported FLOATING 30 30 |
+        reported FLOATING 90 90 |
+        """,
+    ),
+    # A medium of none is for contacts.
+    "a packet without a medium that is no contact is dropped and counted": (
+        MISSION_ALONE,
+        """
+        hears remote_amussel 1 none [0, 1, 2] |
+        at 5                                  | 1 x packet: no such medium
+        """,
+    ),
+    "a relay without outlets receives and transmits nothing": (
+        MISSION_ALONE,
+        """
+        hears remote_amussel 1 wifi status |
+        without_outlets                    |
+        commands 1                         |
+        at 5                               | AMusselHeard(Medium.WIFI, at_ms=5000, data=b'status')
+        """,
+    ),
+}
 
 
-@pytest.mark.parametrize("data", [b"", b"near", b"nan", b"inf", b"-0.1", b"100000.1", b"\xff", b"1 2"])
-def test_a_range_that_is_none_is_dropped_and_the_ping_is_unanswered_after_34_s(data: bytes) -> None:
-    """30 s in the modem's queue, and the modem's 4 s."""
-    process = Process(whole_flight(frozenset))
-    process.relay.ping(3, 1_000)
-    process.arrived = [measured(3, data)]
-    assert process.relay.advance(5_000) == [] and process.relay.dropped.total() == 1
-    assert process.relay.advance(35_000) == []
-    assert process.relay.advance(36_000) == [RangeHeard(36_000, 3, None)]
-    assert process.relay.advance(99_000) == []
-
-
-def test_a_fleet_and_a_mission_alone_make_a_flight_together() -> None:
-    fleet, mission = Process(FLEET_WITH_DOCKS), Process(MISSION_ALONE)
-    fleet.relay.transmit(Medium.WIFI, 7, b"status", 1_000)
-    mission.relay.forward(Send(Medium.SOUND, 7, b"permission"), 1_000)
-    mission.relay.forward(Send(Medium.SOUND, EVERYONE, b"beacon"), 1_000)
-    (status,), commands = fleet.published, list(mission.published)
-    mission.relay.send_contact(RemoteContact(7, ContactClosed(1, 2)), 1_000)
-    contact = mission.published[-1]
-    mission.arrived = [RelayedPacket(PacketOrigin.REMOTE_AMUSSEL, 7, status.medium, status.data, 2_000)]
-    fleet.arrived = [
-        RelayedPacket(PacketOrigin.REMOTE_SUPERVISOR, it.agent_id, it.medium, it.data, 2_000)
-        for it in commands
-    ] + [RelayedPacket(PacketOrigin.REMOTE_DOCK, 7, contact.medium, contact.data, 2_000)]
-    assert mission.relay.advance(2_000) == [AMusselHeard(Medium.WIFI, 2_000, b"status")]
-    assert fleet.relay.advance(2_000) == [
-        Send(Medium.SOUND, 7, b"permission"),
-        Send(Medium.SOUND, EVERYONE, b"beacon"),
-        RemoteContact(7, ContactClosed(1, 2)),
-    ]
-
-
-def reported(state: State, heard_ms: int) -> Callable[[int], Belief]:
-    return lambda agent_id: Belief(agent_id, heard_ms, state, 0.5, 1.0, 0.0, 0.0)
+@pytest.mark.parametrize(("division", "story"), STORIES.values(), ids=STORIES)
+def test_story(division: Division, story: str) -> None:
+    play(story, Told(division).answer)
 
 
 @pytest.mark.parametrize(
-    ("contact", "felt", "unfelt"),
+    "data",
     [
-        (ContactOpened(), State.RELEASED, State.CHARGING),
-        (ContactOpened(), State.SINKING, State.REPORTING),
-        (ContactClosed(1, 2), State.CHARGING, State.FLOATING),
+        *(b"", b"{", b"[]", b"[0, 1]", b'["x"]', b"[99]", b"\xff", b"null"),
+        b"[" * 1024,  # deeper than a parser may go
+        b"[0,%d,0]" % 10**30,  # farther away than anything, and more than a link to an agent carries
+        b"[8,99]",  # a reset is no contact; one by no cause would end the aMussel's process
+        b"[10,600000000000000,0]",
     ],
 )
-def test_a_contact_that_a_cut_link_has_lost_is_told_again_after_a_report_of_the_aMussel(
-    contact: AgentStimulus, felt: State, unfelt: State
-) -> None:
-    mission = Process(MISSION_ALONE)
-    mission.relay.send_contact(RemoteContact(7, contact), 1_000)
-    first = mission.published.pop()
-    mission.relay.repeat_contacts(lambda agent_id: None, 2_000)
-    mission.relay.repeat_contacts(reported(unfelt, 900), 3_000)  # it was sent before
-    assert not mission.published
-    mission.relay.repeat_contacts(reported(unfelt, 60_000), 60_000)
-    mission.relay.repeat_contacts(reported(unfelt, 60_000), 70_000)  # no newer report
-    (again,) = mission.published
-    assert replace(again, at_ms=first.at_ms) == first
-    mission.relay.repeat_contacts(reported(felt, 70_000), 70_000)
-    mission.relay.repeat_contacts(reported(unfelt, 90_000), 90_000)  # it was confirmed: this is its own doing
-    assert mission.published == [again]
-
-
-def test_an_aMussel_that_is_told_again_of_its_dock_is_where_the_dock_is_now() -> None:
-    mission = Process(MISSION_ALONE)
-    for contact in (ContactClosed(1, 2), DockMoved(3, 4)):
-        mission.relay.send_contact(RemoteContact(7, contact), 1_000)
-    mission.relay.repeat_contacts(reported(State.FLOATING, 60_000), 60_000)
-    contacts = [from_wire(json.loads(it.data)) for it in mission.published]
-    assert contacts == [ContactClosed(1, 2), DockMoved(3, 4), ContactClosed(3, 4)]
-
-
-def test_an_aMussel_that_never_feels_its_dock_is_told_three_times() -> None:
-    mission = Process(MISSION_ALONE)
-    mission.relay.send_contact(RemoteContact(7, ContactClosed(1, 2)), 0)
-    for now_ms in range(10_000, 100_000, 10_000):
-        mission.relay.repeat_contacts(reported(State.FLOATING, now_ms), now_ms)
-    assert len(mission.published) == 3
+def test_a_contact_that_is_none_is_dropped_and_counted(data: bytes) -> None:
+    process = Process(FLEET_ALONE)
+    process.arrived = [RelayedPacket(PacketOrigin.REMOTE_DOCK, 1, None, data, 0)]
+    assert process.relay.advance(0) == [] and process.relay.dropped.total() == 1
 
 
 NAMES = ("a", "b", "c")
@@ -258,35 +354,3 @@ def test_of_several_apads_exactly_the_one_concerned_receives_each_packet(
         expected[home] = [command, contact]
     assert received == expected
     assert not any(it.relay.dropped for it in processes.values())
-
-
-@pytest.mark.parametrize(
-    "data",
-    [
-        *(b"", b"{", b"[]", b"[0, 1]", b'["x"]', b"[99]", b"\xff", b"null"),
-        b"[" * 1024,  # deeper than a parser may go
-        b"[0,%d,0]" % 10**30,  # farther away than anything, and more than a link to an agent carries
-        b"[8,99]",  # a reset is no contact; one by no cause would end the aMussel's process
-        b"[10,600000000000000,0]",
-    ],
-)
-def test_a_contact_that_is_none_is_dropped_and_counted(data: bytes) -> None:
-    process = Process(FLEET_ALONE)
-    process.arrived = [RelayedPacket(PacketOrigin.REMOTE_DOCK, 1, None, data, 0)]
-    assert process.relay.advance(0) == [] and process.relay.dropped.total() == 1
-
-
-def test_a_packet_without_a_medium_that_is_no_contact_is_dropped_and_counted() -> None:
-    process = Process(MISSION_ALONE)
-    data = json.dumps(to_wire(ContactClosed(1, 2))).encode()
-    process.arrived = [RelayedPacket(PacketOrigin.REMOTE_AMUSSEL, 1, None, data, 0)]
-    assert process.relay.advance(0) == [] and process.relay.dropped.total() == 1
-
-
-def test_a_relay_without_outlets_receives_and_transmits_nothing() -> None:
-    process = Process(MISSION_ALONE)
-    process.arrived = [RelayedPacket(PacketOrigin.REMOTE_AMUSSEL, 1, Medium.WIFI, b"status", 0)]
-    silent = process.relay.without_outlets()
-    silent.forward(Send(Medium.SOUND, 1, b""), 0)
-    assert silent.advance(0) == [AMusselHeard(Medium.WIFI, 0, b"status")]
-    assert process.published == []

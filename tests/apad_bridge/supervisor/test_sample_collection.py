@@ -40,56 +40,69 @@ def packet(first: int, covered: int, *sequences: int, oldest: int = 0) -> LogRec
     return LogRecords.of(AGENT, oldest, first, covered, tuple(map(record, sequences)))
 
 
-def taken(collection: SampleCollection, said: LogRecords) -> tuple[list[int], list[int]]:
-    found = collection.take(said)
-    assert isinstance(found, Taken)
-    return [it.record.sequence for it in found.samples], list(found.gone)
+@pytest.mark.parametrize(
+    ("kept", "rows", "acknowledged"),
+    [
+        pytest.param(
+            [],
+            [(packet(0, 2, 0, 1), [0, 1], []), (packet(4, 2, 4, 5), [4, 5], [])],
+            [LogAck(AGENT, 2)],
+            id="up to the first hole",
+        ),
+        pytest.param(
+            [0, 1, 4, 5], [(packet(1, 4, 1, 2, 3, 4), [2, 3], [])], [LogAck(AGENT, 6)], id="a hole is filled"
+        ),
+        pytest.param(
+            [],
+            [(packet(3, 3, 3, 5, oldest=3), [3, 5], [0, 1, 2, 4]), (packet(3, 3, 3, 5, oldest=3), [], [])],
+            [LogAck(AGENT, 6)],
+            id="what never will come is said once and not waited for",
+        ),
+        pytest.param(
+            [0, 1, 4],
+            [(packet(0, 6, 0, 1, 2, 3, 4, 5), [2, 3, 5], [])],
+            [LogAck(AGENT, 6)],
+            id="what a former supervisor kept",
+        ),
+        pytest.param(
+            [],
+            [(packet(2**31, 1, 2**31, oldest=2**31), "records that an aMussel cannot have", [])],
+            [],
+            id="an impossible packet",
+        ),
+        pytest.param(None, [(packet(0, 1, 0), "records of an unknown aMussel", [])], [], id="a stranger"),
+    ],
+)
+def test_what_came_is_taken_once_and_acknowledged(
+    kept: list[int] | None,
+    rows: list[tuple[LogRecords, list[int] | str, list[int]]],
+    acknowledged: list[LogAck],
+) -> None:
+    """Who kept nothing collects of this aMussel, but for the last row."""
+    collection = SampleCollection([8] if kept is None else [AGENT, 8], {AGENT: kept} if kept else {})
+    for said, samples, gone in rows:
+        found = collection.take(said)
+        if isinstance(found, Taken):
+            assert ([it.record.sequence for it in found.samples], list(found.gone)) == (samples, gone)
+        else:
+            assert found == samples
+    assert (collection.acknowledgements(), collection.acknowledgements()) == (acknowledged, [])
+    assert set().union(*collection.gone.values()) == {it for _, _, gone in rows for it in gone}
 
 
-def test_what_came_is_acknowledged_up_to_the_first_hole() -> None:
-    collection = SampleCollection([AGENT, 8])
-    assert taken(collection, packet(0, 2, 0, 1)) == ([0, 1], [])
-    assert taken(collection, packet(4, 2, 4, 5)) == ([4, 5], [])
-    assert collection.acknowledgements() == [LogAck(AGENT, 2)]
-    assert collection.acknowledgements() == []
-    assert taken(collection, packet(1, 4, 1, 2, 3, 4)) == ([2, 3], [])
-    assert collection.acknowledgements() == [LogAck(AGENT, 6)]
-
-
-@pytest.fixture
-def collection() -> SampleCollection:
-    return SampleCollection([AGENT])
-
-
-def test_what_never_will_come_is_said_once_and_not_waited_for(collection: SampleCollection) -> None:
-    assert taken(collection, packet(3, 3, 3, 5, oldest=3)) == ([3, 5], [0, 1, 2, 4])
-    assert taken(collection, packet(3, 3, 3, 5, oldest=3)) == ([], [])
-    assert collection.acknowledgements() == [LogAck(AGENT, 6)]
-    assert collection.gone == {AGENT: {0, 1, 2, 4}}
-
-
-def test_a_stranger_and_an_impossible_packet_change_nothing() -> None:
-    collection = SampleCollection([8])
-    assert collection.take(packet(0, 1, 0)) == "records of an unknown aMussel"
+def places_of(seen: list[tuple[int, State, float]], said: LogRecords) -> list[tuple[float, float] | None]:
     collection = SampleCollection([AGENT])
-    assert collection.take(packet(2**31, 1, 2**31, oldest=2**31)) == "records that an aMussel cannot have"
-    assert collection.acknowledgements() == []
-
-
-def test_it_goes_on_with_what_a_former_supervisor_kept() -> None:
-    collection = SampleCollection([AGENT], {AGENT: [0, 1, 4]})
-    assert taken(collection, packet(0, 6, 0, 1, 2, 3, 4, 5)) == ([2, 3, 5], [])
-    assert collection.acknowledgements() == [LogAck(AGENT, 6)]
+    for agent_ms, state, north_m in seen:
+        collection.note_place(believed(state, north_m), agent_ms)
+    return [it.place_m for it in collection.take(said).samples]
 
 
 def believed(state: State, north_m: float) -> Belief:
     return Belief(AGENT, 0, state, 0.5, 0.5, north_m, 2.0)
 
 
-def test_a_sample_was_taken_where_the_amussel_was_believed_under_water_between_two_docks(
-    collection: SampleCollection,
-) -> None:
-    for agent_ms, state, north_m in [
+def test_a_sample_was_taken_where_the_amussel_was_believed_under_water_between_two_docks() -> None:
+    seen = [
         (2_500, State.TRANSMITTING, 10.0),
         (3_500, State.SLEEPING, 11.0),
         (4_500, State.FLOATING, 15.0),  # it drifts at the surface
@@ -98,20 +111,14 @@ def test_a_sample_was_taken_where_the_amussel_was_believed_under_water_between_t
         (8_500, State.SINKING, 40.0),
         (9_500, State.FLOATING, 44.0),
         (10_500, State.CHARGING, 90.0),
-    ]:
-        collection.note_place(believed(state, north_m), agent_ms)
-    found = collection.take(packet(0, 10, *range(10)))
-    assert isinstance(found, Taken)
-    assert [it.place_m for it in found.samples] == [(11.0, 2.0)] * 7 + [(40.0, 2.0)] * 3
+    ]
+    assert places_of(seen, packet(0, 10, *range(10))) == [(11.0, 2.0)] * 7 + [(40.0, 2.0)] * 3
 
 
-def test_a_sample_from_before_anything_was_believed_has_no_place(collection: SampleCollection) -> None:
-    collection.note_place(believed(State.CHARGING, 90.0), 5_500)
-    collection.note_place(believed(State.SLEEPING, 10.0), 7_500)
-    found = collection.take(packet(5, 2, 5, 6))
-    assert isinstance(found, Taken)
-    assert [it.place_m for it in found.samples] == [None, (10.0, 2.0)]
-    line = sample_line(AGENT, found.samples[0], TimeScale(1))
+def test_a_sample_from_before_anything_was_believed_has_no_place() -> None:
+    seen = [(5_500, State.CHARGING, 90.0), (7_500, State.SLEEPING, 10.0)]
+    assert places_of(seen, packet(5, 2, 5, 6)) == [None, (10.0, 2.0)]
+    line = sample_line(AGENT, placed(5), TimeScale(1))
     assert (line["north_m"], line["east_m"]) == (None, None)
 
 

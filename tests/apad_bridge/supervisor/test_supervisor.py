@@ -12,7 +12,7 @@ from apad_bridge.events.fleet_events import AMusselSuspected, SuspicionOver
 from apad_bridge.events.mission_events import MissionEnd
 from apad_bridge.events.run_events import EndReason
 from apad_bridge.events.vehicle_events import DocksDisagree
-from apad_bridge.mission.facts import AMusselHeard, EndRequested, Fact, Send, SupervisorAction
+from apad_bridge.mission.facts import EndRequested, Fact, Send, AMusselHeard, SupervisorAction, AMusselHeard
 from apad_bridge.scenario.loader import load
 from apad_bridge.supervisor.supervisor import Supervisor
 from apad_bridge.vehicle.commands import BatteryReported, DockClosed, GoTo, Hold, PoseReported
@@ -133,25 +133,30 @@ def test_a_flight_ends_by_the_operator_or_the_time(
     assert (held[-1].north_m, held[-1].east_m) == (3.0, 4.0)
 
 
-def test_an_empty_battery_ends_a_flight_after_three_seconds_of_readings(supervisor: Supervisor) -> None:
+@pytest.mark.parametrize(
+    ("told", "heard"),
+    [
+        pytest.param(
+            (0.9, 0.0, 0.89, 0.3, 0.3, 0.3, 0.3, 0.27, 0.8),
+            (0.9, 0.89, 0.3, 0.27, 0.8),
+            id="it sends no aPad home",
+        ),
+        pytest.param((0.0, 0.0, 0.9, 0.0, 0.0, 0.0, 0.0), (0.9, 0.0), id="it ends a flight"),
+    ],
+)
+def test_a_sudden_fall_of_the_battery_counts_after_three_seconds_of_readings(
+    supervisor: Supervisor, told: tuple[float, ...], heard: tuple[float, ...]
+) -> None:
+    """The mission hears it then, and a fall that creeps at once."""
+    kept: list[float] = []
+    supervisor.mission.battery_heard = kept.append  # type: ignore[method-assign]
     supervisor.receive(PoseReported(900, 3.0, 4.0, 0.0))
-    for at_s, fraction in enumerate((0.0, 0.0, 0.9, 0.0, 0.0, 0.0), start=1):
-        supervisor.receive(BatteryReported(1000 * at_s, 12.0, fraction))
-        supervisor.advance(1000 * at_s)
+    for at_s, fraction in enumerate(told, start=1):
         assert not supervisor.has_ended
-    supervisor.receive(BatteryReported(7000, 12.0, 0.0))
-    supervisor.advance(7000)
-    assert str(supervisor.mission.state.ended_by) == "the aPad's battery"
-
-
-def test_a_sensor_that_says_nothing_is_left_once_sends_no_apad_home(supervisor: Supervisor) -> None:
-    """The mission hears a sudden fall after three seconds of readings, and a fall that creeps at once."""
-    heard: list[float] = []
-    supervisor.mission.battery_heard = heard.append  # type: ignore[method-assign]
-    for at_s, fraction in enumerate((0.9, 0.0, 0.89, 0.3, 0.3, 0.3, 0.3, 0.27, 0.8), start=1):
         supervisor.receive(BatteryReported(1000 * at_s, 12.0, fraction))
         supervisor.advance(1000 * at_s)
-    assert heard == [0.9, 0.89, 0.3, 0.27, 0.8]
+    assert tuple(kept) == heard
+    assert supervisor.mission.state.ended_by == ("the aPad's battery" if told[-1] == 0 else None)
 
 
 def test_time_going_back_is_refused(supervisor: Supervisor) -> None:
@@ -164,8 +169,7 @@ def test_time_going_back_is_refused(supervisor: Supervisor) -> None:
 def test_every_kind_of_status_is_believed(by: str) -> None:
     basic = (1, 8, State.EMPTY, 0.0, 0.8, 1.0, 2.0, 3.0, 60_000)
     fact_by_medium: dict[str, Fact] = {
-        "wifi": AMusselHeard(
-            Medium.WIFI,
+        "wifi": AMusselHeard(Medium.WIFI, 
             2000,
             WifiStatus(
                 *basic, (1, 2, 3, 4), 9, 0, 0, 0, 0, ResetCause.POWER_ON, ActiveBattery.SECONDARY, 0, 0
@@ -185,38 +189,25 @@ def test_every_kind_of_status_is_believed(by: str) -> None:
     assert supervisor.dropped == {}
 
 
-def test_an_amussel_becomes_suspect_once_and_another_supervisor_of_the_run_tells_nothing_anew() -> None:
-    def rising(n: int) -> AMusselHeard:
-        packet = StatusPacket(7, n, State.SLEEPING, 0.4 + 0.2 * n, 1.0, 7.0, 2.0, 3.0, 3_600_000 * (n + 1))
-        return AMusselHeard(Medium.SOUND, 120_000 * (n + 1), packet.encode())
+def test_an_amussel_becomes_suspect_once_until_it_is_over_and_another_supervisor_tells_nothing_anew() -> None:
+    """It rises without a charger; another one's reading stands for twelve hours, and moves again."""
 
-    def told(supervisor: Supervisor, fact: AMusselHeard) -> list[AMusselSuspected]:
-        supervisor.receive(fact)
-        return [it for it in supervisor.advance(fact.at_ms) if isinstance(it, AMusselSuspected)]
-
-    supervisor = flight_parts.supervisor(flight_config(SOUND))
-    suspects = [told(supervisor, rising(n)) for n in range(3)]
-    assert [len(it) for it in suspects] == [0, 1, 0]
-    assert suspects[1][0].id == 7
-    assert suspects[1][0].reason == (
-        "its charge rises without a charger: 0.40, and 0.60 after 60 min of its time"
-    )
-    next_one = flight_parts.supervisor(flight_config(SOUND))
-    next_one.beliefs.restore(supervisor.beliefs.kept())
-    assert told(next_one, rising(3)) == []
-
-
-def test_the_supervisor_tells_that_a_reading_stands_and_that_it_moves_again() -> None:
-    supervisor = flight_parts.supervisor(flight_config(SOUND))
-
-    def told(hour: int, charge: float) -> list[str]:
-        packet = StatusPacket(7, hour, State.SLEEPING, charge, 1.0, 7.0, 2.0, 3.0, 3_600_000 * hour)
+    def told(supervisor: Supervisor, agent_id: int, hour: int, charge: float) -> list[str]:
+        packet = StatusPacket(agent_id, hour, State.SLEEPING, charge, 1.0, 7.0, 2.0, 3.0, 3_600_000 * hour)
         supervisor.receive(AMusselHeard(Medium.SOUND, 120_000 * hour, packet.encode()))
         actions = supervisor.advance(120_000 * hour)
         return [it.text() for it in actions if isinstance(it, AMusselSuspected | SuspicionOver)]
 
-    before = [text for hour in range(1, 13) for text in told(hour, 0.8)]
-    assert [text.partition(":")[0] for text in before] == ["aMussel 7 is suspect"]
-    assert "its reading stands: 0.80 for" in before[0]
-    assert told(13, 0.7) == ["aMussel 7 is no longer suspect: its reading moves again"]
-    assert told(14, 0.69) == []
+    first, other, next_one = (flight_parts.supervisor(flight_config(SOUND)) for _ in range(3))
+    rises = [told(first, 7, hour, 0.2 + 0.2 * hour) for hour in (1, 2, 3)]
+    assert rises == [
+        [],
+        ["aMussel 7 is suspect: its charge rises without a charger: 0.40, and 0.60 after 60 min of its time"],
+        [],
+    ]
+    next_one.beliefs.restore(first.beliefs.kept())
+    assert told(next_one, 7, 4, 1.0) == []
+    (stands,) = [text for hour in range(1, 13) for text in told(other, 7, hour, 0.8)]
+    assert stands.startswith("aMussel 7 is suspect: its reading stands: 0.80 for")
+    moves = [told(other, 7, hour, charge) for hour, charge in ((13, 0.7), (14, 0.69))]
+    assert moves == [["aMussel 7 is no longer suspect: its reading moves again"], []]
