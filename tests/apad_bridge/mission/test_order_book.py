@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from flying import journaled
+from flying import journaled, play
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -40,63 +40,94 @@ def along(share: float) -> tuple[float, float]:
     return (30.0 * share, 40.0 * share)
 
 
-@pytest.fixture
-def book() -> OrderBook:
-    return book_at()
+class Way:
+    """A book of a transcript; each answer is the way driven and the way planned, in metres. The goal lies 50 m off."""
+
+    def __init__(self) -> None:
+        self.book = book_at()
+        self.go_tos: list[int] = []
+
+    def answer(self, move: str) -> str:
+        name, *words = move.split()
+        numbers = [float(it) for it in words if it.lstrip("-").replace(".", "").isdigit()]
+        match name:
+            case "go":
+                self.go_tos.append(go(self.book, (numbers[0], numbers[1]) if numbers else GOAL))
+            case "at":
+                self.book.moved(numbers[0], numbers[1])
+            case "there" | "stalls":
+                of = self.go_tos[-2 if words else -1]
+                ended = PrimitiveSucceeded(0, of) if name == "there" else PrimitiveFailed(0, of, "stalled")
+                self.book.note_outcome(ended)
+            case "ends":
+                self.book.close(MissionEnd(EndReason.OPERATOR), 0)
+            case "dies":
+                self.book = resumed(self.book)
+            case "hold":
+                self.book.order(Hold(self.book.next_id(), *self.book.here))
+        leg = "" if self.book.state.leg is None else ", on a leg"
+        return f"{self.book.state.cost_m:.2f}, {self.book.state.planned_m:.2f}{leg}"
 
 
-def test_a_leg_counts_where_the_aPad_has_been(book: OrderBook) -> None:
-    goto = go(book)
-    for place in ((3.0, 0.0), (3.0, 0.2), (3.0, 4.0)):
-        book.moved(*place)
-    assert (book.state.cost_m, book.state.planned_m) == (pytest.approx(7.0), 50.0)
-    book.note_outcome(PrimitiveSucceeded(0, goto))
-    book.moved(8.0, 4.0)
-    assert (book.state.cost_m, book.state.planned_m, book.state.leg) == (pytest.approx(7.0), 50.0, None)
+STORIES = {
+    "a leg counts where the aPad has been": """
+        go       | 0.00, 50.00, on a leg
+        at 3 0   | 3.00, 50.00, on a leg
+        at 3 0.2 | 3.00, 50.00, on a leg
+        at 3 4   | 7.00, 50.00, on a leg
+        there    | 7.00, 50.00
+        at 8 4   | 7.00, 50.00
+    """,
+    "an aPad that does not move costs nothing": """
+        go          | 0.00, 50.00, on a leg
+        at 0.1 -0.1 | 0.00, 50.00, on a leg
+        at -0.1 0.1 | 0.00, 50.00, on a leg
+        at 0.2 -0.2 | 0.00, 50.00, on a leg
+        at 0 0      | 0.00, 50.00, on a leg
+        stalls      | 0.00, 0.00
+        go          | 0.00, 50.00, on a leg
+        at 0.1 -0.1 | 0.00, 50.00, on a leg
+        at -0.1 0.1 | 0.00, 50.00, on a leg
+        at 0.2 -0.2 | 0.00, 50.00, on a leg
+        at 0 0      | 0.00, 50.00, on a leg
+        stalls      | 0.00, 0.00
+    """,
+    "a go-to that led away from its goal counts no planned way": """
+        go       | 0.00, 50.00, on a leg
+        at -3 -4 | 5.00, 50.00, on a leg
+        stalls   | 5.00, 0.00
+    """,
+    "a pre-empted leg ends with the next order, and late outcomes change nothing": """
+        go           | 0.00, 50.00, on a leg
+        at 6 8       | 10.00, 50.00, on a leg
+        go 0 0       | 10.00, 20.00, on a leg
+        stalls first | 10.00, 20.00, on a leg
+        at 0 0       | 20.00, 20.00, on a leg
+        there        | 20.00, 20.00
+    """,
+    "a leg that the mission's end cuts off is planned whole": """
+        go       | 0.00, 50.00, on a leg
+        at 12 16 | 20.00, 50.00, on a leg
+        ends     | 20.00, 50.00
+    """,
+    "the way without a supervisor is counted when the aPad is heard again": """
+        go       | 0.00, 50.00, on a leg
+        dies     | 0.00, 50.00, on a leg
+        at 15 20 | 25.00, 50.00, on a leg
+        hold     | 25.00, 25.00
+    """,
+}
+
+
+@pytest.mark.parametrize("story", STORIES.values(), ids=STORIES)
+def test_story(story: str) -> None:
+    play(story, Way().answer)
+
+
+def test_a_leg_is_told_with_its_length() -> None:
+    book = book_at()
+    go(book)
     assert [it for it in book.take_orders() if isinstance(it, Event)] == [LegBegan(50.0)]
-
-
-def test_an_aPad_that_does_not_move_costs_nothing(book: OrderBook) -> None:
-    for _ in range(40):
-        goto = go(book)
-        for scatter in (0.1, -0.1, 0.2, 0.0):
-            book.moved(scatter, -scatter)
-        book.note_outcome(PrimitiveFailed(0, goto, "stalled"))
-    assert book.state.cost_m == book.state.planned_m == 0.0
-
-
-def test_a_go_to_that_led_away_from_its_goal_counts_no_planned_way(book: OrderBook) -> None:
-    goto = go(book)
-    book.moved(-3.0, -4.0)
-    book.note_outcome(PrimitiveFailed(0, goto, "stalled"))
-    assert (book.state.cost_m, book.state.planned_m) == (pytest.approx(5.0), 0.0)
-
-
-def test_a_pre_empted_leg_ends_with_the_next_order_and_late_outcomes_change_nothing(book: OrderBook) -> None:
-    first = go(book)
-    book.moved(*along(0.2))
-    second = go(book, (0.0, 0.0))
-    book.note_outcome(PrimitiveFailed(0, first, "pre-empted"))
-    assert book.state.leg is not None
-    book.moved(0.0, 0.0)
-    book.note_outcome(PrimitiveSucceeded(0, second))
-    assert (book.state.cost_m, book.state.planned_m) == (pytest.approx(20.0), pytest.approx(20.0))
-
-
-def test_a_leg_that_the_missions_end_cuts_off_is_planned_whole(book: OrderBook) -> None:
-    go(book)
-    book.moved(*along(0.4))
-    book.close(MissionEnd(EndReason.OPERATOR), 0)
-    assert (book.state.cost_m, book.state.planned_m) == (pytest.approx(20.0), 50.0)
-
-
-def test_the_way_without_a_supervisor_is_counted_when_the_aPad_is_heard_again(book: OrderBook) -> None:
-    go(book)
-    after = resumed(book)
-    after.moved(*along(0.5))
-    assert after.state.cost_m == pytest.approx(25.0)
-    after.order(Hold(after.next_id(), *along(0.5)))
-    assert (after.state.cost_m, after.state.planned_m) == (pytest.approx(25.0), pytest.approx(25.0))
 
 
 shares = st.floats(0.0, 1.0 - 2 * RADIUS_M / 50.0)
