@@ -189,21 +189,19 @@ def words(page: Path) -> int:
 
 
 def test_a_page_that_is_wrong_is_found(tmp_path: Path) -> None:
+    long = " ".join(["word"] * LONGEST_SENTENCE)
     page = tmp_path / "page.md"
-    page.write_text("[one](page.md#here) [two](page.md#there) [three](none.md)\n\n## Here\n")
-    assert list(faulty_links(page, page.read_text())) == [
+    page.write_text(f"[two](page.md#there) [three](none.md)\n\n| {long} x |\n\n{long}.\n\n- {long}\n  x.\n")
+    text = page.read_text()
+    assert list(faulty_links(page, text)) == [
         "the link none.md leads nowhere",
         "the link page.md#there leads nowhere",
     ]
+    assert [it[:2] for it in long_sentences(text)] == [(7, LONGEST_SENTENCE + 1)]
     assert is_command("musselbed replay RUN") and not is_command("musselbed replay --backwards RUN")
     assert not is_command("musselbed run launch_scripts/none.yaml")
-
-
-def test_commands_and_launch_files_are_found_at_all() -> None:
     whole = "\n".join(it.read_text() for it in PAGES)
-    names = ("run", "resume", "fleet", "mission", "replay", "doctor")
-    assert all(any(it.startswith(f"musselbed {name}") for it in commands(whole)) for name in names)
-    assert launch_files(whole)
+    assert launch_files(whole) and len(commands(whole)) > 100
 
 
 @pytest.mark.parametrize("name", MAKE["PAGES"])
@@ -224,17 +222,6 @@ def test_every_key_of_a_scenario_has_its_row_with_a_meaning() -> None:
         # Where keys follow from a table, as those of each sensor and module, the block explains all of them.
         declared = re.findall(r"^    (\w+):", inspect.getsource(schema), re.MULTILINE)
         assert found and all(it[name] for it in found for name in declared if name in it), schema
-
-
-def test_the_page_of_keys_has_their_units_and_each_module_with_a_meaning() -> None:
-    page = (ROOT / "docs/reference/scenario-keys.md").read_text()
-    # A spectral density of noise, a power for each dock, and a profile by depth: no ending alone says so.
-    assert "| `noise_db_per_hz` | dB re 1 uPa^2/Hz, " in page
-    assert "| `charging_w_per_dock` | watts a dock, " in page
-    assert "| `turbidity_ntu` | list of `[depth in metres, NTU]` |" in page
-    _, _, modules = page.partition("## board.whole.power.loads_mw\n")
-    rows = re.findall(r"^\| `\w+` \| (.*?) \|.*\| (.*?) ?\|$", modules.partition("\n## ")[0], re.MULTILINE)
-    assert len(rows) == 14 and all(values.startswith("milliwatts") and text for values, text in rows)
 
 
 def parsers(of: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:
@@ -296,28 +283,6 @@ def test_the_site_builds_without_a_warning_and_leads_to_every_page(tmp_path: Pat
     for page in (*BY_HAND, *MADE, TABLES):
         link = page.relative_to(ROOT / "docs").with_suffix(".html")
         assert f'href="{link}"' in index or page.name == "README.md"
-
-
-def test_a_long_sentence_is_found_in_prose_and_lists_and_nowhere_else() -> None:
-    long = " ".join(["word"] * LONGEST_SENTENCE)
-    short = f"`a b c` {long[5:]}."
-    page = f"# {long} x\n\n| {long} x |\n\n```\n{long} x\n```\n\n    {long} x\n\n{short} {short}\n{short}\n"
-    assert long_sentences(page) == []
-    wrapped = long.replace(" ", "\n", 1)
-    assert [
-        it[:2] for it in long_sentences(f"{page}\n{wrapped} x. {short}\n\n1. {long}\n   x.\n- Short.\n")
-    ] == [
-        (14, LONGEST_SENTENCE + 1),
-        (17, LONGEST_SENTENCE + 1),
-    ]
-
-
-def test_marks_belong_to_the_block_that_follows(tmp_path: Path) -> None:
-    page = tmp_path / "page.md"
-    marked = "<!-- run: --seeds 2 -->\n    one\n\n    two\n\n<!-- run -->\nText.\n\n```python\nx\n```\n"
-    page.write_text(f"Text\n    that continues.\n\n{marked}")
-    found = [(block.kind, block.text, block.mark, block.argument, block.line) for block in blocks(page)]
-    assert found == [("sh", "one\n\ntwo\n", "run", "--seeds 2", 5), ("python", "x\n", "", "", 13)]
 
 
 def test_the_page_of_commands_has_every_command_and_no_other() -> None:

@@ -2,7 +2,6 @@
 
 import json
 import os
-import resource
 import shutil
 from collections import Counter
 from dataclasses import replace
@@ -275,34 +274,44 @@ def test_the_aPad_is_journaled_when_it_matters(recorder):
     assert lines_of(recorder, "apad")[-1]["docks"] == [3, -1, -1, -1]
 
 
-def test_what_a_twin_learns_of_a_capacity_is_journaled_when_an_end_moved_by_a_hundredth(recorder):
-    """A line each tick would outgrow all others of a long run."""
-    learned = [None, (0.6, 1.0), (0.6, 0.995), (0.605, 0.991), (0.6, 0.99), (0.61, 0.99), (0.61, 0.99)]
-    for tick, ends in enumerate(learned):
-        left = None if ends is None else CapacityLeft(*ends)
-        belief = Belief(3, 0, State.ACTIVE, 0.5, 0.75, 4.0, 6.0, capacity_left=left)
-        recorder.tick(1000 * tick, [belief], None, None, "none", FREE)
-    lines = [(it["t"], it["id"], it["low"], it["high"]) for it in lines_of(recorder, "capacity")]
-    assert lines == [(1000, 3, 0.6, 1.0), (4000, 3, 0.6, 0.99), (5000, 3, 0.61, 0.99)]
+def believed(charge=0.5, state=State.ACTIVE, **more):
+    return Belief(3, 0, state, charge, 1.0, 4.0, 6.0, **more)
 
 
-def test_a_belief_is_journaled_when_its_charge_moved_or_its_state_changed(recorder):
-    for now_ms, charge, state in (
-        (1000, 0.8, State.ACTIVE),
-        (2000, 0.7901, State.ACTIVE),
-        (3000, 0.7899, State.ACTIVE),
-        (4000, 0.7898, State.SURFACING),
-    ):
-        recorder.tick(now_ms, [Belief(3, now_ms, state, charge, 1.0, 0.0, 0.0)], None, None, "none", FREE)
-    assert [line["t"] for line in lines_of(recorder, "belief")] == [1000, 3000, 4000]
+LEARNED = [(0.6, 1.0), (0.6, 0.995), (0.605, 0.991), (0.6, 0.99), (0.61, 0.99), (0.61, 0.99)]
 
 
-def test_a_belief_is_journaled_when_a_quantity_that_nobody_estimates_changed_by_its_step(recorder):
-    for now_ms, depth_m in ((1000, None), (2000, 9.0), (3000, 8.01), (4000, 8.0), (5000, 7.5)):
-        belief = Belief(3, now_ms, State.ACTIVE, 0.5, 1.0, 0.0, 0.0, reported=Reported(depth_m))
-        recorder.tick(now_ms, [belief], None, None, "none", FREE)
-    lines = [(line["t"], line.get("reported")) for line in lines_of(recorder, "belief")]
-    assert lines == [(1000, None), (2000, {"depth_m": 9.0}), (4000, {"depth_m": 8.0})]
+@pytest.mark.parametrize(
+    ("beliefs", "kind", "keys", "lines"),
+    [
+        pytest.param(
+            [*map(believed, (0.8, 0.7901, 0.7899)), believed(0.7898, State.SURFACING)],
+            "belief",
+            ("t",),
+            [(0,), (2000,), (3000,)],
+            id="its charge moved or its state changed",
+        ),
+        pytest.param(
+            [believed(reported=Reported(it)) for it in (None, 9.0, 8.01, 8.0, 7.5)],
+            "belief",
+            ("t", "reported"),
+            [(0, None), (1000, {"depth_m": 9.0}), (3000, {"depth_m": 8.0})],
+            id="a quantity that nobody estimates changed by its step",
+        ),
+        # A line each tick would outgrow all others of a long run.
+        pytest.param(
+            [believed(), *(believed(capacity_left=CapacityLeft(*it)) for it in LEARNED)],
+            "capacity",
+            ("t", "id", "low", "high"),
+            [(1000, 3, 0.6, 1.0), (4000, 3, 0.6, 0.99), (5000, 3, 0.61, 0.99)],
+            id="an end of what a twin learns of a capacity moved by a hundredth",
+        ),
+    ],
+)
+def test_a_belief_is_journaled_when(recorder, beliefs, kind, keys, lines):
+    for second, it in enumerate(beliefs):
+        recorder.tick(1000 * second, [it], None, None, "none", FREE)
+    assert [tuple(map(line.get, keys)) for line in lines_of(recorder, kind)] == lines
 
 
 def test_a_quiet_tick_leaves_its_time(recorder):
@@ -342,52 +351,39 @@ def test_depth_in_the_bag_is_the_bodys(tmp_path, scenario):
             assert water.depth_um(physical, now_ms) == body.depth_at_um(now_ms)
 
 
-def test_a_disk_that_takes_no_more_is_one_error_and_the_records_are_whole(recorder):
+def test_a_disk_that_takes_no_more_is_one_error_and_the_records_are_whole(recorder, files_of_at_most):
     for second in range(1, 40):
         recorder.event(1000 * second, ScriptTold("x" * 400))
-        recorder.tick(1000 * second, [], None, None, "", (None,) * 4)
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    full = recorder._directory.journal.stat().st_size + 100
-    resource.setrlimit(resource.RLIMIT_FSIZE, (full, hard))
-    try:
+        recorder.tick(1000 * second, [], None, None, "", FREE)
+    with files_of_at_most(recorder._directory.journal.stat().st_size + 100):
         recorder.event(40_000, ScriptTold("x" * 400))
         with pytest.raises(RecordsFailed, match=f"the disk of {recorder._directory.path} takes no more"):
-            recorder.tick(40_000, [], None, None, "", (None,) * 4)
+            recorder.tick(40_000, [], None, None, "", FREE)
         recorder.event(41_000, ScriptTold("x"))
-        recorder.tick(41_000, [], None, None, "", (None,) * 4)
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        recorder.tick(41_000, [], None, None, "", FREE)
     recorder.close()
     contents = read_journal(recorder._directory.journal)
     assert contents.dropped == 0 and contents.last_ms == 39_000
-    with Reader(recorder._directory.path / "run.bag"):
-        pass
+    Reader(recorder._directory.path / "run.bag").open()
 
 
 @pytest.mark.parametrize("fate", ["deleted", "moved", "replaced"])
 def test_a_directory_that_is_gone_is_noticed_at_the_next_tick_and_named(recorder, tmp_path, fate):
-    path = recorder._directory.path
+    path, moved = recorder._directory.path, tmp_path / "elsewhere"
     for second in range(1, 40):
-        recorder.tick(1000 * second, [], None, None, "", (None,) * 4)
-    moved = tmp_path / "elsewhere"
-    if fate == "deleted":
-        shutil.rmtree(path)
-    else:
-        path.rename(moved)
+        recorder.tick(1000 * second, [], None, None, "", FREE)
+    shutil.rmtree(path) if fate == "deleted" else path.rename(moved)
     if fate == "replaced":
         shutil.copytree(moved, path)
-    journal = path / "journal.jsonl"
-    words = (
-        f"{journal} was deleted" if fate == "deleted" else f"{journal} was moved to {moved / 'journal.jsonl'}"
-    )
-    with pytest.raises(RecordsFailed, match=f"^{words} while the run flew: the run ends") as failed:
-        recorder.tick(40_000, [], None, None, "", (None,) * 4)
+    what = "deleted" if fate == "deleted" else f"moved to {moved / 'journal.jsonl'}"
+    words = f"^{path / 'journal.jsonl'} was {what} while the run flew: the run ends"
+    with pytest.raises(RecordsFailed, match=words) as failed:
+        recorder.tick(40_000, [], None, None, "", FREE)
     assert failed.value.reason is EndReason.RECORDS_GONE
     recorder.close()
     if fate != "deleted":
         assert read_journal(moved / "journal.jsonl").last_ms == 39_000
-        with Reader(moved / "run.bag"):
-            pass
+        Reader(moved / "run.bag").open()
 
 
 def test_a_summary_is_written_though_an_aMussel_is_on_no_chart(recorder, monkeypatch):
@@ -402,16 +398,11 @@ def test_a_summary_is_written_though_an_aMussel_is_on_no_chart(recorder, monkeyp
     assert reason.startswith("ends.csv: too far from the origin")
 
 
-def test_a_sample_that_could_not_be_written_is_not_kept(tmp_path):
+def test_a_sample_that_could_not_be_written_is_not_kept(tmp_path, files_of_at_most):
     file = SampleFile(tmp_path / "samples.jsonl", TimeScale(30))
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (50, hard))
     record = SampleRecord(3, 60_000, (1, 2, 3, 4), 0)
-    try:
-        with pytest.raises(OSError):
-            file.append(7, [PlacedSample(record, None)])
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    with files_of_at_most(50), pytest.raises(OSError):
+        file.append(7, [PlacedSample(record, None)])
     assert file.kept[7] == set()
     file.append(7, [PlacedSample(record, None)])
     file.close()

@@ -310,15 +310,18 @@ def test_lines_are_close_at_the_origin_and_few_far_off(tmp_path: Path) -> None:
     places = np.column_stack((away * np.cos(turn), away * np.sin(turn)))
     north = np.sin(places[:, 0] / 500)
     path = MeshFile(places, Delaunay(places).simplices, [north] * 25, [north] * 25).write(tmp_path / "sea.nc")
-    stream = read_current(path, FRAME)
+    header, *rows = current_text(path, FRAME).splitlines()
+    first = [row for row in rows if row.startswith("0,")]
+    assert len(rows) == 25 * len(first) <= 200_000
+    # Agents read one hour of it: a table with all takes ten seconds.
+    stream = parse_stream("\n".join([header, *first]))
     lines = np.array(stream.fields[0].norths_um) / 1e6
-    assert len(stream.fields) == 25 and len(lines) * len(stream.fields[0].easts_um) * 25 <= 200_000
     assert lines[0] == -20_000 and lines[-1] == 20_000
     widths = np.diff(lines)
     assert widths[np.abs(lines[:-1]) < 30].max() < 10 and widths.max() > 1000
     exact = LinearNDInterpolator(Delaunay(places), north)
     for n, e in random.uniform(-100, 100, (200, 2)):
-        assert velocity_m_s(stream, n, e, second=4000)[0] == pytest.approx(exact(n, e), abs=0.02)
+        assert velocity_m_s(stream, n, e)[0] == pytest.approx(exact(n, e), abs=0.02)
 
 
 @pytest.mark.parametrize(

@@ -171,9 +171,12 @@ def test_the_sweep_leaves_no_number_out() -> None:
 
 @pytest.mark.parametrize("block", list(resolve(base("sound"))))
 def test_a_number_is_refused_by_its_key_or_flies(block: str) -> None:
+    """A zero flies in every base that has its key, with a sign where it takes one; a tiny number in the first of them."""
+    seen: set[tuple[Path, float]] = set()
     for name in BASES:
         whole = resolve(base(name))
         for path in numbers(whole[block], (block,)):
+            is_zero_flown = False
             for value in VALUES:
                 try:
                     scenario = from_data(with_value(whole, path, value), "x")
@@ -181,4 +184,7 @@ def test_a_number_is_refused_by_its_key_or_flies(block: str) -> None:
                     assert any(names(line, path) for line in error.lines), (path, value, error.lines)
                     continue
                 assert math.isfinite(value) and abs(value) < 2**62, f"{dotted(path)} takes {value}"
-                fly_in_memory(scenario)
+                if not (value == 0 and is_zero_flown or value and (path, value) in seen):
+                    fly_in_memory(scenario)
+                is_zero_flown = is_zero_flown or value == 0
+                seen.add((path, value))
