@@ -98,26 +98,39 @@ def charging_board() -> Board:
     return mu
 
 
-def test_without_a_release_packet_it_sinks_after_the_stated_wait() -> None:
-    assert story(charging_board(), [(300_000, ChargePinFell())], 500_000) == [
-        "300050 CHARGING -CHARGE_EDGE_FELL-> RELEASED",
-        "420050 RELEASED -CLEAR_TO_SINK-> SINKING",
-        "420050 motors SINK",
-    ]
-
-
-def test_a_release_packet_that_outruns_the_falling_edge_is_kept() -> None:
-    facts: list[tuple[int, Stimulus]] = [(300_000, ChargePinFell()), (300_010, RELEASE)]
-    assert story(charging_board(), facts, 300_060) == [
-        "300050 CHARGING -CHARGE_EDGE_FELL-> RELEASED",
-        "300050 RELEASED -CLEAR_TO_SINK-> SINKING",
-        "300050 motors SINK",
-    ]
-
-
-def test_a_pin_that_bounces_while_docked_does_not_release() -> None:
-    facts: list[tuple[int, Stimulus]] = [(300_000, ChargePinFell()), (300_049, ChargePinRose())]
-    assert story(charging_board(), facts, 400_000) == []
+@pytest.mark.parametrize(
+    ("facts", "until_ms", "lines"),
+    [
+        pytest.param(
+            [(300_000, ChargePinFell())],
+            500_000,
+            [
+                "300050 CHARGING -CHARGE_EDGE_FELL-> RELEASED",
+                "420050 RELEASED -CLEAR_TO_SINK-> SINKING",
+                "420050 motors SINK",
+            ],
+            id="without a release packet it sinks after the stated wait",
+        ),
+        pytest.param(
+            [(300_000, ChargePinFell()), (300_010, RELEASE)],
+            300_060,
+            [
+                "300050 CHARGING -CHARGE_EDGE_FELL-> RELEASED",
+                "300050 RELEASED -CLEAR_TO_SINK-> SINKING",
+                "300050 motors SINK",
+            ],
+            id="a release packet that outruns the falling edge is kept",
+        ),
+        pytest.param(
+            [(300_000, ChargePinFell()), (300_049, ChargePinRose())],
+            400_000,
+            [],
+            id="a pin that bounces while docked does not release",
+        ),
+    ],
+)
+def test_the_way_out_of_a_dock(facts: list[tuple[int, Stimulus]], until_ms: int, lines: list[str]) -> None:
+    assert story(charging_board(), facts, until_ms) == lines
 
 
 def test_the_charge_follows_the_edges() -> None:

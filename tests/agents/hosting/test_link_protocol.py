@@ -59,18 +59,12 @@ OUTPUTS: st.SearchStrategy[Output] = (
 )
 
 
-@given(key=KEYS, until_ms=TIMES, facts=st.lists(FACTS, max_size=5))
-def test_a_window_crosses_the_link(
-    key: tuple[int, int], until_ms: int, facts: list[tuple[int, object]]
-) -> None:
-    window = WindowGrant(key, Grant(until_ms, tuple(facts)))  # type: ignore[arg-type]
-    assert decode_to_agent(window.encode()) == window
+WINDOWS = st.builds(WindowGrant, KEYS, st.builds(Grant, TIMES, st.lists(FACTS, max_size=5).map(tuple)))
 
 
-@given(key=KEYS, windows=st.integers(0, 2**32), counted_ms=TIMES)
-def test_an_order_to_run_ahead_crosses_the_link(key: tuple[int, int], windows: int, counted_ms: int) -> None:
-    order = RunAhead(key, windows, counted_ms)
-    assert decode_to_agent(order.encode()) == order
+@given(WINDOWS | st.builds(RunAhead, KEYS, st.integers(0, 2**32), TIMES))
+def test_a_window_and_an_order_to_run_ahead_cross_the_link(message: WindowGrant | RunAhead) -> None:
+    assert decode_to_agent(message.encode()) == message
 
 
 TRUTHS = st.builds(
@@ -186,28 +180,18 @@ def test_the_same_question_gets_the_same_answer_and_happens_once(
     assert newest is not None and (newest.key, newest.granted_ms) == ((1, 1), 40_000)
 
 
-@pytest.mark.parametrize("reads_answer", [True, False], ids=["answer read", "answer unread"])
+@pytest.mark.parametrize("closes", ["before the answer", "with the answer unread", "with the answer read"])
 def test_an_agent_ends_with_its_link(
-    reads_answer: bool, served: tuple[WindowHandler, socket.socket, RecordRing]
+    closes: str, served: tuple[WindowHandler, socket.socket, RecordRing]
 ) -> None:
     servant, _, _ = served
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with theirs:
         ours.send(WindowGrant((1, 1), Grant(40_000)).encode())
-        assert answer_one(theirs, message_buffer(), servant)
-        if reads_answer:
+        if closes != "before the answer":
+            assert answer_one(theirs, message_buffer(), servant)
+        if closes == "with the answer read":
             ours.recv(LIMIT_BYTES)
-        ours.close()
-        serve(theirs, message_buffer(), servant)
-
-
-def test_an_agent_ends_with_a_link_that_closes_before_its_answer(
-    served: tuple[WindowHandler, socket.socket, RecordRing],
-) -> None:
-    servant, _, _ = served
-    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    with theirs:
-        ours.send(WindowGrant((1, 1), Grant(40_000)).encode())
         ours.close()
         serve(theirs, message_buffer(), servant)
 

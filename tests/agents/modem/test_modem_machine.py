@@ -98,16 +98,28 @@ def test_nothing_comes_for_4_s_after_the_question(water: Any) -> None:
     assert water.printed("near") == b"#TO\r\n"
 
 
-def test_a_range_is_finer_than_a_millisecond(pair: Pair) -> None:
-    water = pair(propagation_us=66_687)  # 100.03 m: 2133.98 steps
-    water.write("near", b"$P002", until_ms=1000)
-    assert water.printed("near") == b"$P002\r\n#R002T02134\r\n"
-
-
-def test_a_question_while_another_waits_is_refused(water: Any) -> None:
-    water.write("near", b"$P050", until_ms=500)
-    water.write("near", b"$P002", until_ms=8000)
-    assert water.printed("near") == b"$P050\r\nE\r\n#TO\r\n"
+# 66 687 us are 100.03 m: 2133.98 steps.
+@pytest.mark.parametrize(
+    ("way_us", "writes", "printed"),
+    [
+        pytest.param(
+            66_687, [(b"$P002", 1000)], b"$P002\r\n#R002T02134\r\n", id="a range is finer than a millisecond"
+        ),
+        pytest.param(
+            100_000,
+            [(b"$P050", 500), (b"$P002", 8000)],
+            b"$P050\r\nE\r\n#TO\r\n",
+            id="a question while another waits is refused",
+        ),
+    ],
+)
+def test_a_question_is_answered(
+    pair: Pair, way_us: int, writes: list[tuple[bytes, int]], printed: bytes
+) -> None:
+    water = pair(propagation_us=way_us)
+    for command, until_ms in writes:
+        water.write("near", command, until_ms=until_ms)
+    assert water.printed("near") == printed
 
 
 def test_while_it_sends_bytes_wait(water: Any) -> None:

@@ -75,6 +75,57 @@ def water(pair: Pair) -> Any:
     return pair()
 
 
+EARLY = ModemFirmware.V3_EARLY
+Write = tuple[str, bytes, int]
+"""Who is told which bytes, and until when time runs then."""
+STORIES: dict[str, tuple[ModemFirmware, list[Write], dict[str, bytes]]] = {
+    "early firmware tells less": (
+        EARLY,
+        [("near", b"$?", 100), ("near", b"$V002", 3000)],
+        {"near": b"#A001V21845\r\n$V002\r\n#B00206V21845\r\n"},
+    ),
+    "quality is appended when it is on": (
+        ModemFirmware.V3,
+        [("far", b"$XQE", 50), ("near", b"$B02ab", 1000), ("near", b"$U00202cd", 2000), ("far", b"$Q", 2100)],
+        {"far": b"#XQE\r\n#B00102abQ20D+000\r\n#U02cdQ20D+000\r\n$C0\r\n"},
+    ),
+    # 4 bytes of 25/24 ms: the far timer starts at 4.166 ms; the beacon leaves at 50 + 3 ms and travels 100 ms.
+    "times are appended when the timer is on": (
+        ModemFirmware.V3,
+        [("far", b"$XTE", 50), ("near", b"$F", 1000)],
+        {"far": b"#XTE00000000000000\r\n#F001T%014d\r\n" % (153_000 - 4_166)},
+    ),
+    "a ping to oneself is an error": (
+        ModemFirmware.V3,
+        [("near", b"$P001", 6000), ("near", b"$A009", 6100), ("near", b"$P009", 6200)],
+        {"near": b"E\r\n#A009\r\nE\r\n", "far": b""},
+    ),
+    "without a time a command is over at the next byte or after silence": (
+        ModemFirmware.V3,
+        [("far", b"$?", 100), ("near", b"$XTE$F", 500), ("near", b"$B02ab$A001", 3000)],
+        {
+            "near": b"#XTE00000000000000\r\n$F\r\n$B02\r\n#A001\r\n",
+            "far": b"#A002V21845R001.006.000B2024-02-15T00:00:00\r\n#F001\r\n#B00102ab\r\n",
+        },
+    ),
+    # The makers' driver takes the letter after #XT for the state, E for on.
+    "a timer's answer begins with its state": (
+        ModemFirmware.V3,
+        [("near", b"$XTG", 100), ("near", b"$XTE", 200), ("near", b"$XTD", 300)],
+        {"near": b"#XTD00000000000000\r\n#XTE00000000000000\r\n#XTD%014d\r\n" % 100_000},
+    ),
+}
+
+
+@pytest.mark.parametrize("name", STORIES)
+def test_a_story_of_two_modems(pair: Pair, name: str) -> None:
+    firmware, writes, printed = STORIES[name]
+    water = pair(firmware)
+    for who, command, until_ms in writes:
+        water.write(who, command, until_ms=until_ms)
+    assert {who: water.printed(who) for who in printed} == printed
+
+
 def test_test_is_64_bytes_from_the_far_modem(water: Any) -> None:
     water.write("near", b"$T002", until_ms=3000)
     answer = water.printed("near")
@@ -161,51 +212,6 @@ def test_what_restarts_a_modem_ends_its_measurement(water: Any, meanwhile: bytes
     assert (b"#NR" in water.printed("near")) is is_measured
 
 
-def test_a_timer_s_answer_begins_with_its_state(water: Any) -> None:
-    """The makers' driver takes the letter after #XT for the state, E for on."""
-    for command, state in [
-        (b"$XTG", b"D"),
-        (b"$XTE", b"E"),
-        (b"$XTG", b"E"),
-        (b"$XTC", b"E"),
-        (b"$XTD", b"D"),
-    ]:
-        water.write("near", command, until_ms=water.now_ms + 100)
-        answer = water.printed("near")
-        assert answer[:4] == b"#XT" + state and len(answer) == 4 + 14 + 2, command
-
-
-def test_a_ping_to_oneself_is_an_error(water: Any) -> None:
-    water.write("near", b"$P001", until_ms=6000)
-    assert water.printed("near") == b"E\r\n" and water.of("near", EmitFrame) == []
-    water.write("near", b"$A009", until_ms=6100)
-    water.write("near", b"$P009", until_ms=6200)
-    assert water.printed("near") == b"#A009\r\nE\r\n"
-
-
-def test_early_v3_tells_less(pair: Pair) -> None:
-    water = pair(ModemFirmware.V3_EARLY)
-    water.write("near", b"$?", until_ms=100)
-    water.write("near", b"$V002", until_ms=3000)
-    assert water.printed("near") == b"#A001V21845\r\n$V002\r\n#B00206V21845\r\n"
-
-
-def test_quality_is_appended_when_it_is_on(water: Any) -> None:
-    water.write("far", b"$XQE", until_ms=50)
-    water.write("near", b"$B02ab", until_ms=1000)
-    water.write("near", b"$U00202cd", until_ms=2000)
-    water.write("far", b"$Q", until_ms=2100)
-    assert water.printed("far") == b"#XQE\r\n#B00102abQ20D+000\r\n#U02cdQ20D+000\r\n$C0\r\n"
-
-
-def test_times_are_appended_when_the_timer_is_on(water: Any) -> None:
-    water.write("far", b"$XTE", until_ms=50)
-    water.write("near", b"$F", until_ms=1000)
-    water.write("near", b"$XQE$XTE", until_ms=1100)
-    # 4 bytes of 25/24 ms: the far timer starts at 4.166 ms; the beacon leaves at 50 + 3 ms and travels 100 ms.
-    assert water.printed("far") == b"#XTE00000000000000\r\n#F001T%014d\r\n" % (153_000 - 4_166)
-
-
 def test_sending_is_put_off_by_the_timer(water: Any) -> None:
     water.write("near", b"$XTE", until_ms=100)
     water.write("near", b"$U00202ab" + b"T%014d" % 1_500_000, until_ms=3000)
@@ -222,15 +228,6 @@ def test_sending_into_the_past_or_beyond_2_s_is_an_error(water: Any, timer_us: i
     water.write("near", b"$XTE", until_ms=100)
     water.write("near", b"$B02abT%014d" % timer_us, until_ms=5000)
     assert water.printed("near").endswith(b"\r\nE\r\n") and water.of("near", EmitFrame) == []
-
-
-def test_without_a_time_the_command_is_over_at_the_next_byte_or_after_silence(water: Any) -> None:
-    water.write("near", b"$XTE", until_ms=100)
-    water.write("near", b"$F", until_ms=500)
-    water.write("near", b"$B02ab$?", until_ms=3000)
-    printed = water.printed("near")
-    assert printed.count(b"$F\r\n$B02\r\n#A001V") == 1
-    assert water.printed("far") == b"#F001\r\n#B00102ab\r\n"
 
 
 def test_a_frame_of_another_generation_is_noise(water: Any, pair: Pair) -> None:

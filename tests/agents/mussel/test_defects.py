@@ -152,15 +152,17 @@ def test_a_clock_jumps_and_runs_fast_until_it_is_healed() -> None:
     assert abs(mussel.board.clock_ms(2_010_000) - 2_010_000 - fast_ms - drift // 1000) <= 1
 
 
-def test_the_worst_case_has_no_clock_to_disturb() -> None:
-    (dropped,) = agent(PAPER).receive(ClockShifted(60_000), 0)
+@pytest.mark.parametrize(
+    "stimulus",
+    [
+        ClockShifted(60_000),
+        *(PartFailed(getattr(BoardPart, it), 1) for it in ("BUS", "WRITES", "CELLS", "SUPPLY", "FLASH")),
+    ],
+    ids=repr,
+)
+def test_the_worst_case_has_neither_clock_nor_sensors_nor_flash(stimulus: AgentStimulus) -> None:
+    (dropped,) = agent(PAPER).receive(stimulus, 0)
     assert isinstance(dropped, StimulusDropped) and "the worst case has none" in dropped.reason
-
-
-def test_the_worst_case_has_neither_sensors_nor_flash() -> None:
-    for part in (BoardPart.BUS, BoardPart.WRITES, BoardPart.CELLS, BoardPart.SUPPLY, BoardPart.FLASH):
-        (dropped,) = agent(PAPER).receive(PartFailed(part, 1), 0)
-        assert isinstance(dropped, StimulusDropped) and dropped.reason.endswith("the worst case has none")
 
 
 @given(st.sampled_from([PAPER, WHOLE]), st.integers(0, 10**7))

@@ -55,16 +55,6 @@ def test_north_and_east_are_independent_and_so_are_steps_agents_and_seeds() -> N
     assert abs(sum(a * b for a, b in pairwise(one))) < 330
 
 
-@given(st.permutations(range(20)))
-def test_the_order_of_asking_does_not_matter(order: list[int]) -> None:
-    asked = {n: drift_step_um(9, 4, n, 5000) for n in order}
-    assert [asked[n] for n in range(20)] == [drift_step_um(9, 4, n, 5000) for n in range(20)]
-
-
-def test_no_amplitude_is_no_drift() -> None:
-    assert drift_step_um(1, 2, 3, 0) == (0, 0)
-
-
 def blown(seconds: int, cuts: list[int]) -> list[tuple[int, int]]:
     """Places (um) each second of a body in still water and a wind, which surfaces from 3 m within 10 s, and is docked at
     30 s; time is also cut at `cuts` (ms)."""

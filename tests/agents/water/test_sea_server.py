@@ -10,7 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from shared_seas import ASKED, DISTURBED, NORTHS_M, THETA, Asked, Flown, act, drifting, played
 
 from agents.time_scale import TimeScale
@@ -94,29 +94,22 @@ def both(sea: Served, fly: Callable[[int], Flown]) -> tuple[Flown, Flown]:
         return first.result(PATIENCE_S), second.result(PATIENCE_S)
 
 
-def _same_elsewhere(asked: Asked) -> list[Flown]:
-    """Both flights beside their sea, after a comparison with the same flights elsewhere."""
+SOUNDING: Asked = [(2, 1, "ping"), (2, 2, "permission"), (7, 3, "range"), (9, 1, "wifi"), (13, 4, "ping")]
+
+
+@settings(max_examples=4, deadline=None)
+@given(ASKED)
+@example(SOUNDING)
+def test_flights_elsewhere_see_the_same_as_beside_the_sea(asked: Asked) -> None:
+    """Every result in its order, every truth, every count, and each packet of Wi-Fi."""
     beside = played(Sea(DISTURBED, TimeScale(THETA), (1, 2, 3, 4), 2), asked, PLACES_M, (0, 1))
     with served() as sea:
         elsewhere = both(sea, lambda number: flown_from(sea, number, asked))
     for one, other in zip(beside, elsewhere, strict=True):
         assert (one.came, one.truths, one.reached) == (other.came, other.truths, other.reached)
         assert one.station.all_dropped == other.station.all_dropped
-    return beside
-
-
-@settings(max_examples=4, deadline=None)
-@given(ASKED)
-def test_flights_elsewhere_see_the_same_as_beside_the_sea(asked: Asked) -> None:
-    """Every result in its order, every truth, every count, and each packet of Wi-Fi."""
-    _same_elsewhere(asked)
-
-
-def test_sound_between_flights_elsewhere_is_that_beside_the_sea() -> None:
-    asked = [(2, 1, "ping"), (2, 2, "permission"), (7, 3, "range"), (9, 1, "wifi"), (13, 4, "ping")]
-    beside = _same_elsewhere(asked)
-    assert all(it.of(SoundReached) for it in beside)
-    assert beside[0].reached
+    if asked == SOUNDING:
+        assert all(it.of(SoundReached) for it in beside) and beside[0].reached
 
 
 def test_they_begin_together_on_the_latest_clock() -> None:

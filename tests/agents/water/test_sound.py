@@ -1,5 +1,7 @@
 """The water's figures against the modem's published ones and against hand calculations."""
 
+from collections.abc import Callable
+from functools import partial
 from itertools import pairwise
 
 import pytest
@@ -39,12 +41,6 @@ def test_mackenzie_s_own_check_value() -> None:
     assert SeaWater(20, 38).sound_speed_m_s == pytest.approx(1525.0, abs=0.3)  # a warm Adriatic pool, by hand
 
 
-def test_thorp_s_formula_is_not_used_outside_its_range() -> None:
-    with pytest.raises(ValueError, match=r"from 0.1 to 50 kHz: state absorption_db_per_km"):
-        Sound(frequency_khz=200)
-    assert Sound(frequency_khz=200, absorption_db_per_km=60).absorption == 60
-
-
 def test_sound_takes_two_thirds_of_a_millisecond_a_metre() -> None:
     assert Sound().delay_us(1500) == 1_000_000
     assert Sound(sound_speed_m_s=1525).delay_us(30.5) == 20_000
@@ -77,19 +73,24 @@ def test_far_beyond_its_points_the_curve_is_certain() -> None:
     assert NANOMODEM_ERRORS.probability(50, 64) < 1e-9
 
 
-def test_what_is_no_curve_is_refused() -> None:
-    with pytest.raises(ValueError, match="snrs_db"):
-        ErrorCurve((1, 1), (16,), ((0.5, 0.4),))
-    with pytest.raises(ValueError, match="sizes"):
-        ErrorCurve((1, 2), (), ())
-    with pytest.raises(ValueError, match="a row for each size"):
-        ErrorCurve((1, 2), (16,), ((0.5,),))
-    with pytest.raises(ValueError, match="between 0 and 1"):
-        ErrorCurve((1, 2), (16,), ((0.5, 0.0),))
-    with pytest.raises(ValueError, match="range_limit_m"):
-        Sound(range_limit_m=0)
-    with pytest.raises(ValueError, match="fading_db"):
-        Sound(fading_db=-1)
+@pytest.mark.parametrize(
+    ("made", "told"),
+    [
+        (partial(ErrorCurve, (1, 1), (16,), ((0.5, 0.4),)), "snrs_db"),
+        (partial(ErrorCurve, (1, 2), (), ()), "sizes"),
+        (partial(ErrorCurve, (1, 2), (16,), ((0.5,),)), "a row for each size"),
+        (partial(ErrorCurve, (1, 2), (16,), ((0.5, 0.0),)), "between 0 and 1"),
+        (partial(Sound, range_limit_m=0), "range_limit_m"),
+        (partial(Sound, fading_db=-1), "fading_db"),
+        (partial(Sound, frequency_khz=200), "from 0.1 to 50 kHz: state absorption_db_per_km"),
+    ],
+    ids=lambda it: it if isinstance(it, str) else "",
+)
+def test_what_is_no_curve_and_no_sound_is_refused(made: Callable[[], object], told: str) -> None:
+    """Thorp's formula is not used outside its range, unless somebody states the absorption."""
+    with pytest.raises(ValueError, match=told):
+        made()
+    assert Sound(frequency_khz=200, absorption_db_per_km=60).absorption == 60
 
 
 def test_what_the_range_limit_leaves_out_is_bounded() -> None:

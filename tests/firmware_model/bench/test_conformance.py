@@ -80,15 +80,29 @@ def test_each_case_can_be_played_and_ours_passes(case: Case) -> None:
     assert judged(case, our_board, our_board, Died, {}).verdict is Verdict.PASSED
 
 
-def test_a_history_has_motors_and_charges_at_their_times() -> None:
-    """By hand: up at 3 s, docked at 73 s and charging 50 ms later, released an hour later, and down on the release."""
-    events = [str(event) for event in history(DIVE, our_board, Died).events]
-    assert events == [
-        "3.000 s motors float",
-        "73.050 s charges",
-        "3673.050 s stops charging",
-        "3674.000 s motors sink",
-    ]
+@pytest.mark.parametrize(
+    ("script", "events"),
+    [
+        # Up at 3 s, docked at 73 s and charging 50 ms later, released an hour later, and down on the release.
+        (
+            DIVE.script,
+            [
+                "3.000 s motors float",
+                "73.050 s charges",
+                "3673.050 s stops charging",
+                "3674.000 s motors sink",
+            ],
+        ),
+        # A net brings it up after it sank; it floats, and 12 h (its float time-out) later it sinks.
+        (
+            "3s permission 70s sink 5min surfaced 13h",
+            ["3.000 s motors float", "73.000 s motors sink", "43573.000 s motors sink"],
+        ),
+    ],
+    ids=["a dive", "a net"],
+)
+def test_a_history_has_motors_and_charges_at_their_times_by_hand(script: str, events: list[str]) -> None:
+    assert [str(it) for it in history(replace(DIVE, script=script), our_board, Died).events] == events
 
 
 DIFFERENT = {
@@ -235,13 +249,6 @@ def test_random_scripts_are_the_same_for_a_seed() -> None:
 def test_an_unknown_word_is_refused_with_the_known_ones() -> None:
     with pytest.raises(ValueError, match="'jump' is neither a wait nor one of permission"):
         history(replace(DIVE, script="3s jump"), our_board, Died)
-
-
-def test_a_body_may_surface_by_itself() -> None:
-    """A net brings it up after it sank; it floats, and by hand 12 h (its float time-out) later it sinks."""
-    net = replace(DIVE, script="3s permission 70s sink 5min surfaced 13h")
-    events = [str(event) for event in history(net, our_board, Died).events]
-    assert events == ["3.000 s motors float", "73.000 s motors sink", "43573.000 s motors sink"]
 
 
 def test_a_script_s_time_is_that_of_its_waits_and_chatter() -> None:

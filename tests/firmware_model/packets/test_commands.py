@@ -22,10 +22,9 @@ from firmware_model.packets import (
     Threshold,
 )
 from firmware_model.packets.codec import MusselbedCodec
-from firmware_model.packets.command_packets import TRIGGERS
 from firmware_model.packets.commands import parse_command
 from firmware_model.power.active_battery import ActiveBattery
-from firmware_model.states import State, Trigger
+from firmware_model.states import State
 from firmware_model.table_one import FIELD, HOURLY, WORST_CASE, board, power
 from tests.firmware_model.conftest import asleep, lines_of, lives
 
@@ -188,12 +187,6 @@ def test_the_worst_case_knows_permission_release_ping_and_sink(command: Command)
     assert found == (command if known else f"the worst case knows no {command.kind.name}")
     whole = board(HOURLY, power())
     assert parse_command(command.encode(), MusselbedCodec(), whole) == command
-
-
-def test_every_plain_command_but_those_of_the_log_is_a_trigger() -> None:
-    assert set(TRIGGERS) == PLAIN.keys() - {Kind.BACK_UP_LOG}
-    assert len(set(TRIGGERS.values())) == len(TRIGGERS)
-    assert TRIGGERS[Kind.RELEASE] is Trigger.CLEAR_TO_SINK
 
 
 def test_commands_do_not_reach_the_configuration_that_boards_share() -> None:
