@@ -199,17 +199,13 @@ def test_steps_and_drift_are_found_from_common_messages(
     seed: int, steps: list[tuple[int, float, bool]], drift: float, jitter_s: float
 ) -> None:
     draw = np.random.default_rng(seed)
-    true_s: list[float] = []
-    offsets: list[float] = []
-    of_clocks: list[float] = []
-    offset = 2.0
-    for n, (count, size_s, is_back) in enumerate([*steps, (60, 0.0, False)]):
+    true_s, offsets, of_clocks, offset = list[float](), list[float](), list[float](), 2.0
+    for count, size_s, is_back in [*steps, (60, 0.0, False)]:
         for _ in range(count):
             true_s.append(len(true_s) * 1.0)
             of_clocks.append(offset + drift * true_s[-1])
             offsets.append(of_clocks[-1] + jitter_s * float(draw.exponential()))
         offset += -size_s if is_back else size_s
-        del n
     times = [a + b for a, b in zip(true_s, offsets, strict=True)]
     found = clock_offset(range(len(times)), times, offsets)
     assert len(found.stretches) == 1 + len(steps)

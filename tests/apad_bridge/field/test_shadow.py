@@ -86,25 +86,28 @@ def plans_of(bag: Path) -> list[tuple[str, int]]:
     return steps
 
 
-@pytest.mark.parametrize("strategy", ["greedy", "cautious"])
+@pytest.mark.parametrize(
+    ("strategy", "scenario", "begins"),
+    [
+        ("greedy", TWENTY_MINUTES, 12 * ["collect"]),
+        ("cautious", TWENTY_MINUTES, 12 * ["collect"]),
+        ("blend", EXCHANGED, [*3 * ["collect"], *4 * ["collect", "deploy"]]),
+    ],
+    ids=["greedy", "cautious", "places exchanged"],
+)
 def test_a_run_of_ours_agrees_with_its_own_strategy_in_every_decision(
-    flown: Callable[[str], tuple[Path, Path]], strategy: str, capsys: pytest.CaptureFixture[str]
+    flown: Callable[..., tuple[Path, Path]],
+    strategy: str,
+    scenario: Scenario,
+    begins: list[str],
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    files = flown(strategy)
+    files = flown(strategy, scenario)
     told = shadowed(files, strategy, capsys)
     theirs = [(it["theirs"]["kind"], it["theirs"]["agent_id"]) for it in told["decisions"]]
-    assert theirs == plans_of(files[1])[: len(theirs)] and len(theirs) >= 12
-    assert told["agreed"] == len(theirs), [it for it in told["decisions"] if not it["agrees"]]
-
-
-def test_a_run_of_ours_that_exchanges_places_agrees_with_itself_too(
-    flown: Callable[..., tuple[Path, Path]], capsys: pytest.CaptureFixture[str]
-) -> None:
-    files = flown("blend", EXCHANGED)
-    told = shadowed(files, "blend", capsys)
-    theirs = [(it["theirs"]["kind"], it["theirs"]["agent_id"]) for it in told["decisions"]]
-    assert theirs == plans_of(files[1])[: len(theirs)]
-    assert [kind for kind, _ in theirs[:11]] == [*3 * ["collect"], *4 * ["collect", "deploy"]]
+    assert theirs == plans_of(files[1])[: len(theirs)] and len(theirs) >= len(begins)
+    if scenario is EXCHANGED:
+        assert [kind for kind, _ in theirs[: len(begins)]] == begins
     assert told["agreed"] == len(theirs), [it for it in told["decisions"] if not it["agrees"]]
 
 
@@ -156,44 +159,74 @@ HEARD: list[LoggedFact] = [at(0.0), packet(0.0, 3, 0.2, 9.0), packet(0.0, 7, 0.6
 """3 is the emptier one, and 7 the nearer one."""
 
 
-def test_who_a_go_to_is_for_is_told_by_the_docking_after_it() -> None:
-    moved: list[LoggedFact] = [
-        *HEARD,
-        go_to(1.0, 5.0),
-        at(2.0, 4.0),
-        perch(3.0, 7),
-        Held(4.0, Witness.VEHICLE, 7, True),
-    ]
-    (decision,) = decided(moved).decisions
-    assert (decision.at_s, decision.theirs, decision.ours) == (1.0, COLLECT_7, COLLECT_7)
+HIGH: list[LoggedFact] = [at(0.0), packet(0.0, 7, 0.95, 5.0)]
+DOCKED_7 = Held(2.5, Witness.VEHICLE, 7, True)
 
 
-def test_a_docking_without_a_go_to_is_judged_by_the_docks_before_it() -> None:
-    at_once: list[LoggedFact] = [*HEARD, perch(5.0, 7), Held(5.05, Witness.VEHICLE, 7, True), at(6.0)]
-    (decision,) = decided(at_once).decisions
-    assert (decision.theirs, decision.ours) == (COLLECT_7, COLLECT_7)
-
-
-def test_who_a_go_to_without_a_docking_is_for_is_told_by_its_place() -> None:
-    facts: list[LoggedFact] = [*HEARD, go_to(1.0, 9.4), at(5.0, 9.0), go_to(9.0, 20.0), at(10.0, 12.0)]
-    first, second = decided(facts).decisions
-    assert (first.theirs, first.agrees) == (COLLECT_3, False)
-    assert second.theirs == TheirMove(ELSEWHERE)
-
-
-def test_another_try_and_another_teller_are_no_other_decision() -> None:
-    facts: list[LoggedFact] = [
-        *HEARD,
-        go_to(1.0, 5.0),
-        go_to(1.0, 5.0, Witness.SUPERVISOR),
-        at(5.0, 4.0),
-        perch(6.0, 7),
-        WorkEnded(7.0, Witness.VEHICLE, "perch 6.0", False, True),
-        go_to(8.0, 6.2),  # it has drifted
-        perch(9.0, 7),
-        Held(9.5, Witness.VEHICLE, 7, True),
-    ]
-    assert [it.theirs for it in decided(facts).decisions] == [COLLECT_7]
+@pytest.mark.parametrize(
+    ("facts", "decisions"),
+    [
+        pytest.param(
+            [*HEARD, go_to(1.0, 5.0), at(2.0, 4.0), perch(3.0, 7), Held(4.0, Witness.VEHICLE, 7, True)],
+            [(1.0, COLLECT_7, COLLECT_7)],
+            id="who a go-to is for is told by the docking after it",
+        ),
+        pytest.param(
+            [*HEARD, perch(5.0, 7), Held(5.05, Witness.VEHICLE, 7, True), at(6.0)],
+            [(5.0, COLLECT_7, COLLECT_7)],
+            id="a docking without a go-to is judged by the docks before it",
+        ),
+        pytest.param(
+            [*HEARD, go_to(1.0, 9.4), at(5.0, 9.0), go_to(9.0, 20.0), at(10.0, 12.0)],
+            [(1.0, COLLECT_3, COLLECT_7), (9.0, TheirMove(ELSEWHERE), COLLECT_3)],
+            id="who a go-to without a docking is for is told by its place",
+        ),
+        pytest.param(
+            [
+                *(*HEARD, go_to(1.0, 5.0), go_to(1.0, 5.0, Witness.SUPERVISOR), at(5.0, 4.0), perch(6.0, 7)),
+                WorkEnded(7.0, Witness.VEHICLE, "perch 6.0", False, True),
+                go_to(8.0, 6.2),  # it has drifted
+                *(perch(9.0, 7), Held(9.5, Witness.VEHICLE, 7, True)),
+            ],
+            [(1.0, COLLECT_7, COLLECT_7)],
+            id="another try and another teller are no other decision",
+        ),
+        pytest.param(
+            [*HIGH, go_to(1.0, 5.0), at(3.0, 4.0), perch(4.0, 7)],
+            [(1.0, COLLECT_7, TheirMove(WAIT))],
+            id="ours would wait",
+        ),
+        # The vehicle's topics of docks come in one after the other; a docking comes after its order.
+        pytest.param(
+            [Held(0.0, Witness.VEHICLE, 3, True), *HEARD, DOCKED_7, at(9.0)],
+            [],
+            id="in a dock as the shadow begins",
+        ),
+        pytest.param(
+            [*HEARD, perch(1.0, 7), DOCKED_7, at(9.0)], [(1.0, COLLECT_7, COLLECT_7)], id="docked by an order"
+        ),
+        pytest.param(
+            [*HEARD, Held(60.0, Witness.VEHICLE, 7, True), at(70.0)],
+            [(60.0, COLLECT_7, COLLECT_7)],
+            id="docked a minute later",
+        ),
+        pytest.param(
+            [
+                at(0.0),
+                packet(0.0, 999, 0.5, 5.0),
+                PacketLogged(0.0, 7, "wifi", b"no packet"),
+                go_to(1.0, 5.0),
+                at(2.0, 1.0),
+            ],
+            [(1.0, TheirMove(ELSEWHERE), TheirMove(WAIT))],
+            id="what makes no sense is left out",
+        ),
+    ],
+)
+def test_their_decision_and_ours(
+    facts: list[LoggedFact], decisions: list[tuple[float, TheirMove, TheirMove]]
+) -> None:
+    assert [(it.at_s, it.theirs, it.ours) for it in decided(facts).decisions] == decisions
 
 
 def test_a_vehicle_that_falls_silent_about_a_dock_lets_nobody_go_while_a_supervisor_says_what_it_holds() -> (
@@ -234,21 +267,6 @@ def test_an_amussel_that_a_supervisors_first_sample_shows_docked_is_no_decision_
     assert found == [COLLECT_3, TheirMove(StepKind.DEPLOY, 7), COLLECT_7]
 
 
-def test_an_amussel_that_is_in_a_dock_as_the_shadow_begins_is_no_decision() -> None:
-    """The vehicle's topics of docks come in one after the other; a docking comes after its order."""
-    before: list[LoggedFact] = [
-        Held(0.0, Witness.VEHICLE, 3, True),
-        *HEARD,
-        Held(2.5, Witness.VEHICLE, 7, True),
-        at(9.0),
-    ]
-    assert decided(before).decisions == []
-    ordered: list[LoggedFact] = [*HEARD, perch(1.0, 7), Held(2.5, Witness.VEHICLE, 7, True), at(9.0)]
-    late: list[LoggedFact] = [*HEARD, Held(60.0, Witness.VEHICLE, 7, True), at(70.0)]
-    for facts in (ordered, late):
-        assert [it.theirs for it in decided(facts).decisions] == [COLLECT_7]
-
-
 def test_what_we_would_do_is_judged_by_the_docks_that_were_full_before() -> None:
     """One dock, full of an aMussel that charges: ours waits, and does not collect into it."""
     one_dock = replace(POOL, apad=replace(POOL.apad, docks=1), mission=replace(POOL.mission, batch=1))
@@ -263,18 +281,6 @@ def test_what_we_would_do_is_judged_by_the_docks_that_were_full_before() -> None
     ]
     (decision,) = decided(facts, scenario=one_dock).decisions
     assert (decision.theirs, decision.ours) == (COLLECT_3, TheirMove(WAIT))
-
-
-def test_where_ours_would_wait_it_says_so() -> None:
-    high: list[LoggedFact] = [
-        at(0.0),
-        packet(0.0, 7, 0.95, 5.0),
-        go_to(1.0, 5.0),
-        at(3.0, 4.0),
-        perch(4.0, 7),
-    ]
-    (decision,) = decided(high).decisions
-    assert (decision.theirs, decision.ours) == (COLLECT_7, TheirMove(WAIT))
 
 
 def test_the_topics_of_amussels_without_packets_are_believed_too() -> None:
@@ -315,16 +321,3 @@ def test_twins_foretell_the_charge_of_silent_amussels_and_give_an_interval() -> 
     facts.append(packet(120.0, agent_id, 0.9, 5.0, scenario))
     accuracy = decided(facts, scenario=scenario).accuracy
     assert accuracy.packets == 1 and accuracy.inside in (0.0, 1.0)
-
-
-def test_what_makes_no_sense_is_left_out() -> None:
-    shadow = decided(
-        [
-            at(0.0),
-            packet(0.0, 999, 0.5, 5.0),
-            PacketLogged(0.0, 7, "wifi", b"no packet"),
-            go_to(1.0, 5.0),
-            at(2.0, 1.0),
-        ]
-    )
-    assert [it.theirs for it in shadow.decisions] == [TheirMove(ELSEWHERE)]

