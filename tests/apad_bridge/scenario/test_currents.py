@@ -262,15 +262,10 @@ def test_levels_are_the_middles_of_their_layers(tmp_path: Path) -> None:
     assert velocity_m_s(stream, 0, 100, 5) == pytest.approx([0, 0], abs=2e-6)
 
 
-def test_triangles_in_a_table_that_is_wide_enough_for_squares(tmp_path: Path) -> None:
-    path = tmp_path / "mesh.nc"
-    file = MeshFile(*TRIANGLE, [[0.1] * 3], [[0.2] * 3], is_ugrid=True, first_node=0, faces=[[0, 1, 2, -9]])
-    assert velocity_m_s(read_current(file.write(path), FRAME), 9, 9) == pytest.approx([0.1, 0.2], abs=2e-6)
-
-
 def test_outside_the_triangles_the_nearest_point_counts(tmp_path: Path) -> None:
     """(100, 80) lies beyond (60, 40) of the long side, (-40, 30) beyond another side, and far north is beyond a corner."""
-    path = MeshFile(*TRIANGLE, [[0.0, 0.4, 0.2]], [[0.1, 0.1, 0.1]]).write(tmp_path / "mesh.nc")
+    how = {"is_ugrid": True, "first_node": 0, "faces": [[0, 1, 2, -9]]}  # a table wide enough for squares
+    path = MeshFile(*TRIANGLE, [[0.0, 0.4, 0.2]], [[0.1, 0.1, 0.1]], **how).write(tmp_path / "mesh.nc")
     stream = read_current(path, FRAME)
     assert velocity_m_s(stream, 100, 80) == pytest.approx([0.6 * 0.4 + 0.4 * 0.2, 0.1], abs=2e-6)
     assert velocity_m_s(stream, -40, 30) == pytest.approx([0.06, 0.1], abs=2e-6)
@@ -349,19 +344,35 @@ def test_what_is_no_mesh_is_told(tmp_path: Path, change: Callable[[MeshFile], No
     assert re.search(problem, told), told
 
 
-def test_a_mesh_needs_its_places_and_velocities_on_its_nodes(tmp_path: Path) -> None:
-    """Each change of the file is told by one line."""
+def on_faces(data: Any) -> None:
+    """FVCOM has its velocities there."""
+    for name in ("u", "v"):
+        data.createVariable(name, "f8", ("time", "nFace"))[:] = 0.1
 
-    def told(change: Callable[[Any], object], is_ugrid: bool = False) -> str:
-        file = MeshFile(*TRIANGLE, [[0.1] * 3], [[0.1] * 3], levels=(), is_ugrid=is_ugrid, first_node=0)
-        with netCDF4.Dataset(str(file.write(tmp_path / "mesh.nc")), "a") as data:
-            change(data)
-        return problem_with(tmp_path / "mesh.nc", FRAME)
 
-    assert "lacks its variable Mesh_faces" in told(lambda it: it.renameVariable("Mesh_faces", "x"), True)
-    assert "need latitude and longitude" in told(lambda it: it["Mesh"].delncattr("node_coordinates"), True)
-    assert "need latitude and longitude" in told(lambda it: it.renameVariable("latitude", "y"))
-    assert "an axis 'nFace' is not known" in told(on_faces, True)
+@pytest.mark.parametrize(
+    ("is_ugrid", "change", "told"),
+    [
+        (True, lambda it: it.renameVariable("Mesh_faces", "x"), "lacks its variable Mesh_faces"),
+        (True, lambda it: it["Mesh"].delncattr("node_coordinates"), "need latitude and longitude"),
+        (False, lambda it: it.renameVariable("latitude", "y"), "need latitude and longitude"),
+        (True, on_faces, "an axis 'nFace' is not known"),
+        (
+            False,
+            lambda it: setattr(it["level"], "standard_name", "ocean_sigma_coordinate"),
+            "level has shares of the depth",
+        ),
+    ],
+    ids=["no triangles", "no coordinates", "no latitude", "velocities on faces", "levels by shares"],
+)
+def test_a_mesh_needs_its_places_and_velocities_on_its_nodes(
+    tmp_path: Path, is_ugrid: bool, change: Callable[[Any], object], told: str
+) -> None:
+    still, levels = np.zeros((1, 2, 3)), (0.5, 1.0)
+    file = MeshFile(*TRIANGLE, still, still, levels=levels, is_ugrid=is_ugrid, first_node=0)
+    with netCDF4.Dataset(str(file.write(tmp_path / "mesh.nc")), "a") as data:
+        change(data)
+    assert told in problem_with(tmp_path / "mesh.nc", FRAME)
 
 
 def test_the_other_side_of_the_earth_is_not_near(tmp_path: Path) -> None:
@@ -371,21 +382,6 @@ def test_the_other_side_of_the_earth_is_not_near(tmp_path: Path) -> None:
         data["latitude"][:] -= FRAME.latitude_deg
     assert read_current(path, LocalFrame(0.0, FRAME.longitude_deg))
     assert "no triangle lies within" in problem_with(path, LocalFrame(0.0, FRAME.longitude_deg - 180))
-
-
-def on_faces(data: Any) -> None:
-    """FVCOM has its velocities there."""
-    for name in ("u", "v"):
-        data.createVariable(name, "f8", ("time", "nFace"))[:] = 0.1
-
-
-def test_levels_that_are_shares_of_the_depth_are_refused(tmp_path: Path) -> None:
-    path = MeshFile(*TRIANGLE, np.zeros((1, 2, 3)), np.zeros((1, 2, 3)), levels=(0.5, 1)).write(
-        tmp_path / "m.nc"
-    )
-    with netCDF4.Dataset(str(path), "a") as data:
-        data["level"].standard_name = "ocean_sigma_coordinate"
-    assert "level has shares of the depth" in problem_with(path, FRAME)
 
 
 def tidal(**current: Any) -> Scenario:
@@ -417,13 +413,20 @@ def test_a_body_drifts_by_its_depth_and_state() -> None:
     assert body.drift_due_ms == 62_000
 
 
-def test_two_currents_contradict_each_other(tmp_path: Path) -> None:
+@pytest.fixture
+def csv(tmp_path: Path) -> str:
     (tmp_path / "c.csv").write_text("north_m,east_m,north_m_s,east_m_s\n0,0,0.1,0\n")
-    data = resolve(tidal(file=str(tmp_path / "c.csv")))
+    return str(tmp_path / "c.csv")
+
+
+def test_two_currents_contradict_each_other(csv: str) -> None:
+    data = resolve(tidal(file=csv))
     assert fleet_parts.fleet_config(flight_config(from_data(data, "one"))).current.csv is not None
-    data["fleet"]["drift"]["current_file"] = str(tmp_path / "c.csv")
+    data["fleet"]["drift"]["current_file"] = csv
     with pytest.raises(ScenarioError, match=r"water\.current: .*leave one out"):
         from_data(data, "two")
+    with pytest.raises(ScenarioError, match=r"water\.current\.steady_m_s: .*leave one out"):
+        tidal(file=csv, steady_m_s=[0.1, 0])
 
 
 def test_two_numbers_are_a_current_that_is_the_same_everywhere() -> None:
@@ -435,12 +438,6 @@ def test_two_numbers_are_a_current_that_is_the_same_everywhere() -> None:
         assert text is not None
         for north_um, east_um in ((0, 0), (30_000_000, -9_000_000)):
             assert parse_stream(text).velocity_um_s(north_um, east_um, 2_000_000, 7) == (50_000, -100_000)
-
-
-def test_two_numbers_beside_a_file_are_two_currents(tmp_path: Path) -> None:
-    (tmp_path / "c.csv").write_text("north_m,east_m,north_m_s,east_m_s\n0,0,0.1,0\n")
-    with pytest.raises(ScenarioError, match=r"water\.current\.steady_m_s: .*leave one out"):
-        tidal(file=str(tmp_path / "c.csv"), steady_m_s=[0.1, 0])
 
 
 def test_a_profile_goes_down() -> None:

@@ -184,7 +184,7 @@ def test_a_number_is_refused_by_its_key_or_flies(block: str) -> None:
                     assert any(names(line, path) for line in error.lines), (path, value, error.lines)
                     continue
                 assert math.isfinite(value) and abs(value) < 2**62, f"{dotted(path)} takes {value}"
-                if not (value == 0 and is_zero_flown or value and (path, value) in seen):
+                if not (is_zero_flown if value == 0 else (path, value) in seen):
                     fly_in_memory(scenario)
                 is_zero_flown = is_zero_flown or value == 0
                 seen.add((path, value))

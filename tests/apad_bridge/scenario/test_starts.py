@@ -67,14 +67,6 @@ def test_an_agents_start_does_not_depend_on_the_others() -> None:
     assert len({start.primary for start in starts_of(twelve)}) == 12
 
 
-def test_a_hand_written_file_with_north_and_east(tmp_path: Path) -> None:
-    (tmp_path / "s.csv").write_text("# mine\n\nid, north, east, battery\n7, 1.5, 2, 0.5\n3,10,20.25,1\n")
-    assert read_starts(tmp_path / "s.csv", POOL, (3, 7)) == (
-        Start(3, 10.0, 20.25, 1.0),
-        Start(7, 1.5, 2.0, 0.5),
-    )
-
-
 def test_a_hand_written_file_with_lat_and_lon(tmp_path: Path) -> None:
     (tmp_path / "s.csv").write_text("battery,Longitude,latitude,ID\n0.5,15.4444,43.9331,2\n")
     (start,) = read_starts(tmp_path / "s.csv", POOL, [2])
@@ -83,10 +75,22 @@ def test_a_hand_written_file_with_lat_and_lon(tmp_path: Path) -> None:
     assert start.east_m == pytest.approx(4.2715, abs=0.001)
 
 
-@pytest.mark.parametrize("header", ["agent_id,north_m,east_m,charge", "\ufeffID,North,East,primary"])
-def test_other_names_of_columns(tmp_path: Path, header: str) -> None:
-    (tmp_path / "s.csv").write_text(f"{header}\n1,2,3,0.5\n", encoding="utf-8")
-    assert read_starts(tmp_path / "s.csv", POOL, [1]) == (Start(1, 2.0, 3.0, 0.5),)
+@pytest.mark.parametrize(
+    ("text", "starts"),
+    [
+        (
+            "# mine\n\nid, north, east, battery\n7, 1.5, 2, 0.5\n3,10,20.25,1\n",
+            (Start(3, 10.0, 20.25, 1.0), Start(7, 1.5, 2.0, 0.5)),
+        ),
+        ("agent_id,north_m,east_m,charge\n1,2,3,0.5\n", (Start(1, 2.0, 3.0, 0.5),)),
+        ("\ufeffID,North,East,primary\n1,2,3,0.5\n", (Start(1, 2.0, 3.0, 0.5),)),
+    ],
+)
+def test_a_hand_written_file_with_north_and_east(
+    tmp_path: Path, text: str, starts: tuple[Start, ...]
+) -> None:
+    (tmp_path / "s.csv").write_text(text, encoding="utf-8")
+    assert read_starts(tmp_path / "s.csv", POOL, [it.agent_id for it in starts]) == starts
 
 
 @pytest.mark.parametrize(
@@ -270,23 +274,26 @@ def test_ids_with_gaps_and_drawn_starts(tmp_path: Path) -> None:
     assert [start.agent_id for start in starts_of(drawn)] == [3, 7]
 
 
-@pytest.mark.parametrize("said", [{"count": 4}, {"count": 4, "first_id": 3}, {"first_id": 5}, {"count": 2}])
-def test_a_count_or_first_id_that_disagrees_with_the_file_is_refused(
-    tmp_path: Path, said: dict[str, object]
+@pytest.mark.parametrize(
+    ("said", "agents", "told"),
+    [
+        *(
+            (said, None, r"leave fleet\.count and fleet\.first_id out")
+            for said in ({"count": 4}, {"count": 4, "first_id": 3}, {"first_id": 5}, {"count": 2})
+        ),
+        *(
+            ({"agent_ids": ids}, None, "agent_ids")
+            for ids in ([7, 3], [3, 3], [0, 2], [2, "x"], ["x"], [2, 2**31])
+        ),
+        ({}, 5, "--agents 5: the fleet has 4, 3, 7, 12, 24"),
+    ],
+    ids=str,
+)
+def test_a_count_or_ids_that_the_file_does_not_have_are_refused(
+    tmp_path: Path, said: dict[str, object], agents: int | None, told: str
 ) -> None:
-    with pytest.raises(ScenarioError, match=r"leave fleet\.count and fleet\.first_id out"):
-        starts_of(with_gaps(tmp_path, **said))
-
-
-@pytest.mark.parametrize("ids", [[7, 3], [3, 3], [0, 2], [2, "x"], ["x"], [2, 2**31]])
-def test_ids_that_do_not_rise_or_are_none_are_refused(tmp_path: Path, ids: list[object]) -> None:
-    with pytest.raises(ScenarioError, match="agent_ids"):
-        with_gaps(tmp_path, agent_ids=ids)
-
-
-def test_more_agents_than_ids_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(ScenarioError, match=r"--agents 5: the fleet has 4, 3, 7, 12, 24"):
-        with_overrides(with_gaps(tmp_path), agents=5)
+    with pytest.raises(ScenarioError, match=told):
+        starts_of(with_overrides(with_gaps(tmp_path, **said), agents=agents))
 
 
 def test_secondaries_start_below_full_where_nobody_states_their_charge(tmp_path: Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import fields, replace
 from pathlib import Path
 
@@ -262,31 +261,29 @@ def test_one_mistake_is_one_line_with_the_mend(old: str, new: str, message: str)
     assert caught.value.lines == (f"it: {message}",)
 
 
-@pytest.fixture
-def worst_case() -> Callable[..., dict[str, object]]:
-    def data(**changes: object) -> dict[str, object]:
-        pool = resolve(load(POOL_FILE))
-        pool["board"].update(changes)
-        return pool
-
-    return data
-
-
-def test_the_worst_case_needs_its_equations(worst_case: Callable[..., dict[str, object]]) -> None:
-    with pytest.raises(ScenarioError) as caught:
-        from_data(worst_case(discharge_per_min=None), "it")
-    assert caught.value.lines == (
-        "it: board: discharge_per_min must be given, or `whole` for the whole firmware",
-    )
-
-
-def test_the_worst_case_cannot_wait_for_a_battery_that_it_does_not_charge() -> None:
+@pytest.mark.parametrize(
+    ("block", "change", "message"),
+    [
+        (
+            "board",
+            {"discharge_per_min": None},
+            "board: discharge_per_min must be given, or `whole` for the whole",
+        ),
+        (
+            "mission",
+            {"full_when": "both"},
+            "mission.full_when: a board without `whole` charges its primary",
+        ),
+    ],
+)
+def test_the_worst_case_needs_its_equations_and_charges_one_battery(
+    block: str, change: dict[str, object], message: str
+) -> None:
     pool = resolve(load(POOL_FILE))
-    pool["mission"]["full_when"] = "both"
-    with pytest.raises(
-        ScenarioError, match=r"mission\.full_when: a board without `whole` charges its primary"
-    ):
+    pool[block] |= change
+    with pytest.raises(ScenarioError) as caught:
         from_data(pool, "it")
+    assert caught.value.lines[0].startswith(f"it: {message}")
 
 
 def test_a_battery_that_nothing_can_empty_is_refused_before_the_flight() -> None:
