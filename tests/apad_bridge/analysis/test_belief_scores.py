@@ -16,7 +16,6 @@ from hypothesis import strategies as st
 from scenario_files import POOL_FILE, SCENARIO_FILES
 from scipy.integrate import quad
 from scipy.special import ndtr
-from scipy.stats import norm
 
 from agents.time_scale import TimeScale
 from apad_bridge.analysis.belief_scores.comparisons import (
@@ -113,22 +112,6 @@ def test_the_crps_is_the_integral_that_defines_it(
     steps = {min(1.0, max(0.0, it.mean + z * it.sd)) for it in its for z in (-7, -3, 0, 3, 7)}
     integral = sum(quad(square, *ends, epsabs=1e-9)[0] for ends in pairwise(sorted({0.0, true, *steps, 1.0})))
     assert crps(its, true) == pytest.approx(integral, abs=1e-6)
-
-
-def test_the_crps_far_from_both_ends_is_the_printed_one() -> None:
-    """Grimit et al. (2006): the mean of A(y - m_i, s_i^2), less half of that of A(m_i - m_j, s_i^2 + s_j^2)."""
-
-    def printed(mean: float, variance: float) -> float:
-        z = mean / variance**0.5
-        return 2 * variance**0.5 * float(norm.pdf(z)) + mean * (2 * float(norm.cdf(z)) - 1)
-
-    its = [Gaussian(0.6, 0.45, 0.01), Gaussian(0.3, 0.6, 0.02), Gaussian(0.1, 0.5, 0.04)]
-    one = sum(it.weight * printed(0.55 - it.mean, it.sd**2) for it in its)
-    two = sum(a.weight * b.weight * printed(a.mean - b.mean, a.sd**2 + b.sd**2) for a in its for b in its)
-    assert crps(its, 0.55) == pytest.approx(one - two / 2, abs=1e-12)
-    # Gneiting et al. (2005), of one Gaussian half a deviation off: cdf 0.691462, pdf 0.352065.
-    expected = 0.02 * (0.5 * (2 * 0.691462 - 1) + 2 * 0.352065 - 1 / 3.141593**0.5)
-    assert crps([Gaussian(1.0, 0.5, 0.02)], 0.51) == pytest.approx(expected, abs=1e-7)
 
 
 def test_bins_of_overconfident_beliefs_are_named() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+import math
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
@@ -52,105 +53,81 @@ def of_kind(lines: Lines, kind: str, **wanted: Any) -> list[int]:
     ]
 
 
-def energy_from_nowhere(lines: Lines) -> None:
-    """The first aMussel's battery gains a grain between two truths."""
-    second = of_kind(lines, "truth", id=1)[1]
-    lines[second]["primary"][1] += 1
+def one_grain_more(line: dict[str, Any]) -> dict[str, Any]:
+    anchor_ms, charge, *rest = line["primary"]
+    return line | {"primary": [anchor_ms, charge + 1, *rest]}
 
 
-def full_beyond_full(lines: Lines) -> None:
-    lines[of_kind(lines, "truth", id=1)[0]]["secondary"][1] = 6 * 10**14 + 1
+def opened_before(line: dict[str, Any], lines: Lines) -> Lines:
+    """The line of the aMussel's last stimulus before it, made one of a dock that opens."""
+    stimuli = [lines[n] for n in of_kind(lines, "stimulus", id=line["id"]) if lines[n]["t"] <= line["t"]]
+    return [stimuli[-1] | {"wire": [2]}, line]
 
 
-def back_in_time(lines: Lines) -> None:
-    lines[of_kind(lines, "truth", id=1)[1]]["agent_ms"] = -1
+Breaks = Callable[[dict[str, Any], Lines], Lines]
+BREAKS: dict[str, tuple[str, str, dict[str, Any], int, Breaks]] = {
+    "a battery gains a grain": (ENERGY, "truth", {"id": 1}, 1, lambda it, _: [one_grain_more(it)]),
+    "fuller than full": (
+        *("a charge lies in 0 to 1", "truth", {"id": 1}, 0),
+        lambda it, _: [it | {"secondary": [it["secondary"][0], 6 * 10**14 + 1, *it["secondary"][2:]]}],
+    ),
+    "back in agent time": (
+        *("time never falls", "truth", {"id": 1}, 1),
+        lambda it, _: [it | {"agent_ms": -1}],
+    ),
+    "a line from the past": ("time never falls", "end", {}, -1, lambda it, _: [it | {"t": 0}]),
+    "in two docks": (
+        *("an aMussel is in one dock", "dock", {"closed": True}, 0),
+        lambda it, _: [it, it | {"dock": it["dock"] + 1}],
+    ),
+    "two in a dock": (
+        *("a dock holds one aMussel", "dock", {"closed": True}, 0),
+        lambda it, _: [it, it | {"agent": it["agent"] % 12 + 1}],
+    ),
+    "held twice": (
+        *("an aMussel is in one dock", "apad", {}, -1),
+        lambda it, _: [it | {"docks": [3, 3, -1, -1]}],
+    ),
+    "docked far away": (
+        *("a docked aMussel is at the aPad", "truth", {"docked": True}, 0),
+        lambda it, _: [it | {"north_um": it["north_um"] + 50_000_000}],
+    ),
+    "docked in an open dock": (
+        *("a dock that closed holds the aMussel", "truth", {"docked": True}, -1),
+        opened_before,
+    ),
+    "a stranger": ("every aMussel is of the fleet", "truth", {}, -1, lambda it, _: [it | {"id": 99}]),
+    "two of an id": (
+        *("ids are unique", "run", {}, 0),
+        lambda it, _: [it | {"agents": [*it["agents"], it["agents"][0]]}],
+    ),
+    "a belief of NaN": ("a belief is finite", "belief", {}, 5, lambda it, _: [it | {"charge": math.nan}]),
+    "heard before it was sent": (
+        *("a packet is older than the belief of it", "belief", {}, 5),
+        lambda it, _: [it | {"heard": it["t"] + 1}],
+    ),
+    "an interval the wrong way": (
+        *("an interval has an order", "belief", {}, 5),
+        lambda it, _: [it | {"low": 0.9, "high": 0.8}],
+    ),
+    "a forgetful log": (
+        *("a log forgets nothing", "truth", {"id": 1}, 0),
+        lambda it, _: [it | {"log": [10, 5]}, it | {"log": [9, 5]}],
+    ),
+    "acknowledged before it was taken": (
+        *("a sample is taken before it is acknowledged", "truth", {"id": 1}, -1),
+        lambda it, _: [it | {"log": [3, 4]}],
+    ),
+}
+"""The rule, which line breaks it (its kind, fields and number), and the lines that come in its place."""
 
 
-def a_line_from_the_past(lines: Lines) -> None:
-    lines[-1]["t"] = 0
-
-
-def two_docks(lines: Lines) -> None:
-    closed = lines[of_kind(lines, "dock", closed=True)[0]]
-    lines.insert(lines.index(closed) + 1, closed | {"dock": closed["dock"] + 1})
-
-
-def two_in_a_dock(lines: Lines) -> None:
-    closed = lines[of_kind(lines, "dock", closed=True)[0]]
-    lines.insert(lines.index(closed) + 1, closed | {"agent": closed["agent"] % 12 + 1})
-
-
-def held_twice(lines: Lines) -> None:
-    lines[of_kind(lines, "apad")[-1]]["docks"] = [3, 3, -1, -1]
-
-
-def docked_far_away(lines: Lines) -> None:
-    lines[of_kind(lines, "truth", docked=True)[0]]["north_um"] += 50_000_000
-
-
-def docked_in_an_open_dock(lines: Lines) -> None:
-    docked = lines[of_kind(lines, "truth", docked=True)[-1]]
-    stimuli = [n for n in of_kind(lines, "stimulus", id=docked["id"]) if lines[n]["t"] <= docked["t"]]
-    opened = lines[stimuli[-1]] | {"wire": [2]}
-    lines.insert(lines.index(docked), opened)
-
-
-def a_stranger(lines: Lines) -> None:
-    lines[of_kind(lines, "truth")[-1]]["id"] = 99
-
-
-def two_of_an_id(lines: Lines) -> None:
-    lines[0]["agents"].append(lines[0]["agents"][0])
-
-
-def a_belief_of_nan(lines: Lines) -> None:
-    lines[of_kind(lines, "belief")[5]]["charge"] = float("nan")
-
-
-def heard_before_it_was_sent(lines: Lines) -> None:
-    belief = lines[of_kind(lines, "belief")[5]]
-    belief["heard"] = belief["t"] + 1
-
-
-def an_interval_the_wrong_way(lines: Lines) -> None:
-    lines[of_kind(lines, "belief")[5]] |= {"low": 0.9, "high": 0.8}
-
-
-def a_forgetful_log(lines: Lines) -> None:
-    first, second = of_kind(lines, "truth", id=1)[:2]
-    lines[first]["log"], lines[second]["log"] = [10, 5], [9, 5]
-
-
-def acknowledged_before_it_was_taken(lines: Lines) -> None:
-    lines[of_kind(lines, "truth", id=1)[-1]]["log"] = [3, 4]
-
-
-@pytest.mark.parametrize(
-    ("breaks", "rule"),
-    [
-        (energy_from_nowhere, ENERGY),
-        (full_beyond_full, "a charge lies in 0 to 1"),
-        (back_in_time, "time never falls"),
-        (a_line_from_the_past, "time never falls"),
-        (two_docks, "an aMussel is in one dock"),
-        (two_in_a_dock, "a dock holds one aMussel"),
-        (held_twice, "an aMussel is in one dock"),
-        (docked_far_away, "a docked aMussel is at the aPad"),
-        (docked_in_an_open_dock, "a dock that closed holds the aMussel"),
-        (a_stranger, "every aMussel is of the fleet"),
-        (two_of_an_id, "ids are unique"),
-        (a_belief_of_nan, "a belief is finite"),
-        (heard_before_it_was_sent, "a packet is older than the belief of it"),
-        (an_interval_the_wrong_way, "an interval has an order"),
-        (a_forgetful_log, "a log forgets nothing"),
-        (acknowledged_before_it_was_taken, "a sample is taken before it is acknowledged"),
-    ],
-)
-def test_a_broken_rule_is_found(journal: Lines, breaks: Callable[[Lines], None], rule: str) -> None:
+@pytest.mark.parametrize("name", BREAKS)
+def test_a_broken_rule_is_found(journal: Lines, name: str) -> None:
+    rule, kind, wanted, number, breaks = BREAKS[name]
     assert rules_broken_in(journal) == set()
-    lines = copy.deepcopy(journal)
-    breaks(lines)
-    assert rule in rules_broken_in(lines)
+    at = of_kind(journal, kind, **wanted)[number]
+    assert rule in rules_broken_in([*journal[:at], *breaks(journal[at], journal), *journal[at + 1 :]])
 
 
 def test_the_cost_is_the_way_driven(run: Path, journal: Lines) -> None:
@@ -177,18 +154,22 @@ def test_a_sample_is_kept_once_and_was_taken(journal: Lines, run: Path) -> None:
     ]
 
 
-@pytest.fixture(scope="module")
-def sound_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Whole boards that sample and speak through the water."""
-    folder = tmp_path_factory.mktemp("sound")
-    scenarios = Path(__file__).parents[3] / "launch_scripts/scenarios"
-    data = yaml.safe_load((scenarios / "sound-12.yaml").read_text())
-    data["fleet"]["start"] = str(scenarios / data["fleet"]["start"])
-    scenario, out = folder / "sound.yaml", folder / "run"
-    scenario.write_text(yaml.safe_dump(data | {"duration_s": 600}))
+def flown(folder: Path, source: Path, **changes: Any) -> Path:
+    """The run of a scenario in one process, with some blocks of it changed."""
+    data = yaml.safe_load(source.read_text())
+    data["fleet"]["start"] = str(source.parent / data["fleet"]["start"])
+    scenario, out = folder / source.name, folder / "run"
+    scenario.write_text(yaml.safe_dump(data | changes))
     command = ["run", str(scenario), "--time", "asap", "--hosting", "one_process", "--out", str(out)]
     assert main(command) == 0
     return out
+
+
+@pytest.fixture(scope="module")
+def sound_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Whole boards that sample and speak through the water."""
+    source = Path(__file__).parents[3] / "launch_scripts/scenarios/sound-12.yaml"
+    return flown(tmp_path_factory.mktemp("sound"), source, duration_s=600)
 
 
 def test_a_whole_board_in_sound_obeys_them(sound_run: Path) -> None:
@@ -219,19 +200,10 @@ def test_a_kill_loses_the_truths_of_a_tick_and_not_more(
 @pytest.fixture(scope="module")
 def motor_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A pool whose motor runs cost a hundredth of a battery each, with resets and leaks among them."""
+    board = yaml.safe_load(POOL_FILE.read_text())["board"] | {"motor_run_charge": 0.01}
+    mix = {"seed": 5, "count": 40, "of": ["brown_out", "battery_loss", "battery_ageing"]}
     folder = tmp_path_factory.mktemp("motors")
-    data = yaml.safe_load(POOL_FILE.read_text())
-    data["fleet"]["start"] = str(POOL_FILE.parent / data["fleet"]["start"])
-    data["board"]["motor_run_charge"] = 0.01
-    data |= {
-        "duration_s": 1200,
-        "faults": {"mix": {"seed": 5, "count": 40, "of": ["brown_out", "battery_loss", "battery_ageing"]}},
-    }
-    scenario, out = folder / "motors.yaml", folder / "run"
-    scenario.write_text(yaml.safe_dump(data))
-    command = ["run", str(scenario), "--time", "asap", "--hosting", "one_process", "--out", str(out)]
-    assert main(command) == 0
-    return out
+    return flown(folder, POOL_FILE, board=board, duration_s=1200, faults={"mix": mix})
 
 
 def test_motor_runs_that_cost_charge_obey_them(motor_run: Path) -> None:
@@ -256,7 +228,8 @@ def test_the_command_shows_the_lines_that_break_a_law(
     for file in ("scenario.yaml", "summary.json"):
         (broken / file).write_bytes((run / file).read_bytes())
     lines = [json.loads(line) for line in (run / "journal.jsonl").read_text().splitlines()]
-    energy_from_nowhere(lines)
+    second = of_kind(lines, "truth", id=1)[1]
+    lines[second] = one_grain_more(lines[second])
     (broken / "journal.jsonl").write_text("".join(f"{json.dumps(line)}\n" for line in lines))
     capsys.readouterr()
     assert main(["check", str(run), str(broken)]) == 1

@@ -6,7 +6,6 @@ import csv
 import json
 import re
 import shutil
-import struct
 import subprocess
 from collections import Counter
 
@@ -66,61 +65,35 @@ def test_mcap_has_the_bag_s_messages_with_their_definitions(pool_run, tmp_path):
         assert {it.name for it in reader.iter_attachments()} == {"scenario.yaml", "summary.json"}
 
 
-def test_an_mcap_in_ros_2_s_form_is_read_byte_by_byte_as_cdr(pool_run, tmp_path):
-    """APadStatus by the rules of CDR (OMG DDS-XTypes, 7.4): little-endian, each number at a multiple of its size."""
-    rows = export(pool_run, Format.ROS2, tmp_path / "run.mcap")
-    with (tmp_path / "run.mcap").open("rb") as file:
-        reader = make_reader(file)
-        assert reader.get_header().profile == "ros2"
-        schema, channel, message = list(reader.iter_messages(topics="/musselbed/apad"))[-1]
-        assert (schema.name, schema.encoding) == ("musselbed_msgs/msg/APadStatus", "ros2msg")
-        assert channel.message_encoding == "cdr" and rows["/musselbed/apad"] == 601
-        assert [it.name for it in reader.iter_attachments()] == ["scenario.yaml", "summary.json"]
-        text = schema.data.decode()
-        assert "builtin_interfaces/Time" in text and "uint32 seq" not in text
-    data, at = message.data[4:], 0
-    assert message.data[:4] == b"\x00\x01\x00\x00"  # little-endian, plain
-
-    def number(form: str) -> float:
-        nonlocal at
-        size = struct.calcsize(form)
-        at += -at % size
-        (value,) = struct.unpack_from("<" + form, data, at)
-        at += size
-        return value
-
-    def string() -> str:
-        nonlocal at
-        length = int(number("I"))  # with the closing 0
-        value = data[at : at + length - 1].decode()
-        at += length
-        return value
-
-    assert (number("i"), number("I"), string()) == (600, 0, "musselbed/ned")
-    assert number("q") == 600_000
-    status = [number("d") for _ in range(5)]
-    primitive, docks = string(), [number("i") for _ in range(int(number("I")))]
-    assert at == len(data)
-    newest = next(it for it in reversed(lines_in(pool_run.journal)) if it["kind"] == "apad")
-    keys = ("north_m", "east_m", "heading_rad", "voltage_v", "battery")
-    assert status == pytest.approx([newest[key] for key in keys], abs=0.02)
-    assert (primitive, docks) == (newest["primitive"], newest["docks"])
-
-
 def test_an_mcap_in_ros_2_s_form_is_read_by_the_decoder_of_its_format(pool_run, tmp_path):
     """mcap-ros2-support decodes by the definitions in the file; rosbags, which wrote them, has no part in it."""
-    rows = export(pool_run, Format.ROS2, tmp_path / "run.mcap")
+    rows, heard, newest = export(pool_run, Format.ROS2, tmp_path / "run.mcap"), Counter(), {}
     with (tmp_path / "run.mcap").open("rb") as file:
-        heard = Counter()
-        for _, channel, _, message in make_reader(
-            file, decoder_factories=[DecoderFactory()]
-        ).iter_decoded_messages():
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        for schema, channel, _, message in reader.iter_decoded_messages():
             heard[channel.topic] += 1
-            if channel.topic == "/musselbed/truth":
-                fleet = message
-    assert heard == rows
+            newest[channel.topic] = schema, channel, message
+        assert reader.get_header().profile == "ros2"
+        assert [it.name for it in reader.iter_attachments()] == ["scenario.yaml", "summary.json"]
+    assert heard == rows and rows["/musselbed/apad"] == 601
+    schema, channel, status = newest["/musselbed/apad"]
+    assert (schema.name, schema.encoding) == ("musselbed_msgs/msg/APadStatus", "ros2msg")
+    text = schema.data.decode()
+    assert "builtin_interfaces/Time" in text and "uint32 seq" not in text
+    assert channel.message_encoding == "cdr"
+    stamp, line = (
+        status.header.stamp,
+        next(it for it in reversed(lines_in(pool_run.journal)) if it["kind"] == "apad"),
+    )
+    assert (stamp.sec, stamp.nanosec, status.mission_time_ms) == (600, 0, 600_000)
+    keys = ("north_m", "east_m", "heading_rad", "voltage_v", "battery")
+    found = [status.north, status.east, status.heading, status.voltage, status.battery_fraction]
+    assert found == pytest.approx([line[key] for key in keys], abs=0.02)
+    assert (status.header.frame_id, status.primitive) == ("musselbed/ned", line["primitive"])
+    assert list(status.docks) == line["docks"]
     summary = json.loads(pool_run.summary.read_text())["amussels"]
     charges = {int(n): it["final_charge"] for n, it in summary.items()}
+    fleet = newest["/musselbed/truth"][2]
     assert {it.id: it.primary for it in fleet.agents} == pytest.approx(charges, abs=1e-5)
 
 

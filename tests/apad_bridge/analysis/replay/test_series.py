@@ -10,7 +10,6 @@ from scenario_files import POOL_FILE
 
 from agents.mussel.outputs import Truth
 from agents.mussel.physical import Physical
-from apad_bridge.analysis.replay import series
 from apad_bridge.analysis.replay.build import render
 from apad_bridge.analysis.replay.series import (
     COLUMNS,
@@ -30,7 +29,6 @@ from apad_bridge.scenario.water.water_options import Patch
 from firmware_model.actions import Buoyancy
 from firmware_model.power.charge import Battery, Flow, grains
 from firmware_model.power.rails import Rail, bits
-from firmware_model.sampling.sensors import SENSORS, Sensor
 from firmware_model.states import State
 
 ROOT = Path(__file__).parents[4]
@@ -513,16 +511,6 @@ def test_measured_values_stand_beside_the_truth_of_the_water_where_the_aMussel_i
     assert [it[0] for it in water] == pytest.approx([calm, calm, calm, 0.0], abs=1e-4)
     # In a dock it is out of the water, and of the third nobody knows where it is.
     assert [agent["water"] for agent in data["agents"][1:]] == [None, None]
-
-
-def test_a_sensor_that_is_added_to_the_table_is_on_the_page(monkeypatch):
-    salt = Sensor("salinity", "psu", (0.0, 0.001), low=0.0, high=42.0, noise=0.01, calm=38.0, load_mw=5)
-    monkeypatch.setattr(series, "SENSORS", (*SENSORS, salt))
-    data = whole_view(SCENARIO, journal_of([run_line(1)]), [uploaded(1, 0, 1000.0, salinity_psu=37.9)]).data(
-        None
-    )
-    assert data["sensors"][-1] == ["salinity", "parts of a thousand"]
-    assert data["measured"] == [[1000.0, 1, None, None, None, None, 37.9]]
 
 
 def test_a_followed_run_has_each_uploaded_sample_once_with_its_next_tick():
