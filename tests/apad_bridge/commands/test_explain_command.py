@@ -92,15 +92,25 @@ def test_a_strategy_without_reasons_says_so(
     assert said in capsys.readouterr().out
 
 
-def test_a_mistake_is_one_line(tmp_path: Path) -> None:
-    with pytest.raises(UserError, match=r"no journal\.jsonl"):
-        command(tmp_path)
-    run_with(tmp_path)
-    with pytest.raises(UserError, match="no plan was made yet"):
-        command(tmp_path)
-    run_with(tmp_path, (60_000, registry.collection("cautious")))
-    with pytest.raises(UserError, match="the first plan was made at 60 s"):
-        command(tmp_path, "--at", 59)
+@pytest.mark.parametrize(
+    ("folder", "plans", "words", "told"),
+    [
+        ("no journal", None, [], r"no journal: no run: it has no journal\.jsonl"),
+        ("gone", None, [], "gone: no such folder"),
+        ("no plan", [], [], "no plan was made yet"),
+        ("before", [60_000], ["--at", 59], "the first plan was made at 60 s"),
+        ("beyond", [60_000], ["--at", 99999], "--at 99999: the run has come to 60 s"),
+    ],
+)
+def test_a_mistake_is_one_line(
+    tmp_path: Path, folder: str, plans: list[int] | None, words: list[object], told: str
+) -> None:
+    if folder != "gone":
+        (tmp_path / folder).mkdir()
+    if plans is not None:
+        run_with(tmp_path / folder, *((at_ms, registry.collection("cautious")) for at_ms in plans))
+    with pytest.raises(UserError, match=told):
+        command(tmp_path / folder, *words)
 
 
 @pytest.mark.parametrize("name", ["blend", "best-of-pool", "cautious", "edf", "greedy", "shortest-order"])
@@ -126,17 +136,6 @@ def test_a_mission_time_has_one_form_for_all_commands(
     for wrong in ("-1", "1:2:3:4", "nan", "10m"):
         with pytest.raises(argparse.ArgumentTypeError, match="a mission time is 14:20"):
             mission_seconds(wrong)
-
-
-def test_a_time_beyond_the_runs_end_is_told(tmp_path: Path) -> None:
-    run_with(tmp_path, (60_000, registry.collection("cautious")))
-    with pytest.raises(UserError, match="--at 99999: the run has come to 60 s"):
-        command(tmp_path, "--at", 99999)
-    with pytest.raises(UserError, match="gone: no such folder"):
-        command(tmp_path / "gone")
-    (tmp_path / "empty").mkdir()
-    with pytest.raises(UserError, match=r"empty: no run: it has no journal\.jsonl"):
-        command(tmp_path / "empty")
 
 
 def test_each_strategy_of_ours_has_a_rule_in_one_sentence() -> None:
