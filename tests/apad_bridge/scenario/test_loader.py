@@ -108,8 +108,6 @@ def test_a_fence_of_a_file_is_that_of_its_corners(tmp_path: Path) -> None:
         assert [pytest.approx(it, abs=1e-5) for it in expected] == list(found)
 
 
-
-
 @pytest.mark.parametrize("ending", ["", ", [43.9330937, 15.4443468]"], ids=["open", "closed"])
 def test_an_area_in_degrees_is_that_of_its_corners(tmp_path: Path, ending: str) -> None:
     """27 m north and 20 m east of the origin, at 111 105 and 80 291 m a degree."""

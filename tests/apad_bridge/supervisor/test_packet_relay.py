@@ -14,7 +14,7 @@ from agents.mussel.stimuli import ContactClosed, ContactOpened, DockMoved
 from agents.packet_medium import Medium
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.hold_last import HoldLast
-from apad_bridge.mission.facts import Send, AMusselHeard
+from apad_bridge.mission.facts import AMusselHeard, Send
 from apad_bridge.mission.sources import Allocation
 from apad_bridge.supervisor.packet_relay import (
     FLEET_ALONE,

@@ -12,7 +12,7 @@ from apad_bridge.events.fleet_events import AMusselSuspected, SuspicionOver
 from apad_bridge.events.mission_events import MissionEnd
 from apad_bridge.events.run_events import EndReason
 from apad_bridge.events.vehicle_events import DocksDisagree
-from apad_bridge.mission.facts import EndRequested, Fact, Send, AMusselHeard, SupervisorAction, AMusselHeard
+from apad_bridge.mission.facts import AMusselHeard, EndRequested, Fact, Send, SupervisorAction
 from apad_bridge.scenario.loader import load
 from apad_bridge.supervisor.supervisor import Supervisor
 from apad_bridge.vehicle.commands import BatteryReported, DockClosed, GoTo, Hold, PoseReported
@@ -169,7 +169,8 @@ def test_time_going_back_is_refused(supervisor: Supervisor) -> None:
 def test_every_kind_of_status_is_believed(by: str) -> None:
     basic = (1, 8, State.EMPTY, 0.0, 0.8, 1.0, 2.0, 3.0, 60_000)
     fact_by_medium: dict[str, Fact] = {
-        "wifi": AMusselHeard(Medium.WIFI, 
+        "wifi": AMusselHeard(
+            Medium.WIFI,
             2000,
             WifiStatus(
                 *basic, (1, 2, 3, 4), 9, 0, 0, 0, 0, ResetCause.POWER_ON, ActiveBattery.SECONDARY, 0, 0
