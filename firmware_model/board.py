@@ -7,6 +7,7 @@ from copy import copy
 from typing import TYPE_CHECKING, Any
 
 from firmware_model.actions import Action, Dropped
+from firmware_model.base_firmware import Firmware
 from firmware_model.config import BoardConfig
 from firmware_model.hardware.worst_case import WorstCaseHardware
 from firmware_model.packets.codec import Codec
@@ -30,7 +31,6 @@ from firmware_model.stimuli import (
     SurfaceReached,
     WifiReceived,
 )
-from firmware_model.worst_case_firmware import Firmware
 
 if TYPE_CHECKING:
     from firmware_model.hardware.whole import WholeBoardHardware

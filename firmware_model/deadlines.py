@@ -1,4 +1,4 @@
-"""The deadlines of a whole board's states, and the triggers that they fire."""
+"""When a whole board sleeps, wakes, samples and sends: the deadlines of its states, and the triggers that they fire."""
 
 from __future__ import annotations
 

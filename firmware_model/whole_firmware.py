@@ -1,4 +1,7 @@
-"""The whole firmware: sleep and wake, rails, two batteries, a clock of its own, settings, the log, and emergencies."""
+"""The whole firmware: sleep and wake, rails, two batteries, a clock of its own, settings, the log, and emergencies.
+
+`deadlines.py` has the times at which it sleeps, wakes and sends.
+"""
 
 from __future__ import annotations
 
@@ -14,6 +17,7 @@ from firmware_model.actions import (
     SendAnswer,
     SendLog,
 )
+from firmware_model.base_firmware import Firmware
 from firmware_model.config import BoardConfig, FullFirmware, LastResort
 from firmware_model.deadlines import Deadline, after_work, full_deadline, last_resort
 from firmware_model.packets import (
@@ -34,7 +38,6 @@ from firmware_model.power.charge_pin import Edge
 from firmware_model.power.rails import Rail, switched_in
 from firmware_model.settings_store import SettingsStore
 from firmware_model.states import TABLE, State, Trigger
-from firmware_model.worst_case_firmware import Firmware
 
 if TYPE_CHECKING:
     from firmware_model.port import Hardware

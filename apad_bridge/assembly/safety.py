@@ -52,7 +52,7 @@ from apad_bridge.vehicle.guards.monitor import (
 from apad_bridge.vehicle.guards.position_watch import SETTLED_MS, PositionLimits, PositionWatch
 from apad_bridge.vehicle.guards.watchdog_watch import WatchdogWatch
 from apad_bridge.vehicle.guards.waters import OpenWaters, Waters
-from apad_bridge.world.apad.motion import allocate, electrical_w
+from apad_bridge.world.apad.thrusters import allocate, electrical_w
 
 _S_PER_HOUR = 3600
 CLOCK_STEP_MS = 1_000

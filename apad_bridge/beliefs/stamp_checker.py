@@ -2,6 +2,7 @@
 
 Between two packets a clock runs theta times as fast as mission time. A single packet that contradicts this is not
 believed, because every true packet after it would look overtaken. A second packet that agrees with it is believed.
+`fleet_beliefs.py` acts on the verdict.
 
 A board that restarts begins at 0 again, and is believed at once where no packet can have been under way for so long: a
 corrupted stamp hardly hits so small a number, and a spoofed one costs a true packet as any spoofed stamp does. A board

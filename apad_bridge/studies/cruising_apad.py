@@ -31,9 +31,9 @@ from apad_bridge.vehicle.commands import (
 )
 from apad_bridge.vehicle.vehicle_link import Carried, Cleared, LetGo, LinkFact
 from apad_bridge.world.apad.dock_mechanisms import Docks, Misses
+from apad_bridge.world.apad.hull_battery import Charger, HullBattery
 from apad_bridge.world.apad.kinematics import STEP_MS, STEP_S, Pose
 from apad_bridge.world.apad.motion import Motion
-from apad_bridge.world.apad.power import Charger, HullBattery
 from apad_bridge.world.apad.simulated_apad import BATTERY_EMPTY, ArrivalWatch
 from firmware_model.power.charge import MS_PER_HOUR
 

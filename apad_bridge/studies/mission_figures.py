@@ -13,7 +13,7 @@ from apad_bridge.records.uptime import UptimeMeter
 from apad_bridge.records.uptime_figures import uptime_figures
 from apad_bridge.scenario.firmware_config import takes_samples
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.world.apad.power import Ledger
+from apad_bridge.world.apad.hull_battery import Ledger
 from firmware_model.power.charge import MS_PER_HOUR
 from firmware_model.state_groups import AT_WORK
 

@@ -1,6 +1,6 @@
 /* The board of the paper's worst case (section IV-A) in C: it never sleeps, and has one battery and one load.
  *
- * It decides as firmware_model/worst_case_firmware.py does; docs/firmware-states.md has its states. */
+ * It decides as firmware_model/base_firmware.py does; docs/firmware-states.md has its states. */
 #include "musselbed.h"
 
 #include <stdio.h>

@@ -29,9 +29,9 @@ from apad_bridge.vehicle.commands import (
     VehicleFact,
 )
 from apad_bridge.world.apad.dock_mechanisms import Docks, Misses
+from apad_bridge.world.apad.hull_battery import Charger, HullBattery
 from apad_bridge.world.apad.kinematics import STEP_MS, Pose
 from apad_bridge.world.apad.motion import Coast, Motion, Steer
-from apad_bridge.world.apad.power import Charger, HullBattery
 
 ARRIVAL_SAMPLES = 1000 // STEP_MS
 REPORT_MS = 1000

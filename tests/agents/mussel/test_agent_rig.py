@@ -8,6 +8,7 @@ import pytest
 
 from agents.mussel.agent_rig import AgentRig
 from firmware_model.actions import Action
+from firmware_model.base_firmware import Firmware
 from firmware_model.bench.conformance import (
     Case,
     RequirementSource,
@@ -28,7 +29,6 @@ from firmware_model.settings_store import SettingsStore
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
 from firmware_model.whole_firmware import WholeFirmware
-from firmware_model.worst_case_firmware import Firmware
 
 CASES = {case.name: case for case in WHOLE_CASES}
 NO_EVENT = ("wakes-hourly", "stays-down")

@@ -145,8 +145,8 @@ STORIES: dict[str, tuple[Division, str]] = {
         hears remote_amussel 3 sound real         |
         hears remote_amussel 1 sound second voice |
         hears remote_amussel 4 wifi real too      |
-        at 5                                      | AMusselHeard(Medium.SOUND, at_ms=5000, data=b'real');
-                                                  | AMusselHeard(Medium.WIFI, at_ms=5000, data=b'real too');
+        at 5                                      | AMusselHeard(medium=<Medium.SOUND: 'sound'>, at_ms=5000, data=b'real');
+                                                  | AMusselHeard(medium=<Medium.WIFI: 'wifi'>, at_ms=5000, data=b'real too');
                                                   | 1 x a packet of a real aMussel whose id is simulated here
         commands 1                                |
         commands 3                                | local_supervisor to 3: command
@@ -207,7 +207,7 @@ STORIES: dict[str, tuple[Division, str]] = {
         commands 65535                     | local_supervisor to 65535: command
         dock closes                        | local_dock to 7: [0, 1, 2]
         hears remote_amussel 7 wifi status |
-        at 5                               | AMusselHeard(Medium.WIFI, at_ms=5000, data=b'status')
+        at 5                               | AMusselHeard(medium=<Medium.WIFI: 'wifi'>, at_ms=5000, data=b'status')
         """,
     ),
     # The first report came before it; the second at the same look is no newer; once it is felt, it is its own doing.
@@ -273,7 +273,7 @@ STORIES: dict[str, tuple[Division, str]] = {
         hears remote_amussel 1 wifi status |
         without_outlets                    |
         commands 1                         |
-        at 5                               | AMusselHeard(Medium.WIFI, at_ms=5000, data=b'status')
+        at 5                               | AMusselHeard(medium=<Medium.WIFI: 'wifi'>, at_ms=5000, data=b'status')
         """,
     ),
 }

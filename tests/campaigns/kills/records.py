@@ -61,11 +61,13 @@ def records_of(run: Path) -> Records:
     found.lines = list(_json_lines(run / "journal.jsonl", found.unread))
     if (run / "samples.jsonl").exists():
         found.samples = list(_json_lines(run / "samples.jsonl", found.unread))
-    beside = [it for it in run.parent.glob("*/journal.jsonl") if it.parent != run]
-    theirs = [it for path in beside for it in _json_lines(path, []) if it["kind"] == "fault" and "id" in it]
-    found.faults = found.of_kind("fault") + theirs
     found.scenario = yaml.safe_load((run / "scenario.yaml").read_text())
-    found.epoch = json.loads((run / "run.json").read_text()).get("epoch", 1)
+    options = json.loads((run / "run.json").read_text())
+    found.epoch = options.get("epoch", 1)
+    found.faults = found.of_kind("fault")
+    for name in set(options.get("apads", ())) - {run.name}:
+        theirs = _json_lines(run.with_name(name) / "journal.jsonl", [])
+        found.faults += [it for it in theirs if it["kind"] == "fault" and "id" in it]
     if (run / "summary.json").exists():
         found.summary = json.loads((run / "summary.json").read_text())
     for path in sorted(run.glob("*.bag"), key=lambda it: (len(it.name), it.name)):

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from firmware_model.actions import Action, Dropped
+from firmware_model.base_firmware import Firmware
 from firmware_model.bench import Bench
 from firmware_model.bench.conformance import (
     Case,
@@ -36,7 +37,6 @@ from firmware_model.packets.codec import MusselbedCodec
 from firmware_model.power.charge_pin import ChargePin, Edge
 from firmware_model.states import State, Trigger
 from firmware_model.table_one import worst_case_board
-from firmware_model.worst_case_firmware import Firmware
 
 DIVE = Case(
     "dive",

@@ -10,8 +10,8 @@ import pytest
 
 from apad_bridge.vehicle.commands import Arrived, CommandFailed, GoTo, Hold, PoseReported
 from apad_bridge.world.apad.kinematics import turned, wrapped
-from apad_bridge.world.apad.motion import allocate
 from apad_bridge.world.apad.simulated_apad import SimulatedAPad
+from apad_bridge.world.apad.thrusters import allocate
 
 
 def distance_left_m(t_s: float, way_m: float, speed_m_s: float, acceleration_m_s2: float) -> float:

@@ -1,4 +1,7 @@
-"""The battery, in integers: microwatts times milliseconds are nanojoules, so no cut of time rounds."""
+"""The aPad's battery and its charger. What the thrusters draw is in `thrusters.py`.
+
+In integers: microwatts times milliseconds are nanojoules, so no cut of time rounds.
+"""
 
 from __future__ import annotations
 
