@@ -144,9 +144,9 @@ STORIES: dict[str, tuple[Division, str]] = {
         """
         hears remote_amussel 3 sound real         |
         hears remote_amussel 1 sound second voice |
-        hears remote_amussel 4 wifi real too      |
+        hears remote_amussel 4 wifi also          |
         at 5                                      | AMusselHeard(medium=<Medium.SOUND: 'sound'>, at_ms=5000, data=b'real');
-                                                  | AMusselHeard(medium=<Medium.WIFI: 'wifi'>, at_ms=5000, data=b'real too');
+                                                  | AMusselHeard(medium=<Medium.WIFI: 'wifi'>, at_ms=5000, data=b'also');
                                                   | 1 x a packet of a real aMussel whose id is simulated here
         commands 1                                |
         commands 3                                | local_supervisor to 3: command
