@@ -131,7 +131,7 @@ function doingWords({ stop, primitive, phase }) {
 }
 
 function showWords({ stage, docks, agents, active, cost, apad }) {
-  put($("phase"), stage.phase || "not begun");
+  put($("phase"), stage.phase || "waiting");
   put($("primitive"), doingWords(stage));
   put($("docks"), docks.map((id) => (id === null ? "free" : id)).join(" · "));
   if (shownStage !== stage) { shownStage = stage; $("plan").replaceChildren(...planWords(stage.plan)); }
