@@ -228,7 +228,7 @@ DAMAGED: dict[str, tuple[Callable[[str], str], str, Act, str]] = {
         lambda it: it[: it.index("\n") + 1],
         "#t=5",
         click("#play"),
-        "playing === null && nowMs === 0 && said('mission-clock') === '00:00:00' && said('phase') === 'not begun'",
+        "playing === null && nowMs === 0 && said('mission-clock') === '00:00:00' && said('phase') === 'waiting'",
     ),
     "hostile": (
         lambda it: it.replace('"cautious"', json.dumps(HOSTILE)) + REMARK + "\n",
