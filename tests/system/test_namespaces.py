@@ -127,44 +127,43 @@ def tool(environment: dict[str, str], *command: str | int) -> str:
 
 
 OF_ROSPY = re.compile(r".*/(?:get_loggers|set_logger_level|tf2_frames)|/rosout(?:_agg)?")
-OF_AN_ACTION = r"/(?:goal|cancel|status|feedback|result)"
+TOLD, BARE = "/(?:goal|feedback|result)", "/(?:status|cancel)"
+"""The topics of an action: those with a type of its own, and those without."""
 
 
-def patterns(kind: NameKind) -> dict[str, str]:
-    """Types by the pattern of a name; those of an action's five topics are the action's, with more behind."""
+def patterns() -> dict[str, str]:
+    """Patterns of types by the pattern of a name in the table; those of an action's topics are the action's."""
     found = {}
-    for row in (row for section in SECTIONS for row in section.rows if row.kind is kind):
-        name = re.escape(row.name).replace(r"\{apad\}", "apad1").replace(r"\{id\}", r"\d+")
-        found[name + OF_AN_ACTION if kind is NameKind.ACTION else name] = row.type
+    for row in (row for section in SECTIONS for row in section.rows):
+        name, kind = (
+            re.escape(row.name).replace(r"\{apad\}", "apad1").replace(r"\{id\}", r"\d+"),
+            re.escape(row.type),
+        )
+        match row.kind:
+            case NameKind.ACTION:
+                found |= {name + TOLD: f"{kind}Action.*", name + BARE: ".*"}
+            case NameKind.SERVICE:
+                found[name] = ".*"
+            case NameKind.TOPIC:
+                found[name] = kind
     return found
-
-
-def row_of(name: str, known: dict[str, str]) -> tuple[str, str] | None:
-    return next((row for row in known.items() if re.fullmatch(row[0], name)), None)
 
 
 def check_against_table(graph: dict[str, list[str]], types: dict[str, str]) -> set[str]:
     """That the table has every name, in a namespace unless it is global, with its type; the patterns that were met."""
-    topics, actions, services = (
-        patterns(kind) for kind in (NameKind.TOPIC, NameKind.ACTION, NameKind.SERVICE)
-    )
-    met = set()
-    for name in (name for name in graph if not OF_ROSPY.fullmatch(name)):
+    known, met = patterns(), set()
+    for name, nodes in graph.items():
+        if OF_ROSPY.fullmatch(name):
+            continue
         space = next((it for it in SPACES if name.startswith(f"/{it}/")), None)
-        bare = name if space is None else name.removeprefix(f"/{space}/")
-        if is_the_global_apads := name.startswith("/apad1/"):
-            bare = name[1:]
-        row = row_of(bare, {**topics, **actions, **services})
-        assert row is not None, f"{name} is not in the table"
-        assert (space is None) == (bare.startswith("/") or is_the_global_apads), name
-        met.add(row[0])
-        if name in types and types[name] != "*":
-            if row[0] in topics:
-                assert types[name] == row[1], name
-            elif not name.endswith(("/status", "/cancel")):
-                assert types[name].startswith(f"{row[1]}Action"), name
-        if space is not None:
-            assert all(node.startswith(f"/{space}/") for node in graph[name]), (name, graph[name])
+        of_global_apad = name.startswith("/apad1/")
+        bare = name[1:] if of_global_apad else name.removeprefix(f"/{space}/")
+        row = next((it for it in known if re.fullmatch(it, bare)), "")
+        assert row, f"{name} is not in the table"
+        assert (space is None) == (bare.startswith("/") or of_global_apad), name
+        assert types.get(name, "*") == "*" or re.fullmatch(known[row], types[name]), (name, types[name])
+        assert space is None or all(node.startswith(f"/{space}/") for node in nodes), (name, nodes)
+        met.add(row)
     return met
 
 

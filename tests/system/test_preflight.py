@@ -73,7 +73,16 @@ def test_an_apad_is_checked_and_its_stop_and_docks_are_proven_and_one_bench_alon
     assert "came to rest" in stop["found"], stop
     assert "4 docks closed and opened" in found["/apad1 docks opened"]["found"]
     assert "FAIL" not in {it["status"] for it in found.values()}
-    refuse_elsewhere(tmp_path, scenario, there, begin)
+    # The aPad lies in the pool, and the fence is elsewhere: nothing is tried, and nobody may override that.
+    fence = [[50, 50], [90, 50], [90, 90], [50, 90]]
+    outside = write_scenario(
+        tmp_path / "out.yaml", scenario, apad={"start_m": [70, 70]}, area={"fence": fence, "home_m": [70, 70]}
+    )
+    elsewhere = findings(musselbed("preflight", outside, "--prove-stop", "--json", code=3, **there).stdout)
+    assert elsewhere["/apad1 fence"]["status"] == "FAIL"
+    assert elsewhere["/apad1 stop"]["found"].startswith("not tried")
+    despite = ("--apad", "ros", "--out", "run", "--despite", "fence")
+    assert "never overridden" in musselbed("run", outside, *despite, code=2, **there).stderr
 
     run = begin(*MUSSELBED, "run", scenario, *FLY, **there)
     # Its own checks are kept, with what the preflight before it had proven.
@@ -94,33 +103,6 @@ def test_an_apad_is_checked_and_its_stop_and_docks_are_proven_and_one_bench_alon
     assert bench["status"] == "FAIL" and "/musselbed_1 publishes /musselbed/heartbeat" in bench["found"]
     musselbed("abort", "run", **there)
     ended_well(run)
-
-
-def refuse_elsewhere(tmp_path: Path, scenario: Path, there: dict[str, Any], begin: Begin) -> None:
-    """What cannot be overridden is refused, and so are docks without a person."""
-    hands = musselbed("preflight", scenario, "--prove-docks", code=2, **there)
-    assert "--hands-clear" in hands.stderr
-    # The aPad lies in the pool, and the fence is elsewhere: nothing is tried.
-    fence = [[50, 50], [90, 50], [90, 90], [50, 90]]
-    outside = write_scenario(
-        tmp_path / "out.yaml",
-        scenario,
-        apad={"start_m": [70, 70]},
-        area={"fence": fence, "home_m": [70, 70]},
-        guards={"watchdog": "hold"},
-    )
-    (tmp_path / "page").mkdir()
-    checks = begin(*MUSSELBED, "preflight", outside, "--prove-stop", "--json", **there)
-    page = begin(*MUSSELBED, "preflight", outside, **there | {"cwd": tmp_path / "page"})
-    run = ("run", outside, "--apad", "ros", "--out", "run")
-    assert "m outside" in musselbed(*run, code=2, **there).stderr
-    assert "never overridden" in musselbed(*run, "--despite", "fence", code=2, **there).stderr
-    found = findings(ended_well(checks, 3)[0])
-    assert found["/apad1 fence"]["status"] == "FAIL"
-    assert found["/apad1 stop"]["found"].startswith("not tried")
-    assert found["/apad1 watchdog"]["found"] == "none, and guards.watchdog demands one"
-    shown, _ = ended_well(page, 3)
-    assert "RED" in shown and "cannot be overridden" in shown
 
 
 def test_without_a_watchdog_a_person_decides_and_one_that_dies_is_told_and_the_aPad_held(

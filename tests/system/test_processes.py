@@ -11,6 +11,7 @@ from contextlib import closing
 from itertools import accumulate
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 from fleets import KILL, PAPER, Story, command, deaths, fly, heard
@@ -22,11 +23,11 @@ from programs import processes_of
 
 from agents.coordinator import Coordinator
 from agents.fleet_config import resting_on_bottom
-from agents.hosting.host import Grant, Host, Reply
+from agents.hosting.host import Grant, Host
 from agents.hosting.in_process import InProcessHost
 from agents.hosting.link_protocol import LIMIT_BYTES, WindowGrant, readable
 from agents.hosting.process_host import Fenced, ProcessHost
-from agents.mussel.outputs import Truth, WifiSent
+from agents.mussel.outputs import Truth
 from agents.mussel.stimuli import ContactClosed, ContactOpened, DockMoved
 from agents.nursery import protocol
 from agents.nursery.fleet_file import PHYSICAL_NAME, RestartPolicy
@@ -74,37 +75,31 @@ EVENTS = st.one_of(
 STORIES = st.lists(st.tuples(st.integers(0, 20), st.sampled_from(IDS), EVENTS), max_size=12)
 
 
-@settings(max_examples=12, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
-@given(story=STORIES, steps_ms=st.lists(st.integers(1, 4000), min_size=5, max_size=20))
-def test_one_process_and_many_give_the_same_trace(
-    tmp_path_factory: pytest.TempPathFactory, story: Story, steps_ms: list[int]
-) -> None:
-    with closing(started(tmp_path_factory.mktemp("run"))) as many:
-        assert fly(many, IDS, story, steps_ms) == fly(InProcessHost(FLEET, BIRTHS), IDS, story, steps_ms)
-        assert not many.dropped
-
-
-@settings(max_examples=12, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
-@given(
-    story=STORIES,
-    steps_ms=st.lists(st.sampled_from([1000, 1000, 1000, 1000, 2000, 700]), min_size=20, max_size=60),
+STEPS_MS = st.lists(st.integers(1, 4000), min_size=5, max_size=20) | st.lists(
+    st.sampled_from([1000, 1000, 1000, 1000, 2000, 700]), min_size=20, max_size=60
 )
-def test_agents_that_run_ahead_give_the_same_trace(
-    tmp_path_factory: pytest.TempPathFactory, story: Story, steps_ms: list[int]
+
+
+@pytest.mark.parametrize("looks_ahead", [False, True])
+@settings(max_examples=14, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
+@given(story=STORIES, steps_ms=STEPS_MS)
+def test_one_process_and_many_give_the_same_trace(
+    tmp_path_factory: pytest.TempPathFactory, looks_ahead: bool, story: Story, steps_ms: list[int]
 ) -> None:
-    """A kill is noticed as soon as the killed agent's windows are used up: the death's time says when."""
-    # A death at 0 ms may be of the first window or of the second.
-    story = [entry for entry in story if entry[0] > 0]
-    with closing(started(tmp_path_factory.mktemp("run"), looks_ahead=True)) as ahead:
-        came, told = fly(ahead, IDS, story, steps_ms)
-        assert not ahead.dropped
-    ends_ms = [THETA * end_ms for end_ms in accumulate(steps_ms, initial=0)]
-    noticed: Story = [
-        (next(step for step, end_ms in enumerate(ends_ms) if end_ms > it.agent_ms), it.agent_id, KILL)
-        for it in deaths(came)
-    ]
-    facts = [entry for entry in story if entry[2] != KILL]
-    assert (came, told) == fly(InProcessHost(FLEET, BIRTHS), IDS, [*noticed, *facts], steps_ms)
+    """Of an agent that runs ahead, a kill is noticed as soon as its windows are used up: the death's time says when."""
+    with closing(started(tmp_path_factory.mktemp("run"), looks_ahead=looks_ahead)) as many:
+        # A death at 0 ms of one that runs ahead may be of the first window or of the second.
+        story = [entry for entry in story if entry[0] > 0 or not looks_ahead]
+        came, told = fly(many, IDS, story, steps_ms)
+        assert not many.dropped
+    if looks_ahead:
+        ends_ms = [THETA * end_ms for end_ms in accumulate(steps_ms, initial=0)]
+        noticed: Story = [
+            (next(step for step, end_ms in enumerate(ends_ms) if end_ms > it.agent_ms), it.agent_id, KILL)
+            for it in deaths(came)
+        ]
+        story = [*noticed, *(entry for entry in story if entry[2] != KILL)]
+    assert (came, told) == fly(InProcessHost(FLEET, BIRTHS), IDS, story, steps_ms)
 
 
 def test_few_messages_pass_while_nothing_happens(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -121,46 +116,57 @@ def last_truths(truths: list[Truth]) -> dict[int, Truth]:
     return {truth.agent_id: truth for truth in truths}
 
 
-def charging(host: ProcessHost) -> tuple[Coordinator, list[Truth]]:
-    """aMussel 8 in a dock, charging at 10 s of mission time."""
+def test_kill_9_of_an_agent_in_mid_charge_and_then_of_the_nursery_boots_and_charges_on(
+    host: ProcessHost,
+) -> None:
+    """aMussel 8 is in a dock, charging at 10 s of mission time. Agents end with their nursery."""
     clock = coordinator(host)
     clock.receive(8, command(Kind.PERMISSION, 8), 1_000)
     clock.advance(1_000)
     clock.receive(8, ContactClosed(7_000_000, 8_000_000), 5_000)
     clock.advance(10_000)
-    return clock, host.take_truths()
-
-
-def test_kill_9_in_mid_charge_boots_and_charges_on(host: ProcessHost) -> None:
-    clock, truths = charging(host)
-    before = last_truths(truths)[8]
+    before, old_pid = last_truths(host.take_truths())[8], host.pids[8]
     assert before.state is State.CHARGING
-    old_pid = host.pids[8]
     kill_9(old_pid)
     died = deaths(clock.advance(20_000))
     assert [(it.agent_id, it.agent_ms, it.cause, it.reason, it.gave_up) for it in died] == [
         (8, 300_000, ResetCause.BROWN_OUT, "killed by SIGKILL", None)
     ]
-    mine = [truth for truth in host.take_truths() if truth.agent_id == 8]
+    truths = host.take_truths()
+    mine = [truth for truth in truths if truth.agent_id == 8]
     assert [(it.at_ms, it.state) for it in mine] == [(300_000, State.BOOTING), (302_000, State.CHARGING)]
     # Its battery's anchor and its place went on.
     assert all(truth.physical == before.physical for truth in mine)
     assert mine[-1].physical.primary.flow is Flow.CHARGING
     assert host.pids[8] != old_pid and gone(old_pid)
 
+    kept, first = last_truths(truths), host.nursery_pid
+    kill_nursery(host)
+    died = deaths(clock.advance(21_000))
+    assert [(it.agent_id, it.reason) for it in died] == [(it, "its nursery died") for it in IDS]
+    assert host.nursery_pid != first and set(host.pids) == set(IDS)
+    booted = {it.agent_id: it for it in host.take_truths() if it.state is State.BOOTING}
+    assert {it.at_ms for it in booted.values()} == {600_000} and booted.keys() == set(IDS)
+    assert all(booted[it].physical == truth.physical for it, truth in kept.items())
 
-def test_bad_messages_disturb_nothing(host: ProcessHost, tmp_path: Path) -> None:
-    """Of whoever sends them to an agent or to the nursery, which starts no stranger and nobody twice."""
+
+def kill_nursery(host: ProcessHost) -> None:
+    """Its agents end with it."""
+    pids = list(host.pids.values())
+    kill_9(host.nursery_pid)
+    assert all(gone(pid) for pid in pids)
+
+
+def test_a_nursery_starts_no_stranger_nobody_twice_and_obeys_no_guest(
+    host: ProcessHost, tmp_path: Path
+) -> None:
+    """Nor do bad messages, to an agent or to the nursery, disturb anything."""
     reference = InProcessHost(FLEET, BIRTHS)
     mine, theirs = coordinator(host), coordinator(reference)
     assert mine.advance(1_000) == theirs.advance(1_000)
-    bad = [b"", b"\xc1garbage", bytes(LIMIT_BYTES + 1)]
-    for n, data in enumerate(bad, start=2):
-        host.links.link(3).send(data)
-        assert mine.advance(1_000 * n) == theirs.advance(1_000 * n)
-    assert sum(host.dropped.values()) == 3 and all(it.startswith("refused: ") for it in host.dropped)
+    host.links.link(3).send(b"\xc1garbage")
     with protocol.connect(str(tmp_path), 5.0) as guest:
-        for data in (*bad[1:], protocol.encode(protocol.End())):
+        for data in (b"\xc1garbage", bytes(LIMIT_BYTES + 1), protocol.encode(protocol.End())):
             guest.send(data)
             answer = protocol.receive(guest)
             assert answer is not None and isinstance(answer[0], protocol.StartRefused)
@@ -168,8 +174,8 @@ def test_bad_messages_disturb_nothing(host: ProcessHost, tmp_path: Path) -> None
     assert host.restart(8, 0, ResetCause.BROWN_OUT) == f"aMussel 8 lives already, as process {host.pids[8]}"
     with pytest.raises(NurseryFailed, match="another nursery"):
         launch_nursery(tmp_path)
-    assert mine.advance(5_000) == theirs.advance(5_000)
-    assert host.take_truths() == reference.take_truths()
+    assert mine.advance(5_000) == theirs.advance(5_000) and host.take_truths() == reference.take_truths()
+    assert [it.partition(": ")[0] for it in host.dropped] == ["refused"]
 
 
 def test_an_id_that_cannot_be(tmp_path: Path) -> None:
@@ -177,7 +183,7 @@ def test_an_id_that_cannot_be(tmp_path: Path) -> None:
         ProcessHost.start(tmp_path, FLEET, {65536: BIRTHS[3]})
 
 
-def test_a_nursery_that_nobody_waits_for_any_more_is_ended(
+def test_a_nursery_that_nobody_waits_for_any_more_is_ended_and_one_that_was_waited_for_is_not(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     prepare(tmp_path, FLEET, BIRTHS)
@@ -187,25 +193,17 @@ def test_a_nursery_that_nobody_waits_for_any_more_is_ended(
         assert readable(reading, timeout_s) and processes_of(tmp_path)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("agents.nursery.launch.readable", interrupted)
-    with pytest.raises(KeyboardInterrupt):
+    with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
+        patched.setattr("agents.nursery.launch.readable", interrupted)
         launch_nursery(tmp_path)
-    assert not processes_of(tmp_path)
-
-
-def test_a_nursery_is_ended_only_as_long_as_its_starter_has_not_waited_for_it(tmp_path: Path) -> None:
-    prepare(tmp_path, FLEET, BIRTHS)
-    abandoned = StartedNursery(tmp_path)
-    abandoned.end()
+    StartedNursery(tmp_path).end()
     assert not processes_of(tmp_path)
     waited_for = StartedNursery(tmp_path)
     process = waited_for.ready()
-    try:
-        waited_for.end()
-        assert process.poll() is None
-    finally:
-        process.kill()
-        process.wait()
+    waited_for.end()
+    assert process.poll() is None
+    process.kill()
+    process.wait()
 
 
 @pytest.mark.parametrize(("settled_s", "kills"), [(600.0, 3), (RestartPolicy().settled_s, 5)])
@@ -229,15 +227,13 @@ def test_an_agent_that_dies_at_once_again_and_again_stays_dead_and_one_that_live
         assert clock.agent_ids == ([8, 21] if gave_up[-1] else [3, 8, 21])
 
 
-@pytest.mark.parametrize("bytes_of_each", [4096, 2 * RING_BYTES])
-def test_a_fleet_whose_states_another_version_wrote_is_not_born_anew(
-    tmp_path: Path, bytes_of_each: int
-) -> None:
+@pytest.mark.parametrize("written", [b"kept" * 1024 * len(IDS), b"kept" * (RING_BYTES // 2 * len(IDS))])
+def test_a_fleet_whose_states_another_version_wrote_is_not_born_anew(tmp_path: Path, written: bytes) -> None:
     prepare(tmp_path, FLEET, BIRTHS)
-    (tmp_path / PHYSICAL_NAME).write_bytes(b"kept" * (bytes_of_each * len(IDS) // 4))
+    (tmp_path / PHYSICAL_NAME).write_bytes(written)
     with pytest.raises(NurseryFailed, match="another version of musselbed wrote it"):
         launch_nursery(tmp_path)
-    assert (tmp_path / PHYSICAL_NAME).read_bytes().startswith(b"kept")
+    assert (tmp_path / PHYSICAL_NAME).read_bytes() == written
 
 
 def test_a_nursery_that_died_while_it_wrote_the_first_states_leaves_a_fleet_that_can_begin(
@@ -246,9 +242,8 @@ def test_a_nursery_that_died_while_it_wrote_the_first_states_leaves_a_fleet_that
     prepare(tmp_path, FLEET, BIRTHS)
     (tmp_path / PHYSICAL_NAME).write_bytes(bytes(RING_BYTES + 150))  # the second aMussel's record is the last
     with launch_nursery(tmp_path) as nursery:
-        host = ProcessHost.adopt(tmp_path, 1)
-        assert list(host.granted_ms) == list(IDS)
-        host.close()
+        with closing(ProcessHost.adopt(tmp_path, 1)) as host:
+            assert list(host.granted_ms) == list(IDS)
         assert nursery.wait(PATIENCE_S) == 0
 
 
@@ -338,32 +333,6 @@ def test_an_old_supervisor_is_fenced_off(host: ProcessHost, tmp_path: Path) -> N
     newer.close()
 
 
-def kill_nursery(host: ProcessHost) -> None:
-    """Its agents end with it."""
-    pids = list(host.pids.values())
-    kill_9(host.nursery_pid)
-    assert all(gone(pid) for pid in pids)
-
-
-def test_agents_die_with_their_nursery_and_its_file_starts_them_again(host: ProcessHost) -> None:
-    clock, truths = charging(host)
-    before = last_truths(truths)
-    first = host.nursery_pid
-    kill_nursery(host)
-    came = clock.advance(11_000)
-    died = [(it.agent_id, it.reason) for it in deaths(came)]
-    assert died == [(agent_id, "its nursery died") for agent_id in IDS]
-    assert host.nursery_pid != first and set(host.pids) == set(IDS)
-    booted = {
-        truth.agent_id: truth
-        for truth in host.take_truths()
-        if truth.at_ms == 300_000 and truth.state is State.BOOTING
-    }
-    assert {agent_id: truth.physical for agent_id, truth in booted.items()} == (
-        {agent_id: before[agent_id].physical for agent_id in IDS}
-    )
-
-
 def test_a_nursery_that_dies_while_it_is_asked_for_an_agent_is_followed_by_another(host: ProcessHost) -> None:
     clock = coordinator(host)
     clock.advance(10_000)
@@ -428,28 +397,13 @@ def test_a_fleet_whose_nursery_dies_again_and_again_is_lost(host: ProcessHost) -
 def test_a_nursery_that_cannot_start_is_tried_again_and_then_given_up(
     host: ProcessHost, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    tried = []
-
-    def refuse(run_dir: str) -> subprocess.Popen[bytes]:
-        tried.append(run_dir)
-        raise NurseryFailed("it has no room")
-
-    monkeypatch.setattr("agents.hosting.process_host.launch_nursery", refuse)
+    refused = Mock(side_effect=NurseryFailed("it has no room"))
+    monkeypatch.setattr("agents.hosting.process_host.launch_nursery", refused)
     clock = coordinator(host)
     clock.advance(1_000)
     kill_nursery(host)
     clock.advance(2_000)
-    assert len(tried) == 3 and host.lost is not None and host.lost.endswith("(it has no room)")
-
-
-def test_a_long_window_travels_in_parts(host: ProcessHost) -> None:
-    reference = InProcessHost(FLEET, BIRTHS)
-    grants = {agent_id: Grant(20_000 * THETA * 1_000 // 10) for agent_id in IDS}
-    mine, theirs = host.grant(grants), reference.grant(grants)
-    assert mine == theirs
-    reply = mine[3]
-    assert isinstance(reply, Reply) and sum(isinstance(out, WifiSent) for out in reply.outputs) == 2000
-    assert host.take_truths() == reference.take_truths()
+    assert refused.call_count == 3 and host.lost is not None and host.lost.endswith("(it has no room)")
 
 
 def test_agents_are_named_and_hold_few_descriptors(host: ProcessHost) -> None:
