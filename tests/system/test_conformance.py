@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Sequence
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -13,7 +12,6 @@ from mutants import campaign as mutants
 from native_boards import NATIVE, compiled, compiled_with, script
 
 from apad_bridge.commands.main import main
-from firmware_model.bench.conformance import Case
 from firmware_model.bench.conformance_cases import CASES
 from firmware_model.bench.whole_conformance_cases import WHOLE_CASES
 
@@ -75,12 +73,31 @@ def test_a_board_of_other_states_fails(
     assert found in result["reason"]
 
 
-def test_the_whole_c_board_passes_everything(
-    tmp_path_factory: pytest.TempPathFactory, capsys: pytest.CaptureFixture[str]
+SLOW = {it.name for it in WHOLE_CASES[::2] if not it.is_near_tie}
+"""The cases of the whole board that are played while its turns take time; the others are played as they are."""
+
+
+@pytest.mark.parametrize(
+    ("name", "profile", "chosen", "options"),
+    [
+        ("worst_case", "worst-case", {it.name for it in CASES[1::2] if not it.is_near_tie}, ("--cost", "5")),
+        ("whole_board", "mu", SLOW, ("--cost", "5")),
+        ("whole_board", "mu", {it.name for it in WHOLE_CASES} - SLOW, ()),
+    ],
+)
+def test_a_c_board_passes_everything_also_while_its_turns_take_time(
+    tmp_path_factory: pytest.TempPathFactory,
+    name: str,
+    profile: str,
+    chosen: set[str],
+    options: tuple[str, ...],
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """So does that of the worst case, by a page's own command: `test_firmware_page.py`."""
-    program = str(compiled(tmp_path_factory, "whole_board"))
-    assert all_passed(capsys, program, "--profile", "mu", "--random", "30") == len(WHOLE_CASES) + 30
+    """That of the worst case passes its cases as they are by a page's own command: `test_firmware_page.py`."""
+    words = [word for it in sorted(chosen) for word in ("--case", it)]
+    program = str(compiled(tmp_path_factory, name))
+    asked = ("--profile", profile, *options, "--seed", "2", "--random", "20")
+    assert all_passed(capsys, program, *words, *asked) == 20 + len(chosen) > 80
 
 
 def test_a_board_of_the_worst_case_is_no_whole_board(board: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -90,23 +107,6 @@ def test_a_board_of_the_worst_case_is_no_whole_board(board: Path, capsys: pytest
     shown = capsys.readouterr().out
     assert "2 failed" in shown
     assert "expected" in shown and " ! " in shown
-
-
-@pytest.mark.parametrize(
-    ("name", "profile", "cases"),
-    [("worst_case", "worst-case", CASES[1::2]), ("whole_board", "mu", WHOLE_CASES[::4])],
-)
-def test_a_c_board_passes_while_its_turns_take_time(
-    tmp_path_factory: pytest.TempPathFactory,
-    name: str,
-    profile: str,
-    cases: Sequence[Case],
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    chosen = [word for it in cases if not it.is_near_tie for word in ("--case", it.name)]
-    options = ["--profile", profile, "--cost", "5", "--seed", "2", "--random", "20"]
-    program = str(compiled(tmp_path_factory, name))
-    assert all_passed(capsys, program, *chosen, *options) == 20 + len(chosen) // 2 > 80
 
 
 @pytest.mark.parametrize(("profile", "least"), [("worst-case", 30), ("mu", 10)])
@@ -125,11 +125,9 @@ def test_a_captured_trace_is_a_case(board: Path, tmp_path: Path, capsys: pytest.
     """The trace of the C board in a missed edge fails the Perl board, which leaves that out."""
     trace = tmp_path / "missed.trace"
     assert main(["mu", "conform", str(board), "--case", "missed-rise", "--capture", str(trace)]) == 0
-    assert "120.050 > charges" in trace.read_text()
-    assert "120.050 > state CHARGING" in trace.read_text()
-    assert main(["mu", "conform", str(board), "--captured", str(trace)]) == 0
-    assert main(["mu", "conform", str(PERL), "--captured", str(trace)]) == 3
-    assert "a captured trace" in capsys.readouterr().out
+    assert "120.050 > charges" in trace.read_text() and "120.050 > state CHARGING" in trace.read_text()
+    codes = [main(["mu", "conform", str(it), "--captured", str(trace)]) for it in (board, PERL)]
+    assert codes == [0, 3] and "a captured trace" in capsys.readouterr().out
 
 
 def test_the_perl_board_fails_what_it_leaves_out_and_may_waive_it(

@@ -147,8 +147,9 @@ def test_each_command_is_looked_at() -> None:
 
 @pytest.mark.parametrize("command", LOOKS)
 def test_no_command_that_looks_executes_a_strangers_code(command: str, flown: Path, tmp_path: Path) -> None:
-    """With a codec that nobody here has, a command's first words alone: it stops at the scenario."""
-    for codec, looks in (("musselbed-1", LOOKS[command]), ("evil", LOOKS[command][:1])):
+    """With a codec that nobody here has, all stop at the scenario: some of them, by their first words alone."""
+    evil = LOOKS[command][:1] if command in ("resume", "replay", "export", "doctor", "bridge") else ()
+    for codec, looks in (("musselbed-1", LOOKS[command]), ("evil", evil)):
         run, marks = strangers(flown, tmp_path / codec, codec)
         for words in looks:
             looked = look(run, [command, *words])

@@ -18,7 +18,7 @@ from apad_bridge.studies.packing import pinned
 pytestmark = pytest.mark.system
 
 
-def pool_beside(directory: Path) -> Path:
+def pool_beside(directory: Path) -> None:
     """A short scenario that names two files, which lie in a directory that the tests remove."""
     scenario = resolve(load(POOL_FILE))
     scenario["duration_s"] = 300.0
@@ -26,7 +26,6 @@ def pool_beside(directory: Path) -> Path:
     shutil.copy(ROOT / "launch_scripts/interfaces/strings.yaml", directory / "topics.yaml")
     scenario["fleet"]["start"], scenario["apad"]["interface"] = "starts.csv", "topics.yaml"
     (directory / "short.yaml").write_text(json.dumps(scenario))
-    return directory / "short.yaml"
 
 
 def unpacked(archive: Path, author: Path) -> Path:
@@ -45,31 +44,31 @@ def repeat(folder: Path, code: int | None = 0) -> subprocess.CompletedProcess[st
     return done("sh", folder / "repeat.sh", cwd="/", env=environment, code=code)
 
 
-@pytest.fixture
-def author(tmp_path: Path) -> Path:
-    folder = tmp_path / "author"
-    folder.mkdir()
-    return folder
+STUDY = {
+    "name": "short",
+    "scenarios": ["short.yaml"],
+    "strategies": ["cautious", {"name": "one by one", "collection": "greedy", "batch": 1}],
+    "seeds": 3,
+    "start": "scenario",
+    "parameters": {"mission.pool_threshold": [0.5, 0.8]},
+}
 
 
-def test_a_packed_study_repeats_its_figures_without_the_files_of_its_author(
-    tmp_path: Path, author: Path
-) -> None:
-    scenario = pool_beside(author)
-    study = {
-        "name": "short",
-        "scenarios": [scenario.name],
-        "strategies": ["cautious", {"name": "one by one", "collection": "greedy", "batch": 1}],
-        "seeds": 3,
-        "start": "scenario",
-        "parameters": {"mission.pool_threshold": [0.5, 0.8]},
-    }
-    (author / "study.yaml").write_text(json.dumps(study))
-    flown = author / "flown"
-    assert code_here("study", author / "study.yaml", "--seeds", 2, "--out", flown, "--json") == 0
-    archive = tmp_path / "short.tar.gz"
-    assert code_here("pack", flown, "--out", archive) == 0
-    folder = unpacked(archive, author)
+def packed(tmp_path: Path, *words: object) -> Path:
+    """What these words fly in a folder of its author, packed and unpacked elsewhere; a file there has changed since."""
+    author, archive = tmp_path / "author", tmp_path / "archive.tar.gz"
+    author.mkdir()
+    (author / "study.yaml").write_text(json.dumps(STUDY))
+    command, file, *options = words
+    pool_beside(author)
+    assert code_here(command, author / str(file), *options, "--out", author / "flown", "--json") == 0
+    (author / "starts.csv").write_text("changed since\n")
+    assert code_here("pack", author / "flown", "--out", archive) == 0
+    return unpacked(archive, author)
+
+
+def test_a_packed_study_repeats_its_figures_without_the_files_of_its_author(tmp_path: Path) -> None:
+    folder = packed(tmp_path, "study", "study.yaml", "--seeds", 2)
     assert (folder / "study/report.html").is_file() and (folder / "study/results.parquet").is_file()
     pins = (folder / "requirements.txt").read_text()
     assert f"numpy=={dict(pinned())['numpy']} --hash=sha256:" in pins or platform.machine() != "x86_64"
@@ -80,14 +79,8 @@ def test_a_packed_study_repeats_its_figures_without_the_files_of_its_author(
     assert repeat(folder, None).returncode != 0
 
 
-def test_a_packed_run_repeats_its_summary(tmp_path: Path, author: Path) -> None:
-    scenario = pool_beside(author)
-    run = author / "run"
-    assert code_here("run", scenario, "--time", "asap", "--out", run, "--json") == 0
-    (author / "starts.csv").write_text("changed since\n")
-    archive = tmp_path / "run.tar.gz"
-    assert code_here("pack", run, "--out", archive) == 0
-    folder = unpacked(archive, author)
+def test_a_packed_run_repeats_its_summary(tmp_path: Path) -> None:
+    folder = packed(tmp_path, "run", "short.yaml", "--time", "asap")
     assert (folder / "run/run.bag").is_file() and not (folder / "run/fleet").exists()
     crate = json.loads((folder / "ro-crate-metadata.json").read_text())
     entities = {it["@id"]: it for it in crate["@graph"]}

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import resource
 import subprocess
 from pathlib import Path
 
 import pytest
-from programs import code_here, musselbed, processes_of
+from programs import musselbed, processes_of
 from rosbags.rosbag1 import Reader
-from scenario_files import write_scenario
 
 from apad_bridge.records.journal import read_journal
 
@@ -69,21 +67,3 @@ def test_too_little_memory_is_one_line(tmp_path: Path, kilobytes: int) -> None:
     assert done.stderr == (
         f"musselbed run: not enough memory: `ulimit -v` allows {kilobytes} kB here; raise it\n"
     )
-
-
-def test_a_scenario_that_is_damaged_is_one_line_of_every_command(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Its supervisor is dead, and its scenario is no text any more."""
-    run = tmp_path / "run"
-    short = write_scenario(tmp_path / "short.yaml", duration_s=5, fleet={"hosting": "one_process"})
-    assert code_here("run", short, *ASAP, "--out", run) == 0
-    (run / "summary.json").unlink()
-    options = json.loads((run / "run.json").read_text())
-    (run / "run.json").write_text(json.dumps({**options, "time": "wall"}))
-    (run / "scenario.yaml").write_bytes(b"name: \xff\xfe")
-    for words in ("resume", "replay", "report", "check"):
-        capsys.readouterr()
-        assert code_here(words, run) == 2
-        (line,) = capsys.readouterr().err.splitlines()
-        assert "scenario.yaml: is not UTF-8 text" in line, words
