@@ -195,7 +195,6 @@ def test_a_live_flight_is_read_as_its_journal_has_it_and_flies_on_whoever_dies_b
 
     assert lines_of(run)[-1]["kind"] == "end"
     for came in (judged(reader)["came"], judged(stopped)["came"]):
-        assert_each_as_in_journal(came, lines_of(run))
         arrivals_s = [at_s for at_s, _ in came["/apad1/odometry"]]
         assert any(it < stood_still_s[0] for it in arrivals_s) and arrivals_s[-1] > killed_s
     # A flight that waits for a reader is as late as that one stands still.
@@ -217,32 +216,6 @@ def lose_readers(
         assert all(judged(reading(environment, FOLLOWED, "3"))["came"].values())
     pass_time(run, 5, flight)
     return stood_still_s
-
-
-def assert_each_as_in_journal(seen: dict[str, list[Any]], lines: list[Line]) -> None:
-    """Each message of the flight has what the journal has for its stamp."""
-    assert all(seen.values())
-    ticks_ms = [it["t"] for it in lines]
-    clock_ms = [now_ms for _, it in seen["/clock"] if (now_ms := ms_of(it["clock"])) <= ticks_ms[-1]]
-    assert clock_ms == sorted(clock_ms)
-    assert set(clock_ms) <= set(ticks_ms)
-    charges: dict[tuple[int, int], set[float]] = {}
-    for it in lines:
-        if it["kind"] == "belief":
-            charges.setdefault((it["id"], it["heard"]), set()).add(it["charge"])
-    for agent_id in IDS:
-        for _, battery in seen[f"/amussel{agent_id}/battery_state"]:
-            known = charges[agent_id, ms_of(battery["header"]["stamp"])]
-            assert min(abs(it - battery["percentage"]) for it in known) < 1e-6
-    apads = [it for it in lines if it["kind"] == "apad"]
-    for _, odometry in seen["/apad1/odometry"]:
-        now_ms, place = ms_of(odometry["header"]["stamp"]), odometry["pose"]["pose"]["position"]
-        apad = [it for it in apads if it["t"] <= now_ms][-1]
-        assert (place["x"], place["y"]) == (apad["east_m"], apad["north_m"])
-
-
-def ms_of(stamp: dict[str, int]) -> int:
-    return 1000 * stamp["sec"] + stamp["nanosec"] // 1_000_000
 
 
 def degrees(north_m: float, east_m: float) -> tuple[float, float]:
@@ -300,7 +273,8 @@ def test_of_120_aMussels_no_state_is_read_in_part_for_ten_minutes(
 
 
 def stamp_s(message: dict[str, Any]) -> float:
-    return ms_of(message["header"]["stamp"]) / 1000
+    stamp = message["header"]["stamp"]
+    return float(stamp["sec"] + stamp["nanosec"] / 1e9)
 
 
 def processor_s(pid: int) -> float:

@@ -1,7 +1,8 @@
-"""Debian's own ROS tools, in a shell that sourced setup.bash, know our messages and leave a user's workspace alone."""
+"""Debian's own ROS tools, in a shell that sourced setup.bash, know our messages and bags, and leave a workspace alone."""
 
 from __future__ import annotations
 
+import csv
 import shutil
 from pathlib import Path
 
@@ -10,10 +11,14 @@ from programs import ROOT, code_here, done
 from rosbags.rosbag1 import Reader
 from scenario_files import write_scenario
 
+from agents.time_scale import TimeScale
+from apad_bridge.records.bag import BagWriter
+from apad_bridge.records.samples import TruthSample
 from apad_bridge.ros.system.master import Master, loopback_environment
 from apad_bridge.ros.types.generate import generate
 from apad_bridge.ros.types.messages import generated_folder
 from apad_bridge.ros_names import names_table
+from firmware_model.states import State
 
 pytestmark = pytest.mark.system
 
@@ -64,27 +69,69 @@ def test_every_type_that_we_publish_can_be_shown(installed: Path, tmp_path: Path
     assert told == [f"code 0 {it}" for it in types], shown
 
 
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """That of a run of a minute."""
+    folder = tmp_path_factory.mktemp("flown")
+    scenario = write_scenario(folder / "short.yaml", duration_s=60, fleet={"hosting": "one_process"})
+    assert code_here("run", scenario, "--time", "asap", "--out", folder / "run", "--json") == 0
+    return folder / "run/run.bag"
+
+
 def test_the_tools_that_read_every_package_xml_accept_ours(
-    installed: Path, master: Master, tmp_path: Path
+    installed: Path, master: Master, bag: Path, tmp_path: Path
 ) -> None:
     """An e-mail address without a dot ended each of these tools in every shell that had sourced setup.bash."""
-    run, scenario = tmp_path / "run", write_scenario(tmp_path / "short.yaml", duration_s=60)
-    assert (
-        code_here("run", scenario, "--time", "asap", "--hosting", "one_process", "--out", run, "--json") == 0
-    )
     script = f"""
     rospack depends-on std_msgs
-    rosbag check '{run}/run.bag'
-    rosbag fix '{run}/run.bag' '{tmp_path}/fixed.bag'
+    rosbag check '{bag}'
+    rosbag fix '{bag}' '{tmp_path}/fixed.bag'
     roswtf
     """
     output = in_a_shell(installed, script, loopback_environment(tmp_path / "ros", master.uri))
     assert "Traceback" not in output and "InvalidPackage" not in output, output
-    assert "migrated successfully" in output
-    with Reader(run / "run.bag") as bag, Reader(tmp_path / "fixed.bag") as fixed:
+    assert "migrated successfully" in output and "Bag file does not need any migrations." in output
+    with Reader(bag) as ours, Reader(tmp_path / "fixed.bag") as fixed:
         assert {it: topic.msgcount for it, topic in fixed.topics.items()} == {
-            it: topic.msgcount for it, topic in bag.topics.items() if topic.msgcount
+            it: topic.msgcount for it, topic in ours.topics.items() if topic.msgcount
         }
+
+
+def test_rosbag_and_rostopic_read_every_tick_of_a_bag(installed: Path, bag: Path, tmp_path: Path) -> None:
+    shell, truth = loopback_environment(tmp_path), "/musselbed/truth"
+    said = in_a_shell(installed, f"rosbag info '{bag}'", shell).splitlines()
+    # Before a first report nothing is believed.
+    for topic, kind, count in (
+        ("truth", "FleetTruth", "61"),
+        ("beliefs", "FleetBeliefs", "60"),
+        ("apad", "APadStatus", "61"),
+    ):
+        (line,) = [line for line in said if f"/musselbed/{topic} " in line]
+        assert line.split()[-4:] == [count, "msgs", ":", f"musselbed_msgs/{kind}"]
+    header, *rows = csv.reader(
+        in_a_shell(installed, f"rostopic echo -b '{bag}' -p {truth}", shell).splitlines()
+    )
+    read = [dict(zip(header, row, strict=True)) for row in rows]
+    fields = ("mission_time_ms", "agents0.id", "agents0.docked", "agent_time_ms")
+    assert [[it[f"field.{name}"] for name in fields] for it in read] == [
+        [str(now_ms), "1", "0", str(30 * now_ms)] for now_ms in range(0, 61_000, 1000)
+    ]
+    assert 0.5 < float(read[0]["field.agents0.primary"]) < 1 and float(read[0]["field.agents0.north"]) > 0
+
+
+def test_rosbag_reindex_mends_a_bag_that_was_never_closed(installed: Path, tmp_path: Path) -> None:
+    writer, shell = BagWriter(tmp_path / "run.bag", TimeScale(30)), loopback_environment(tmp_path)
+    for now_ms in range(0, 30_000, 1000):
+        truth = TruthSample(7, State.ACTIVE, 0.25, 1.0, 1.0 + now_ms, 2.0, 3.0, False, 30 * now_ms)
+        writer.sample(now_ms, [truth], [], None)
+    torn = shutil.copy(writer.path, tmp_path / "torn.bag")  # what a kill leaves of it
+    writer.close()
+    script = f"rosbag reindex '{torn}' && rosbag filter '{torn}' '{tmp_path}/all.bag' True"
+    assert "100%" in in_a_shell(installed, script, shell)
+    # Chunks of seconds 0 to 10 and 11 to 20 are whole.
+    with Reader(tmp_path / "all.bag") as bag:
+        stamps_ns = [stamp_ns for _, stamp_ns, _ in bag.messages()]
+    assert stamps_ns == [max(1, second * 10**9) for second in range(21)]
 
 
 def test_a_workspace_that_was_sourced_before_wins(installed: Path, tmp_path: Path) -> None:
