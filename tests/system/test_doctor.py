@@ -66,18 +66,22 @@ def test_without_a_master_a_sound_machine_is_sound(tmp_path: Path) -> None:
     assert not any("call back" in line for line in lines)
 
 
-def test_a_scenario_that_cannot_be_read_is_the_user_s_mistake_as_it_is_elsewhere(tmp_path: Path) -> None:
-    found = checks(loopback_environment(tmp_path), tmp_path / "none.yaml")
-    assert [check for check, it in found.items() if it["status"] == "FAIL"] == ["scenario"]
-
-
-def test_a_master_elsewhere_that_does_not_answer_is_a_failure_and_one_that_is_gone_is_none(
-    tmp_path: Path,
+@pytest.mark.parametrize(
+    ("master_uri", "scenario", "check", "status", "words"),
+    [
+        ("", "none.yaml", "scenario", "FAIL", ""),
+        ("http://apad1.invalid:11311", POOL_FILE, "master", "FAIL", "/etc/hosts"),
+        ("http://127.0.0.1:9/", POOL_FILE, "master", "WARN", "http://127.0.0.1:9"),
+    ],
+    ids=["a scenario that cannot be read", "a master elsewhere that does not answer", "one that is gone"],
+)
+def test_one_finding(
+    master_uri: str, scenario: object, check: str, status: str, words: str, tmp_path: Path
 ) -> None:
-    found = checks(loopback_environment(tmp_path, "http://apad1.invalid:11311"), POOL_FILE)["master"]
-    assert found["status"] == "FAIL" and "/etc/hosts" in found["mend"]
-    found = checks(loopback_environment(tmp_path, "http://127.0.0.1:9/"))["master"]
-    assert found["status"] == "WARN" and "http://127.0.0.1:9" in found["found"]
+    environment = loopback_environment(tmp_path, *filter(None, [master_uri]))
+    found = checks(environment, scenario)
+    assert found[check]["status"] == status and words in found[check]["found"] + found[check]["mend"]
+    assert {it for it in found if found[it]["status"] == "FAIL"} == ({check} if status == "FAIL" else set())
 
 
 @pytest.mark.parametrize(
@@ -204,16 +208,17 @@ def test_docks_in_use_are_told_with_commands_that_empty_them(
         assert found[name]["status"] == "OK", found[name]
 
 
-def test_a_dead_action_server_and_a_silent_battery(on_master: dict[str, str], running: Begin) -> None:
-    half = running("-c", HALF_A_SERVER)
+@pytest.mark.parametrize(
+    ("takes_goals", "said"),
+    [((), "subscribes to goal"), (("takes goals",), "/apad1/action_server/status is silent")],
+)
+def test_a_dead_action_server_and_a_silent_battery(
+    takes_goals: tuple[str, ...], said: str, on_master: dict[str, str], running: Begin
+) -> None:
+    running("-c", HALF_A_SERVER, *takes_goals)
     found = checks(on_master)
-    assert "aPad" not in found
     server = found["/apad1 action server"]
-    assert server["status"] == "FAIL" and "subscribes to goal" in server["found"]
-    half.terminate()
-    half.wait()
-    running("-c", HALF_A_SERVER, "takes goals")
-    found = checks(on_master)
-    server, battery = found["/apad1 action server"], found["/apad1 battery"]
-    assert server["status"] == "FAIL" and "/apad1/action_server/status is silent" in server["found"]
-    assert battery["status"] == "WARN" and "says 0 %" in battery["found"]
+    assert server["status"] == "FAIL" and said in server["found"] and "aPad" not in found
+    if takes_goals:
+        battery = found["/apad1 battery"]
+        assert battery["status"] == "WARN" and "says 0 %" in battery["found"]
