@@ -124,21 +124,16 @@ def test_two_runs_that_differ_are_told_by_the_first_event(
     early = {"pool_threshold": 0.95}
     one = write_scenario(tmp_path / "one.yaml", duration_s=200.0, mission=early)
     other = write_scenario(tmp_path / "other.yaml", one, mission={"batch": 3})
-    digests = [flown(scenario, tmp_path / scenario.stem) for scenario in (one, other)]
+    digests = [flown(it, tmp_path / it.stem) for it in (one, other)]
+    runs = [str(tmp_path / it.stem) for it in (one, other)]
     capsys.readouterr()
-    assert digests[0] != digests[1]
-    runs = [str(tmp_path / name) for name in ("one", "other")]
     assert code_here("check", runs[0], "--digest", runs[1]) == 1
-    lines = capsys.readouterr().out.splitlines()
-    assert lines[:3] == [
-        f"{digests[0]}  {runs[0]}",
-        f"{digests[1]}  {runs[1]}",
-        "the first event that differs:",
-    ]
+    *lines, first, second = capsys.readouterr().out.splitlines()
+    said = [f"{digest}  {run}" for digest, run in zip(digests, runs, strict=True)]
+    assert lines == [*said, "the first event that differs:"]
     # Both plan at the same tick: four aMussels, and three.
-    told = [json.loads(line.split(", plan: ", 1)[1]) for line in lines[3:]]
-    assert [len(it["steps"]) for it in told] == [4, 3]
+    steps = [json.loads(line.split(", plan: ", 1)[1])["steps"] for line in (first, second)]
+    assert [len(it) for it in steps] == [4, 3]
     assert code_here("check", runs[0], "--digest", runs[0], "--json") == 0
     assert json.loads(capsys.readouterr().out) == {"digests": [digests[0]] * 2, "differing": None}
     assert code_here("check", *runs, "--digest", runs[0]) == 2
-    assert "name one RUN" in capsys.readouterr().err

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import signal
 from collections.abc import Iterator
 from contextlib import AbstractContextManager
@@ -14,9 +15,10 @@ import pytest
 import yaml
 from graphs import called, echoed, latched
 from killing import kill_supervisor
-from programs import MUSSELBED, Begin, begun, ended_well, lines_of, wait_until
+from programs import MUSSELBED, Begin, begun, done, ended_well, lines_of, wait_until
 from scenario_files import write_scenario
 
+from apad_bridge.ros.gateway.fleet_guard import SecondFleet, refuse_second_fleet
 from apad_bridge.ros.system.master import loopback_environment
 from apad_bridge.ros.types.messages import generated_folder
 from firmware_model.packets import StatusPacket
@@ -110,14 +112,35 @@ def test_a_real_amussels_claim_makes_the_simulated_one_its_twin_until_it_is_give
         wait_until(lambda: flown.told(3)[1:] == [("simulated", "/lab")])
 
 
+def test_an_amussel_answers_for_its_battery_with_what_it_reported(flown: Flown) -> None:
+    def asked(service: str, *arguments: str) -> str:
+        told = done("/usr/bin/rosservice", "call", service, *arguments, env=flown.shell, code=None)
+        return told.stdout or told.stderr
+
+    wait_until(lambda: "battery_level: 9" in asked("/amussel1/charge_info"))
+    assert re.search(
+        r"(?s)x: .*y: .*z: 3\.0.*type: \"consumer\"\nconsumers: \[\]\n", asked("/amussel1/charge_info")
+    )
+    assert re.fullmatch(r"x: [\d.]+\ny: [\d.]+\nz: 3\.0\n", asked("/amussel1/get_position"))
+    assert asked("/amussel1/get_sensory_reading") == "current: []\n"
+    assert asked("/amussel1/send_energy", "1") == "done: False\n"
+
+
 def test_a_second_fleet_with_an_id_of_the_first_does_not_start_and_the_later_of_two_retires_its_own(
     begin: Begin, flown: Flown, tmp_path: Path
 ) -> None:
-    other = write_scenario(tmp_path / "other.yaml", flown.scenario, fleet={"first_id": 101})
     with flown.claimed("/earlier", "[4, 105]", "real: false, since: {secs: 1, nsecs: 0}"):
-        words = ("fleet", other, "--time", "wall", "--out", tmp_path / "other")
-        second = begin(*MUSSELBED, *words, env=flown.shell)
-        assert "node /earlier simulates aMussel 105 already: two fleets on one" in ended_well(second, 3)[1]
+        refused = {
+            5: "node /musselbed_1 already has /amussel5/",
+            101: "node /earlier simulates aMussel 105 already: two fleets on one",
+        }
+        for first_id, words in refused.items():
+            out = tmp_path / str(first_id)
+            other = write_scenario(tmp_path / "other.yaml", flown.scenario, fleet={"first_id": first_id})
+            second = begin(*MUSSELBED, "fleet", other, "--time", "wall", "--out", out, env=flown.shell)
+            assert words in ended_well(second, 3)[1]
+        with pytest.raises(SecondFleet, match="a node named /musselbed_1 runs on this master already"):
+            refuse_second_fleet("/musselbed_1", [101], flown.shell["ROS_MASTER_URI"])
         wait_until(lambda: flown.told(4) == [("retired", "/earlier")])
 
 

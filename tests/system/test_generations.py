@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 from graphs import latched
-from killing import kill_9, standing_still
+from killing import standing_still
 from patient import PATIENCE_S
 from programs import MUSSELBED, ROOT, Begin, done, line_of, lines_of, musselbed, wait_until
 from scenario_files import silent_in_its_dock, write_scenario
@@ -140,41 +140,6 @@ def test_without_an_apad_it_says_what_is_missing_and_with_a_strange_one_what_dif
     failed = done(*command, PATIENCE_S, env=shell).stdout
     assert "/apad1/position is std_msgs/String (md5 992ce8a1687cec8c8bd883ec73ca41d1) there" in failed
     assert "auv_msgs/NavSts (md5 d1c2e3fd518b63978e72fa7409f4ba71) here" in failed
-
-
-def test_a_fleet_answers_for_its_batteries_and_keeps_a_second_one_out_unless_it_is_dead(
-    shell: dict[str, str], master: Master, start: Begin
-) -> None:
-    def opened(*arguments: str) -> str:
-        gateways.append(start(master.uri, "open_a_gateway", *arguments))
-        return heard_from(gateways[-1])
-
-    def asked(service: str, *arguments: str) -> str:
-        told = done("/usr/bin/rosservice", "call", service, *arguments, env=shell, code=None)
-        return told.stdout or told.stderr
-
-    gateways: list[subprocess.Popen[str]] = []
-    assert opened("musselbed", "7", "2").startswith("open")
-    place = "x: 1.5\ny: -2.5\nz: 3.0\n"
-    assert asked("/amussel7/charge_info") == f'battery_level: 75.0\n{place}type: "consumer"\nconsumers: []\n'
-    assert asked("/amussel7/get_position") == place
-    assert asked("/amussel7/get_sensory_reading") == "current: []\n"
-    assert asked("/amussel7/send_energy", "1") == "done: False\n"
-    assert "amussel8 has not been heard yet" in asked("/amussel8/get_battery_level")
-    # One tick was made: what comes after is its report again, with its stamp.
-    echo = done("/usr/bin/rostopic", "echo", "-n", 5, "-p", "/amussel7/position", env=shell)
-    header, *rows = (line.split(",") for line in echo.stdout.splitlines())
-    repeated = [dict(zip(header, row, strict=True)) for row in rows]
-    fields = ("field.header.stamp", "field.position.north", "field.position.depth")
-    assert [tuple(it[field] for field in fields) for it in repeated] == [("1000000000", "1.5", "3.0")] * 5
-    sequence = [int(it["field.header.seq"]) for it in repeated]
-    assert sequence == list(range(sequence[0], sequence[0] + 5))
-
-    assert opened("another", "8", "5").startswith("node /musselbed already has /amussel8/")
-    assert opened("musselbed", "100", "5").startswith("a node named /musselbed runs on this master already")
-    assert opened("another", "13", "5").startswith("open")
-    kill_9(gateways[0].pid)
-    assert opened("musselbed", "7", "2").startswith("open")
 
 
 def test_a_node_that_cannot_come_up_leaves_nothing_and_says_why(tmp_path: Path, master: Master) -> None:

@@ -23,11 +23,11 @@ from programs import processes_of
 
 from agents.coordinator import Coordinator
 from agents.fleet_config import resting_on_bottom
-from agents.hosting.host import Grant, Host
+from agents.hosting.host import Grant, Host, Reply
 from agents.hosting.in_process import InProcessHost
 from agents.hosting.link_protocol import LIMIT_BYTES, WindowGrant, readable
 from agents.hosting.process_host import Fenced, ProcessHost
-from agents.mussel.outputs import Truth
+from agents.mussel.outputs import Truth, WifiSent
 from agents.mussel.stimuli import ContactClosed, ContactOpened, DockMoved
 from agents.nursery import protocol
 from agents.nursery.fleet_file import PHYSICAL_NAME, RestartPolicy
@@ -404,6 +404,15 @@ def test_a_nursery_that_cannot_start_is_tried_again_and_then_given_up(
     kill_nursery(host)
     clock.advance(2_000)
     assert refused.call_count == 3 and host.lost is not None and host.lost.endswith("(it has no room)")
+
+
+def test_a_long_window_travels_in_parts(host: ProcessHost) -> None:
+    reference = InProcessHost(FLEET, BIRTHS)
+    grants = {agent_id: Grant(20_000 * THETA * 1_000 // 10) for agent_id in IDS}
+    mine = host.grant(grants)
+    assert mine == reference.grant(grants) and host.take_truths() == reference.take_truths()
+    reply = mine[3]
+    assert isinstance(reply, Reply) and sum(isinstance(out, WifiSent) for out in reply.outputs) == 2000
 
 
 def test_agents_are_named_and_hold_few_descriptors(host: ProcessHost) -> None:
