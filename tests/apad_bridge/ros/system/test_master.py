@@ -37,6 +37,21 @@ def master(tmp_path: Path) -> Iterator[Master]:
     running.stop()
 
 
+@contextlib.contextmanager
+def pidfd_of(pid: int) -> Iterator[int]:
+    pidfd = os.pidfd_open(pid)
+    try:
+        yield pidfd
+    finally:
+        os.close(pidfd)
+
+
+def signalled(pid: int, number: signal.Signals, waits_for: int) -> None:
+    """The signal has come to the process, which is a child of ours."""
+    os.kill(pid, number)
+    os.waitid(os.P_PID, pid, waits_for)
+
+
 def pid_that_answers(uri: str) -> int:
     with xmlrpc.client.ServerProxy(uri) as proxy:
         code, _, pid = proxy.getPid("/test")  # type: ignore[misc]
@@ -52,14 +67,10 @@ def wait_until_gone(pidfd: int, timeout_s: float = PATIENCE_S) -> bool:
 
 def listening_addresses(port: int) -> set[str]:
     """The local addresses that listen on `port`, in the kernel's hexadecimal."""
-    found = set()
-    for table in ("/proc/net/tcp", "/proc/net/tcp6"):
-        for line in Path(table).read_text().splitlines()[1:]:
-            local, state = line.split()[1], line.split()[3]
-            address, local_port = local.split(":")
-            if state == "0A" and int(local_port, 16) == port:
-                found.add(address)
-    return found
+    tables = (Path("/proc/net") / it for it in ("tcp", "tcp6"))
+    rows = [line.split() for table in tables for line in table.read_text().splitlines()[1:]]
+    listening = [local.split(":") for _, local, _, state, *_ in rows if state == "0A"]
+    return {address for address, local_port in listening if int(local_port, 16) == port}
 
 
 def test_it_answers_from_a_session_of_its_own_on_loopback_only(master: Master) -> None:
@@ -69,18 +80,15 @@ def test_it_answers_from_a_session_of_its_own_on_loopback_only(master: Master) -
     assert port is not None and listening_addresses(port) == {"0100007F"}
 
 
-def test_a_master_that_was_stopped_and_continued_goes_on(master: Master) -> None:
-    ended = os.pidfd_open(master.pid)
-    try:
-        os.kill(master.pid, signal.SIGSTOP)
-        os.waitid(os.P_PID, master.pid, os.WSTOPPED)
+def test_a_master_that_was_stopped_and_continued_goes_on(master: Master, tmp_path: Path) -> None:
+    """It is not gone meanwhile: nobody asks for another one."""
+    with pidfd_of(master.pid) as ended:
+        signalled(master.pid, signal.SIGSTOP, os.WSTOPPED)
         assert not wait_until_gone(ended, 1.5), "longer than any wait of the master's own"
-        os.kill(master.pid, signal.SIGCONT)
-        os.waitid(os.P_PID, master.pid, os.WCONTINUED)
+        assert why_gone_of(tmp_path / "ros", master.uri) is None
+        signalled(master.pid, signal.SIGCONT, os.WCONTINUED)
         assert not wait_until_gone(ended, 2.0)
         assert pid_that_answers(master.uri) == master.pid
-    finally:
-        os.close(ended)
 
 
 def test_a_run_knows_its_own_master_from_another_one_at_its_port(master: Master, tmp_path: Path) -> None:
@@ -88,13 +96,6 @@ def test_a_run_knows_its_own_master_from_another_one_at_its_port(master: Master,
     assert why_gone_of(tmp_path / "another run" / "ros", master.uri) == (
         f"the run's own ROS master at {master.uri} is gone (another program answers there)"
     )
-
-
-def test_a_master_that_stands_still_is_not_gone(master: Master, tmp_path: Path) -> None:
-    os.kill(master.pid, signal.SIGSTOP)
-    os.waitid(os.P_PID, master.pid, os.WSTOPPED)
-    assert why_gone_of(tmp_path / "ros", master.uri) is None
-    os.kill(master.pid, signal.SIGCONT)
 
 
 @pytest.mark.parametrize(
@@ -122,11 +123,10 @@ def test_two_masters_are_two_although_the_shell_names_the_first(
     monkeypatch.setenv("ROS_HOSTNAME", "no.such.host.invalid")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path / "nowhere"))
     second = start_master(tmp_path / "second", timeout_s=PATIENCE_S, orphan_s=0)
-    try:
+    with contextlib.ExitStack() as stack:
+        stack.callback(second.stop)
         assert second.uri != master.uri
         assert pid_that_answers(second.uri) == second.pid != pid_that_answers(master.uri)
-    finally:
-        second.stop()
     assert pid_that_answers(master.uri) == master.pid
 
 
@@ -145,43 +145,23 @@ def test_a_stopped_process_is_ended_by_force(master: Master) -> None:
     assert master.process.returncode == -signal.SIGKILL
 
 
-def start_in_another_process(home: Path, orphan_s: float) -> tuple[subprocess.Popen[str], int, str]:
+@pytest.mark.parametrize("orphan_s", [0, 300], ids=["ends with it", "outlives it for that time"])
+def test_a_master_whose_starter_was_killed(tmp_path: Path, orphan_s: int) -> None:
     code = (
         "import sys; from pathlib import Path; from apad_bridge.ros.system.master import start_master\n"
-        f"master = start_master(Path({str(home)!r}), timeout_s={PATIENCE_S}, orphan_s={orphan_s})\n"
+        f"master = start_master(Path({str(tmp_path)!r}), timeout_s={PATIENCE_S}, orphan_s={orphan_s})\n"
         "print(master.pid, master.uri, flush=True); sys.stdin.read()"
     )
     command = [sys.executable, "-c", code]
     starter = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=ROOT)
     pid, uri = starter.stdout.readline().split()
-    return starter, int(pid), uri
-
-
-def kill_and_reap(starter: subprocess.Popen[str]) -> None:
-    starter.kill()
-    starter.communicate(timeout=PATIENCE_S)
-
-
-def test_it_ends_after_a_starter_that_was_killed(tmp_path: Path) -> None:
-    starter, pid, _ = start_in_another_process(tmp_path, orphan_s=0)
-    pidfd = os.pidfd_open(pid)
-    try:
-        kill_and_reap(starter)
+    with pidfd_of(int(pid)) as pidfd:
+        starter.kill()
+        starter.communicate(timeout=PATIENCE_S)
+        if orphan_s:
+            assert pid_that_answers(uri) == int(pid)
+            signal.pidfd_send_signal(pidfd, signal.SIGTERM)
         assert wait_until_gone(pidfd)
-    finally:
-        os.close(pidfd)
-
-
-def test_it_outlives_its_starter_for_the_time_that_was_said(tmp_path: Path) -> None:
-    starter, pid, uri = start_in_another_process(tmp_path, orphan_s=300)
-    pidfd = os.pidfd_open(pid)
-    try:
-        kill_and_reap(starter)
-        assert pid_that_answers(uri) == pid
-        signal.pidfd_send_signal(pidfd, signal.SIGTERM)
-        assert wait_until_gone(pidfd)
-    finally:
-        os.close(pidfd)
 
 
 def test_too_late_is_an_error_that_leaves_nothing_behind(

@@ -703,6 +703,9 @@ STOP_ACTS = ACTS | {
 }
 
 
+Step = int | str | tuple[str, float, float]
+
+
 class Watched(Bench):
     """A bench with a journal of each tick: what was on the wire, and how the newest stop stands for the operator."""
 
@@ -729,6 +732,15 @@ class Watched(Bench):
             self.wanted.append((self.now_ms + TICK_MS, self.observer.stops, self.link.is_lost))
         STOP_ACTS[name](self, x, y)
         self.run(1)
+
+    def play(self, *steps: Step) -> StopState | None:
+        """Some ticks, an act, or one with a place, step by step; the state of the newest stop after them."""
+        for it in steps:
+            if isinstance(it, int):
+                self.run(it)
+            else:
+                self.act(*((it, 0.0, 0.0) if isinstance(it, str) else it))
+        return self.ticks[-1][3]
 
     def stop(self, *, off: bool) -> None:
         """A person stops the vehicle, in place of a stop that is still on its way."""
@@ -775,14 +787,11 @@ def test_a_persons_stop_is_on_the_wire_within_a_tick_or_the_person_is_told_withi
     nobody is told that the vehicle has taken what was not on the wire.
     """
     bench = Watched(generation)
-    for act in before:
-        bench.act(*act)
+    bench.play(*before)
     since_ms, stops, moving = bench.now_ms, bench.observer.stops, bench.observer.orders - bench.observer.stops
     pilot_had_it = bench.observer.pilot_steers
     bench.stop(off=off)
-    for act in after:
-        bench.act(*act)
-    bench.run(TOLD_MS // TICK_MS + 1)
+    bench.play(*after, TOLD_MS // TICK_MS + 1)
     assert bench.observer.against_pilot == []
     if pilot_had_it:
         stop = next(data for _, kind, data in bench.events if kind == "stop" and data["by"] == "Anna")
@@ -803,18 +812,12 @@ def test_after_a_guards_stop_no_other_client_moves_the_vehicle(
 ) -> None:
     bench = Watched(generation)
     bench.go(20.0, 45.0)
-    bench.run(5)
-    if kind is StopKind.OFF:
-        bench.act("nan", 0.0, 0.0)
-        bench.run(4)
-        bench.act("heard", 0.0, 0.0)
-    else:
-        bench.act("others", SIDE_M + 15.0, 30.0)
-    bench.run(10)
+    beyond_m = SIDE_M + 15.0
+    stopping: list[Step] = [5, "nan", 4, "heard"] if kind is StopKind.OFF else [5, ("others", beyond_m, 30.0)]
+    bench.play(*stopping, 10)
     stop, here_m = bench.vehicle.gate.stops.in_force, place_of(bench.link.pose)
     assert stop is not None and not stop.is_persons and stop.kind is kind
-    bench.act("others", 10.0 if goes == "inside" else SIDE_M + 15.0, 30.0)
-    bench.run(60)
+    bench.play(("others", 10.0 if goes == "inside" else beyond_m, 30.0), 60)
     assert all(bench.is_stopped_or_told(*it) for it in bench.wanted)
     assert math.dist(place_of(bench.link.pose), here_m) < 2.0
 
@@ -823,28 +826,21 @@ def test_a_stop_that_was_taken_and_is_sent_again_in_vain_is_told_and_so_is_its_e
     """The vehicle had come to rest; another client sends it away, and no order of ours arrives any more."""
     bench = Watched(Generation.B)
     bench.stop(off=False)
-    bench.run(8)
-    assert bench.ticks[-1][3] is StopState.AT_REST
-    bench.act("lost", 0.0, 0.0)
-    bench.act("others", 50.0, 50.0)
-    bench.run(4)
-    assert bench.is_stopped_or_told(*bench.wanted[-1]) and bench.ticks[-1][3] is StopState.NOT_TAKEN
-    bench.act("found", 0.0, 0.0)
-    bench.run(15)
-    assert bench.ticks[-1][3] is StopState.AT_REST
+    assert bench.play(8) is StopState.AT_REST
+    assert bench.play("lost", ("others", 50.0, 50.0), 4) is StopState.NOT_TAKEN
+    assert bench.is_stopped_or_told(*bench.wanted[-1])
+    assert bench.play("found", 15) is StopState.AT_REST
 
 
 def test_when_a_pilot_puts_the_vehicle_down_no_hold_turns_its_thrusters_on() -> None:
     bench = Watched(Generation.B)
     bench.stop(off=False)
-    bench.run(8)
-    bench.act("pilot", 0.0, 0.0)
+    bench.play(8, "pilot")
     bench.link.push(Steer(0.5, 1.0, 0.0))
-    bench.run(10)
+    bench.play(10)
     bench.link.push(Coast())
     orders = bench.observer.orders
-    bench.act("no pilot", 0.0, 0.0)
-    bench.run(60)
+    bench.play("no pilot", 60)
     assert bench.observer.orders == orders
     assert "stop 1 (hold, by Anna)" in bench.vehicle.gate.awaits_person
 
