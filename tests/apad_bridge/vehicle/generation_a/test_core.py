@@ -61,18 +61,22 @@ def holds_7(core: GenerationACore) -> GenerationACore:
     return core
 
 
-def played(core: GenerationACore, *story: Any) -> list[LinkFact]:
+ASKED = "the docks' service is asked"
+
+
+def played(core: GenerationACore, *story: Any) -> list[LinkFact | str]:
     """The new facts of a story: of messages, of orders with their times, and of times that merely come.
 
-    Left out are readings of pose and battery, acceptances, and the word of the docks' service.
+    Left out are readings of pose and battery, acceptances, and the word of the docks' service; not that it is asked.
     """
-    told: list[LinkFact] = []
+    told: list[LinkFact | str] = []
     for it in story:
         at_ms = fed(core, it)
-        if isinstance(it, HeldPositionReceived):
-            core.take_question()  # that after a docking, which a test of its own has
         readings = PoseReported | BatteryReported | CommandAccepted | DocksNamed
         told += [it for it in core.advance(at_ms) if not isinstance(it, readings)]
+        if core.take_question():
+            told.append(ASKED)
+            assert not core.take_question()
     return told
 
 
@@ -96,8 +100,9 @@ def there(at_ms: int) -> PoseReported:
     return PoseReported(at_ms, 2.1, 3.1, 0.0)
 
 
-def docked(at_ms: int, agent_id: int, dock_index: int = 0) -> list[LinkFact]:
-    return [DockClosed(at_ms, dock_index, agent_id), Carried(at_ms, agent_id, 2.0, 3.0)]
+def docked(at_ms: int, agent_id: int, dock_index: int = 0) -> list[LinkFact | str]:
+    """After each docking the vehicle is asked what it holds."""
+    return [DockClosed(at_ms, dock_index, agent_id), Carried(at_ms, agent_id, 2.0, 3.0), ASKED]
 
 
 def released(at_ms: int, agent_id: int) -> list[LinkFact]:
@@ -256,7 +261,7 @@ STORIES: dict[str, tuple[list[Any], list[LinkFact | str]]] = {
     "a refused answer makes the silence a release": (
         [shown(0, 7), there(10_000), DocksReceived(11_000, None), there(11_000), shown(12_000, 7)],
         [
-            *docked(0, 7),
+            *(*docked(0, 7), ASKED),
             *released(11_000, 7),
             ReleaseWanted(11_000, 0, 7),
             *docked(12_000, 7),
@@ -280,6 +285,28 @@ STORIES: dict[str, tuple[list[Any], list[LinkFact | str]]] = {
             *(it for n in range(4) for it in docked(0, n + 1, n)),
             "position_static of more aMussels than there are docks",
         ],
+    ),
+    "without an order the vehicle is asked after ten seconds of silence": (
+        [shown(0, 7), there(9_900), there(10_000), DocksReceived(10_500, frozenset({"amussel8"}))],
+        [
+            *(*docked(0, 7), ASKED, *released(10_500, 7), ReleaseWanted(10_500, 0, 7)),
+            f"{SILENT} without an order",
+        ],
+    ),
+    "an aMussel that the vehicle says it holds is carried beside it and asked about again": (
+        [
+            *(shown(0, 7), there(10_000), DocksReceived(10_000, frozenset({"amussel7"}))),
+            *(there(now_ms) for now_ms in range(11_000, 21_000, 1_000)),
+        ],
+        [
+            *(*docked(0, 7), ASKED),
+            *(Carried(now_ms, 7, 2.0, 3.0) for now_ms in range(10_000, 21_000, 1_000)),
+            *(ASKED, "silence on position_static of an aMussel that the aPad holds: dead reckoning"),
+        ],
+    ),
+    "after a gap in the wifi the silence is counted anew": (
+        [shown(0, 7), there(1_000), there(60_000), there(64_000), shown(64_000, 7)],
+        [*docked(0, 7), Carried(64_000, 7, 2.0, 3.0)],
     ),
     "silence of the whole vehicle is no release": ([shown(0, 7), there(1_000), 600_000], docked(0, 7)),
 }
@@ -320,22 +347,14 @@ def test_of_places_only_the_newest_is_told(holds_7: GenerationACore) -> None:
     assert played(holds_7, 1_000, 1_000) == [Carried(1_000, 7, 1.0, 0.0)]
 
 
-def test_without_an_order_the_vehicle_is_asked_after_ten_seconds_of_silence(holds_7: GenerationACore) -> None:
-    assert played(holds_7, there(9_900)) == [] and not holds_7.take_question()
-    holds_7.receive(there(10_000), 10_000)
-    played(holds_7, shown(9_999, 8), 10_000)
-    assert holds_7.take_question() and not holds_7.take_question()
-    assert played(holds_7, DocksReceived(10_500, frozenset({"amussel8"}))) == released(10_500, 7)
-
-
 @pytest.mark.parametrize("answer", [None, frozenset(), frozenset({"amussel9"})])
 def test_where_the_answer_tells_nothing_a_living_server_holds_what_it_held(
     holds_7: GenerationACore, answer: frozenset[str] | None
 ) -> None:
-    told: list[LinkFact] = []
+    told: list[LinkFact | str] = []
     for now_ms in range(1_000, 40_000, 1_000):
-        told += played(holds_7, statuses(now_ms), there(now_ms))
-        if holds_7.take_question() and answer is not None:
+        told += (asked := played(holds_7, statuses(now_ms), there(now_ms)))
+        if ASKED in asked and answer is not None:
             told += played(holds_7, DocksReceived(now_ms, answer))
     assert not any(isinstance(it, DockOpened) for it in told)
     silent = "silence on position_static of an aMussel that the aPad holds: dead reckoning"
@@ -366,8 +385,8 @@ def test_witnesses_of_a_dock_that_disagree_are_told_once(names: set[str], told: 
     core = GenerationACore(ReportedDocks(range(1, 10)), (10.5, 16.0), "run", gate=gate)
     played(core, shown(0, 7))
     for now_ms in range(1_000, 40_000, 1_000):
-        played(core, statuses(now_ms), shown(now_ms, 8), there(now_ms))
-        if core.take_question():
+        played(core, statuses(now_ms), shown(now_ms, 8))
+        if ASKED in played(core, there(now_ms)):
             played(core, DocksReceived(now_ms, frozenset(names)))
     events = [it for it in gate.take_events() if isinstance(it, DocksDisagree)]
     assert sorted((it.id, it.reason) for it in events) == sorted(told.items())
@@ -404,7 +423,7 @@ def test_after_a_resume_the_vehicle_is_asked_what_it_holds() -> None:
 
 
 def test_without_an_answer_for_five_seconds_the_silence_is_a_release(holds_7: GenerationACore) -> None:
-    opened = [*released(15_000, 7), ReleaseWanted(15_000, 0, 7)]
+    opened = [ASKED, *released(15_000, 7), ReleaseWanted(15_000, 0, 7)]
     assert played(holds_7, there(10_000), there(14_900), there(15_000)) == opened
     release = holds_7.command(cleared(ReleaseByName(-1, 0, 7)), 15_000)
     assert release.order == GoalOrder("run-own-1", RELEASE, name="amussel7")
@@ -415,33 +434,13 @@ def test_without_an_answer_for_five_seconds_the_silence_is_a_release(holds_7: Ge
     ]
 
 
-def test_an_amussel_that_the_vehicle_says_it_holds_is_carried_beside_it_and_asked_about_again(
-    holds_7: GenerationACore,
-) -> None:
-    asked_ms = []
-    for now_ms in range(10_000, 21_000, 1_000):
-        told = played(holds_7, there(now_ms))
-        if holds_7.take_question():
-            asked_ms.append(now_ms)
-            played(holds_7, DocksReceived(now_ms, frozenset({"amussel7"})))
-        else:
-            assert told == [Carried(now_ms, 7, 2.0, 3.0)]
-    assert asked_ms == [10_000, 20_000]
-
-
-def test_after_a_gap_in_the_wifi_the_silence_is_counted_anew(holds_7: GenerationACore) -> None:
-    assert played(holds_7, there(1_000), there(60_000)) == [] and not holds_7.take_question()
-    played(holds_7, there(64_000), shown(64_000, 7))
-    assert not holds_7.take_question()
-
-
 def test_after_a_resume_the_docks_are_as_they_were() -> None:
     core = GenerationACore(ReportedDocks(range(1, 10), {1: 7, 2: 8}, 5_000), (10.5, 16.0), "run", 5_000)
-    assert played(core, shown(5_000, 7)) == [Carried(5_000, 7, 2.0, 3.0)]
+    assert played(core, shown(5_000, 7)) == [Carried(5_000, 7, 2.0, 3.0), ASKED]
     assert played(core, shown(6_000, 9)) == docked(6_000, 9)
-    for at_ms in range(6_000, 16_000, 1_000):  # no message ever concerns 8
-        played(core, shown(at_ms, 7), shown(at_ms, 9), there(at_ms))
-    assert core.take_question()
+    # No message ever concerns 8.
+    ticks = [(shown(at_ms, 7), shown(at_ms, 9), there(at_ms)) for at_ms in range(6_000, 16_000, 1_000)]
+    assert played(core, *(it for tick in ticks for it in tick))[-1] == ASKED
     assert DockOpened(16_000, 2, 8) in played(
         core, DocksReceived(16_000, frozenset({"amussel7", "amussel9"}))
     )
