@@ -31,24 +31,21 @@ def changed(tmp_path: Path, old: str, new: str) -> Path:
     return path
 
 
-def test_a_wrong_key_is_named_with_its_path(tmp_path: Path) -> None:
-    scenario, findings = scenario_check.read(changed(tmp_path, "  batch: 4", "  batsch: 4"))
-    assert scenario is None
-    assert any(
-        "mission.batsch" in finding.found and finding.status is CheckStatus.FAIL for finding in findings
-    )
-
-
-def test_more_aMussels_than_there_are_starts(tmp_path: Path) -> None:
-    _, findings = scenario_check.read(changed(tmp_path, "count: 12", "count: 13"))
-    assert [finding.check for finding in findings if finding.status is CheckStatus.FAIL] == ["starts"]
-
-
-def test_a_codec_that_nobody_brings(tmp_path: Path) -> None:
-    path = changed(tmp_path, "report_period_s: 1}", "report_period_s: 1, codec: ours-9}")
-    _, findings = scenario_check.read(path)
-    (failed,) = [finding for finding in findings if finding.status is CheckStatus.FAIL]
-    assert failed.check == "codec" and "ours-9" in failed.found and "musselbed-1" in failed.found
+@pytest.mark.parametrize(
+    ("old", "new", "check", "told"),
+    [
+        ("  batch: 4", "  batsch: 4", "scenario", ["mission.batsch"]),
+        ("count: 12", "count: 13", "starts", []),
+        ("report_period_s: 1}", "report_period_s: 1, codec: ours-9}", "codec", ["ours-9", "musselbed-1"]),
+    ],
+    ids=["a wrong key is named with its path", "more aMussels than starts", "a codec that nobody brings"],
+)
+def test_what_is_wrong_is_named(tmp_path: Path, old: str, new: str, check: str, told: list[str]) -> None:
+    scenario, findings = scenario_check.read(changed(tmp_path, old, new))
+    assert (scenario is None) is (check == "scenario")
+    failed = [it for it in findings if it.status is CheckStatus.FAIL]
+    assert {it.check for it in failed} == {check}
+    assert all(any(words in it.found for it in failed) for words in told)
 
 
 def test_a_strategy_in_a_file_is_left_out_and_told_and_the_others_are_checked(tmp_path: Path) -> None:

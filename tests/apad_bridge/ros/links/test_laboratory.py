@@ -55,9 +55,6 @@ class Vehicle:
     def command(self, cleared: Cleared[VehicleCommand], now_ms: int) -> None:
         pass
 
-    def receive_dock_report(self, alert: DockReport) -> None:
-        self.alerts.append(alert)
-
     def close(self) -> None:
         pass
 
@@ -79,24 +76,18 @@ def relay_of(laboratory: Laboratory) -> PacketRelay:
     return PacketRelay(whole_flight(lambda: frozenset({3, 4})), [laboratory.take], laboratory.outlets)
 
 
-def test_docks_by_others_reach_the_vehicle_and_its_own_are_told(
-    laboratory: Laboratory, topics: Topics
+@pytest.mark.parametrize("takes_alerts", [True, False])
+def test_docks_by_others_reach_a_vehicle_that_needs_them_and_its_own_are_told(
+    laboratory: Laboratory, topics: Topics, takes_alerts: bool
 ) -> None:
     vehicle = Vehicle()
-    link = LaboratoryLink(laboratory, vehicle, vehicle.receive_dock_report)
-    alert = DockReport(1_000, None, 2, True)
-    topics.to_receive = [alert]
+    link = LaboratoryLink(laboratory, vehicle, vehicle.alerts.append if takes_alerts else None)
+    topics.to_receive = [DockReport(1_000, None, 2, True)]
     vehicle.facts = [DockClosed(1_000, 2, 3), DockOpened(1_000, 1, 4)]
     assert link.advance(1_000) == vehicle.facts
-    assert vehicle.alerts == [alert]
+    assert vehicle.alerts == [DockReport(1_000, None, 2, True)] * takes_alerts
+    assert laboratory.ignored.total() == (not takes_alerts)
     assert topics.published == [(MessageKind.DOCKED, 3, 2), (MessageKind.RELEASED, 4, 1)]
-
-
-def test_an_alert_that_the_vehicle_needs_not_is_counted(laboratory: Laboratory, topics: Topics) -> None:
-    link = LaboratoryLink(laboratory, Vehicle(), None)
-    topics.to_receive = [DockReport(1_000, 3, 2, True)]
-    link.advance(1_000)
-    assert laboratory.ignored.total() == 1
 
 
 def test_words_and_packets_become_what_aMussels_hear(laboratory: Laboratory, topics: Topics) -> None:
@@ -109,11 +100,11 @@ def test_words_and_packets_become_what_aMussels_hear(laboratory: Laboratory, top
     ]
     link.advance(1_000)
     permission = CODEC.encode(CommandPacket(Kind.PERMISSION, 3))
-    releases = [CODEC.encode(CommandPacket(Kind.RELEASE, agent_id)) for agent_id in (3, 4)]
+    first, second = (CODEC.encode(CommandPacket(Kind.RELEASE, agent_id)) for agent_id in (3, 4))
     assert relay.advance(1_000) == [
         Send(Medium.SOUND, 3, permission),
-        Send(Medium.WIFI, 3, releases[0]),
-        Send(Medium.WIFI, 4, releases[1]),
+        Send(Medium.WIFI, 3, first),
+        Send(Medium.WIFI, 4, second),
         Send(Medium.SOUND, 4, b"bytes"),
     ]
     assert relay.advance(2_000) == []

@@ -65,37 +65,33 @@ def watch_by_hand() -> MasterWatch:
     return watch
 
 
-def test_a_lost_connection_is_asked_for_ever_more_seldom_until_it_is_back(graph: Graph) -> None:
-    watch = watch_by_hand()
-    look_for(graph, watch, 5)
-    graph.connections = [SAID]
-    look_for(graph, watch, 100)
-    assert (
-        graph.registered_s[:5] == [6, 7, 9, 13, 21] and graph.registered_s[-1] - graph.registered_s[-2] == 30
-    )
-    graph.connections = [HEARD]
-    look_for(graph, watch, 100)
-    assert graph.registered_s[-1] <= 105
+WATCHED: dict[str, list[tuple[list[tuple[object, ...]], int, list[int], list[int]]]] = {
+    # The connections, for how many seconds, and the times at which all was registered, or `said` named, meanwhile.
+    "a lost connection is asked for ever more seldom until it is back, and the next loss at once": [
+        ([HEARD, SAID], 5, [], []),
+        ([SAID], 100, [6, 7, 9, 13, 21, 37, 67, 97], []),
+        ([HEARD, SAID], 100, [], []),
+        ([SAID], 1, [206], []),
+    ],
+    "a reader that is lost is called back until it comes, or five minutes are over": [
+        ([HEARD, SAID], 5, [], []),
+        ([HEARD], 20, [], [6, 7, 8, 10, 14, 22]),
+        ([HEARD, SAID], 100, [], []),
+        ([HEARD], 1000, [], [126, 127, 128, 130, 134, 142, 158, *range(188, 426, 30)]),
+    ],
+}
 
-    # The next loss is looked at at once.
-    graph.connections = [SAID]
-    look_for(graph, watch, 1)
-    assert graph.registered_s[-1] == 206 and watch.take() == []
 
-
-def test_a_reader_that_is_lost_is_called_back_until_it_comes_or_five_minutes_are_over(graph: Graph) -> None:
-    watch = watch_by_hand()
-    look_for(graph, watch, 5)
-    graph.connections = [HEARD]
-    look_for(graph, watch, 20)
-    assert graph.named_s == [6, 7, 8, 10, 14, 22] and graph.registered_s == []
-    graph.connections = [HEARD, SAID]
-    look_for(graph, watch, 100)
-    assert graph.named_s[-1] == 22
-    graph.connections = [HEARD]
-    look_for(graph, watch, 1000)
-    assert graph.named_s[6] == 126 and 126 + 270 <= graph.named_s[-1] < 126 + 300
-    assert graph.named_s[-1] - graph.named_s[-2] == 30
+@pytest.mark.parametrize("steps", WATCHED.values(), ids=WATCHED)
+def test_what_is_lost_is_asked_for(
+    graph: Graph, steps: list[tuple[list[tuple[object, ...]], int, list[int], list[int]]]
+) -> None:
+    watch, found = watch_by_hand(), []
+    for graph.connections, seconds, _, _ in steps:
+        graph.registered_s, graph.named_s = [], []
+        look_for(graph, watch, seconds)
+        found.append((graph.connections, seconds, graph.registered_s, graph.named_s))
+    assert found == steps and watch.take() == []
 
 
 def test_a_connection_of_a_topic_that_was_left_is_not_asked_for(graph: Graph) -> None:

@@ -123,6 +123,21 @@ WANTED, BESIDE = BodyInWater("a", (0.0, 20.0), 1), BodyInWater("d", (1.0, 0.0), 
 @pytest.mark.parametrize(
     ("guard", "order", "situation", "why"),
     [
+        # Nothing moves on a bad position or without the word of a person.
+        *(
+            (guard, order, replace(AT, **fault), *fault.values()) if fault else (guard, order, AT, "")
+            for order in (going(1.0, 1.0), Hold(1, 1.0, 1.0), *AT_THE_DOCKS)
+            for guard, fault in (
+                (GoodPosition(), {"position_fault": "old"}),
+                (GoodPosition(), {}),
+                (PersonsWord(), {"awaits_person": "after a breach"}),
+                (PersonsWord(), {}),
+            )
+        ),
+        # From outside only the way straight back passes, and only where the scenario wants it.
+        (InWaters(WATERS, returns=True), going(1.0, 5.0), OUTSIDE, ""),
+        (InWaters(WATERS, returns=True), going(5.0, 5.0), OUTSIDE, "begins where the aPad may not be"),
+        (InWaters(WATERS), going(1.0, 5.0), OUTSIDE, "begins where the aPad may not be"),
         # Docks, arms, and aMussels that are called up stay in the waters.
         *((InWaters(WATERS), order, OUTSIDE, "3.0 m outside") for order in AT_THE_DOCKS),
         *((InWaters(WATERS), order, AT, "") for order in AT_THE_DOCKS),
@@ -168,15 +183,6 @@ def test_each_guard_refuses_with_its_reason(
     assert (why in refusal) if why else refusal == ""
 
 
-def test_from_outside_only_the_way_straight_back_passes_and_only_where_the_scenario_wants_it() -> None:
-    outside = replace(AT, place_m=(-4.0, 5.0))
-    back = WATERS.nearest_inside((-4.0, 5.0))
-    assert back == pytest.approx((1.0, 5.0))
-    assert InWaters(WATERS, returns=True).refusal(going(*back), outside) == ""
-    assert InWaters(WATERS, returns=True).refusal(going(5.0, 5.0), outside) != ""
-    assert InWaters(WATERS).refusal(going(*back), outside) != ""
-
-
 @pytest.mark.parametrize(
     "order",
     [
@@ -194,6 +200,10 @@ def test_numbers_that_no_vehicle_should_get_are_refused(order: GuardedOrder) -> 
     assert SoundNumbers().refusal(going(1.0, 1.0), AT) == ""
 
 
+def test_the_nearest_place_inside_keeps_the_clearance() -> None:
+    assert WATERS.nearest_inside((-4.0, 5.0)) == pytest.approx((1.0, 5.0))
+
+
 def test_the_next_way_may_begin_at_the_aMussel_that_a_dock_has_just_taken() -> None:
     gate = Gate([ClearOfBodies(3.0)], PositionWatch(PositionLimits()))
     gate.observe([PoseReported(0, 0.03, 0.0, 0.0)])
@@ -208,13 +218,6 @@ def test_the_next_way_may_begin_at_the_aMussel_that_a_dock_has_just_taken() -> N
 def _reason(gate: Gate, order: GoTo) -> str:
     refusal = gate.refusal(order, 0)
     return "" if refusal is None else refusal.reason
-
-
-@pytest.mark.parametrize("order", [going(1.0, 1.0), Hold(1, 1.0, 1.0), *AT_THE_DOCKS])
-def test_nothing_moves_on_a_bad_position_or_without_the_word_of_a_person(order: GuardedOrder) -> None:
-    assert GoodPosition().refusal(order, replace(AT, position_fault="old")) == "old"
-    assert PersonsWord().refusal(order, replace(AT, awaits_person="after a breach")) == "after a breach"
-    assert GoodPosition().refusal(order, AT) == "" == PersonsWord().refusal(order, AT)
 
 
 ALL: list[Guard] = [
