@@ -3,8 +3,6 @@ charge for their status."""
 
 from __future__ import annotations
 
-from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -17,7 +15,6 @@ from apad_bridge.scenario.loader import from_data, load, resolve
 from firmware_model.packets import CommandPacket, Kind, ShortStatus
 from firmware_model.packets.codec import MusselbedCodec
 
-THETA = 30
 TWIN = {
     "drain_deviation": 0.1,
     "sensor_noise": 0.015,
@@ -37,13 +34,6 @@ def scenario(**talk: float) -> dict[str, Any]:
     data["water"]["localisation"] = {}
     data["water"]["talk"].update(talk)
     return dict(data)
-
-
-def with_failing_links(data: dict[str, Any], links: Path, *rules: str) -> dict[str, Any]:
-    """The data with links that fail."""
-    links.write_text("\n".join(["from, to, loss, since_s", *rules]))
-    data["water"]["links_file"] = str(links)
-    return data
 
 
 def flown(data: dict[str, Any]) -> tuple[MemoryRecorder, dict[str, int]]:
@@ -96,42 +86,21 @@ def test_whose_charge_it_is_unsure_of_is_asked_and_answers_into_the_quiet() -> N
     assert requests_and_answers(flown(scenario())[0]) == []
 
 
-def test_without_an_answer_it_asks_again_after_ten_minutes_of_its_time_and_counts_it(tmp_path: Path) -> None:
-    data = scenario(ask_worth_answers=1)
-    with_failing_links(data, tmp_path / "links.csv", "1, apad, 1, 300", "2, apad, 1, 300")
-    data["duration_s"] = 1600
-    recorder, dropped = flown(data)
-    asked = {
-        agent_id: [at for at, it in events(recorder, "asked") if it["id"] == agent_id and at > 300_000]
-        for agent_id in (1, 2)
-    }
-    unanswered = [it["id"] for _, it in events(recorder, "unanswered")]
-    assert set(unanswered) == {1, 2}
-    # The last answer of each may still be awaited.
-    assert sum(map(len, asked.values())) - len(unanswered) in (0, 1, 2)
-    assert dropped["sound: asked how it was, and no answer came in time"] == len(unanswered)
-    for times in asked.values():
-        assert len(times) > 1 and all((later - at) * THETA >= 600_000 for at, later in pairwise(times))
+WORST_CASE = {"board": resolve(load(POOL_FILE))["board"], "mission": {"full_when": "primary"}}
 
 
 @pytest.mark.parametrize(
-    ("key", "wrong"),
+    ("key", "wrong", "why"),
     [
-        ("ping_worth_m", {"beliefs": {"estimator": "hold_last"}}),
-        ("ask_worth_answers", {"beliefs": {"estimator": "hold_last"}}),
+        ("ping_worth_m", {"beliefs": {"estimator": "hold_last"}}, "estimator: twin"),
+        ("ask_worth_answers", {"beliefs": {"estimator": "hold_last"}}, "estimator: twin"),
+        ("ask_worth_answers", WORST_CASE, "the worst case does not answer"),
     ],
 )
-def test_it_takes_beliefs_that_know_how_sure_they_are(key: str, wrong: dict[str, Any]) -> None:
-    data = scenario(**{key: 1.0}) | wrong
-    with pytest.raises(ScenarioError, match=rf"water\.talk\.{key}.*estimator: twin"):
-        from_data(data, "asking")
-
-
-def test_the_worst_case_does_not_answer_and_so_is_not_asked() -> None:
-    data = scenario(ask_worth_answers=1.0)
-    pool = resolve(load(POOL_FILE))
-    data["board"], data["mission"]["full_when"] = pool["board"], "primary"
-    with pytest.raises(
-        ScenarioError, match=r"water\.talk\.ask_worth_answers.*the worst case does not answer"
-    ):
-        from_data(data, "asking")
+def test_it_takes_boards_that_answer_and_beliefs_that_know_how_sure_they_are(
+    key: str, wrong: dict[str, Any], why: str
+) -> None:
+    data = scenario(**{key: 1.0})
+    mission = data["mission"] | wrong.get("mission", {})
+    with pytest.raises(ScenarioError, match=rf"water\.talk\.{key}.*{why}"):
+        from_data(data | wrong | {"mission": mission}, "asking")

@@ -161,6 +161,15 @@ SCENES: dict[str, tuple[dict[str, Any], dict[str, Any], list[tuple[Act, list[str
             (tick(1_300_000), ["ping 2 at 1300000"]),
         ],
     ),
+    "one that did not answer is asked again ten minutes of its own time later, at theta 30": (
+        QUIET,
+        {"ids": [1], "slots": None, "answer_ms": 893, "theta": 30},
+        [
+            (tick(0, unsure=[1]), ["Asked 1", "CommandPacket 4 1 at 20"]),
+            (tick(19_999, unsure=[1]), ["NoAnswer 1"]),
+            (tick(20_000, unsure=[1]), ["Asked 1", "CommandPacket 4 1 at 20020"]),
+        ],
+    ),
     "one that was put elsewhere is measured again": (
         NO_BEACON,
         {"ids": [1]},
@@ -264,8 +273,8 @@ SCENES: dict[str, tuple[dict[str, Any], dict[str, Any], list[tuple[Act, list[str
 def test_what_is_sent_and_when(
     talk: dict[str, Any], how: dict[str, Any], steps: list[tuple[Act, list[str]]]
 ) -> None:
-    how = {"slots": SLOTS, "served": None, "answer_ms": CONFIG.answer_ms} | how
-    config = replace(talking(**talk), answer_ms=how["answer_ms"])
+    how = {"slots": SLOTS, "served": None, "answer_ms": CONFIG.answer_ms, "theta": 1} | how
+    config = replace(talking(**talk), answer_ms=how["answer_ms"], scale=TimeScale(how["theta"]))
     scheduler = AcousticScheduler(config, CODEC, how["slots"], how["ids"], served=how["served"])
     for act, sent in steps:
         assert shown(act(scheduler)) == sent
