@@ -167,7 +167,7 @@ SCENES: dict[str, tuple[dict[str, Any], dict[str, Any], list[tuple[Act, list[str
         [
             (tick(0, unsure=[1]), ["Asked 1", "CommandPacket 4 1 at 20"]),
             (tick(19_999, unsure=[1]), ["NoAnswer 1"]),
-            (tick(20_000, unsure=[1]), ["Asked 1", "CommandPacket 4 1 at 20020"]),
+            (tick(20_000, unsure=[1]), ["Asked 1", "CommandPacket 4 1 at 600020"]),
         ],
     ),
     "one that was put elsewhere is measured again": (
