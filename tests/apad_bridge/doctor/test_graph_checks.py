@@ -167,23 +167,35 @@ def test_a_graph_full_of_dead_nodes_is_told_in_few_lines(closed: str) -> None:
     assert len(findings) == 9 and "12 more" in findings[-1].found
 
 
-def test_ids_and_a_clock_of_a_node_that_was_killed_are_free(closed: str) -> None:
+OURS = {"amussel3__position": ["/musselbed_1"], "clock": ["/musselbed_clock"]}
+BESIDE = {name: [*nodes, "/other"] for name, nodes in OURS.items()}
+
+
+@pytest.mark.parametrize(
+    ("publishers", "check", "status", "told"),
+    [
+        (OURS, "ids", "WARN", "3 of the scenario are published by /musselbed_1 alone"),
+        (OURS, "ids", "WARN", "rosnode cleanup"),
+        (BESIDE, "ids", "FAIL", "published already by /other"),
+        (BESIDE, "clock", "OK", ""),
+        (OURS, "clock", "FAIL", "no node that lives publishes /clock"),
+    ],
+)
+def test_ids_and_a_clock_of_a_node_that_was_killed_are_free(
+    closed: str, publishers: dict[str, list[str]], check: str, status: str, told: str
+) -> None:
     """The master keeps the registrations of a process that could not say good-bye."""
-    ours = {"amussel3__position": ["/musselbed_1"], "clock": ["/musselbed_clock"]}
     with answering(getPid=[1, "", 7]) as alive:
         apis = {"/musselbed_1": closed, "/musselbed_clock": closed, "/other": alive}
         with answering(lookupNode=lambda _, node: [1, "", apis[node]], getParam=[1, "", True]) as uri:
-            free = graph_checks.check_agents_present(a_graph(uri, **ours), range(1, 13))
-            assert free.status is CheckStatus.WARN and free.mend == "rosnode cleanup"
-            assert "3 of the scenario are published by /musselbed_1 alone" in free.found
-            both = a_graph(
-                uri, amussel3__position=["/musselbed_1", "/other"], clock=["/musselbed_clock", "/other"]
+            graph = a_graph(uri, **publishers)
+            ids = check == "ids"
+            found = (
+                graph_checks.check_agents_present(graph, range(1, 13))
+                if ids
+                else graph_checks.check_clock(graph)
             )
-            clash = graph_checks.check_agents_present(both, range(1, 13))
-            assert clash.status is CheckStatus.FAIL and clash.found.endswith("published already by /other")
-            assert graph_checks.check_clock(both).status is CheckStatus.OK
-            clock = graph_checks.check_clock(a_graph(uri, **ours))
-            assert clock.status is CheckStatus.FAIL and "no node that lives publishes /clock" in clock.found
+    assert found.status == status and told in f"{found.found} {found.mend}"
 
 
 SOME = a_graph(amussel2__position=["/them"], amussel3__position=["/them"], amussel9__position=["/one"])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from unittest.mock import MagicMock
 
@@ -19,7 +21,6 @@ from apad_bridge.ros.generation_b.link import GenerationBLink
 from apad_bridge.ros.relay import division_of
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource
-from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.packet_relay import PacketOrigin
 from apad_bridge.vehicle.commands import PoseReported
 from apad_bridge.vehicle.guards.gate import Gate
@@ -34,32 +35,43 @@ OPTIONS = RunOptions(
 )
 
 
-def test_a_vehicle_with_another_origin_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    found: Finding = fail("/apad1/LocalOriginLat says 45, 412 m from the scenario's", "area.origin: 45")
+@pytest.mark.parametrize(
+    ("found", "refused"),
+    [
+        (fail("/apad1/LocalOriginLat says 45, 412 m from the scenario's", "area.origin: 45"), True),
+        (ok("the same"), False),
+        # The preflight before it has told that nobody says it, and a person has accepted that.
+        (cannot_tell("nobody says", "ask"), False),
+    ],
+)
+def test_a_vehicle_with_another_origin_is_refused(
+    monkeypatch: pytest.MonkeyPatch, found: Finding, refused: bool
+) -> None:
     monkeypatch.setattr(flight_opening, "check_origin", lambda uri, apad, ours: found)
-    with pytest.raises(VehicleNotReady, match=r"412 m from the scenario's: area.origin: 45"):
+    with refusal(r"412 m from the scenario's: area.origin: 45" if refused else ""):
         flight_opening._refuse_other_origin(load(POOL_FILE), OPTIONS)
-    # The preflight before it has told that nobody says it, and a person has accepted that.
-    for other in (ok("the same"), cannot_tell("nobody says", "ask")):
-        monkeypatch.setattr(flight_opening, "check_origin", lambda uri, apad, ours, other=other: other)
-        flight_opening._refuse_other_origin(load(POOL_FILE), OPTIONS)
+
+
+def refusal(why: str) -> AbstractContextManager[object]:
+    """The vehicle is refused for this reason; for none, it is not."""
+    return pytest.raises(VehicleNotReady, match=why) if why else nullcontext()
 
 
 @pytest.mark.parametrize(
-    ("publishers", "is_refused"), [(["/camera_driver"], True), (["/musselbed_1"], False), ([], False)]
+    ("publishers", "why"),
+    [
+        (["/camera_driver"], "/apad1/docking_vertical has a publisher already, /camera_driver"),
+        (["/musselbed_1"], ""),
+        ([], ""),
+    ],
 )
 def test_the_virtual_camera_does_not_publish_beside_another(
-    monkeypatch: pytest.MonkeyPatch, publishers: list[str], is_refused: bool
+    monkeypatch: pytest.MonkeyPatch, publishers: list[str], why: str
 ) -> None:
     graph = Graph("http://h:1", {"/apad1/docking_vertical": publishers}, {}, {}, {})
     monkeypatch.setattr(link.Graph, "read", lambda uri: graph)
     monkeypatch.setattr(rospy, "get_name", lambda: "/musselbed_1")
-    if not is_refused:
-        link._refuse_second_camera("apad1")
-        return
-    with pytest.raises(
-        VehicleNotReady, match="/apad1/docking_vertical has a publisher already, /camera_driver"
-    ):
+    with refusal(why):
         link._refuse_second_camera("apad1")
 
 
@@ -79,6 +91,30 @@ def test_a_real_vehicle_is_one_that_we_did_not_start(
     assert RunOptions(part, apad, time, 1.0, OnDeath.WAIT).has_real_vehicle is is_real
 
 
+def opening(
+    monkeypatch: pytest.MonkeyPatch, options: RunOptions, tell: Callable[[str], None] = print, **parts: object
+) -> None:
+    """Opens a flight's context with these parts; it comes so far as one that says so."""
+    stands_in = ("_refuse_other_origin", "_gateway", "_roster", "_laboratory", "_beside_the_gateway")
+    for name, part in {**dict.fromkeys(stands_in, MagicMock()), **parts}.items():
+        monkeypatch.setattr(flight_opening, name, part)
+    opened = flight_opening.open_flight_context(
+        load(POOL_FILE),
+        options,
+        world=World(NoFleet()),
+        resume_point=None,
+        truths_at=lambda now_ms: [],
+        presences=MagicMock(),
+        allocation=MagicMock(),
+        tell=tell,
+    )
+    with pytest.raises(PeerFailed, match="far enough"), opened:
+        pass
+
+
+FAR_ENOUGH = VehicleNotReady("far enough")
+
+
 @pytest.mark.parametrize(
     ("options", "waits"),
     [
@@ -91,28 +127,9 @@ def test_a_real_vehicle_is_one_that_we_did_not_start(
 def test_every_real_vehicle_that_was_stopped_waits_for_a_person_whoever_gives_the_orders(
     monkeypatch: pytest.MonkeyPatch, options: RunOptions, waits: bool
 ) -> None:
-    asked: list[bool] = []
-
-    def safety_of(scenario: Scenario, *, needs_person: bool) -> None:
-        asked.append(needs_person)
-        raise VehicleNotReady("far enough")
-
-    for part in ("_refuse_other_origin", "_gateway", "_roster", "_laboratory", "_beside_the_gateway"):
-        monkeypatch.setattr(flight_opening, part, MagicMock())
-    monkeypatch.setattr(flight_opening, "safety_of", safety_of)
-    opened = flight_opening.open_flight_context(
-        load(POOL_FILE),
-        options,
-        world=World(NoFleet()),
-        resume_point=None,
-        truths_at=lambda now_ms: [],
-        presences=MagicMock(),
-        allocation=MagicMock(),
-        tell=print,
-    )
-    with pytest.raises(PeerFailed, match="far enough"), opened:
-        pass
-    assert asked == [waits]
+    safety_of = MagicMock(side_effect=FAR_ENOUGH)
+    opening(monkeypatch, options, safety_of=safety_of)
+    assert [it.kwargs for it in safety_of.call_args_list] == [{"needs_person": waits}]
 
 
 @pytest.mark.parametrize(
@@ -125,25 +142,8 @@ def test_its_last_orders_are_answered_before_the_link_to_it_is_closed(
     """A vehicle in roscpp drops a call that waits for its turn when its connection is closed."""
     vehicle, lines = MagicMock(spec=GenerationBLink), list[str]()
     vehicle.wait_until_taken.return_value = unanswered
-    for part in ("_refuse_other_origin", "_gateway", "_roster", "_laboratory", "_beside_the_gateway"):
-        monkeypatch.setattr(flight_opening, part, MagicMock())
-    monkeypatch.setattr(flight_opening, "OtherAPads", MagicMock())
-    monkeypatch.setattr(
-        flight_opening, "WatchdogStates", MagicMock(side_effect=VehicleNotReady("far enough"))
-    )
-    monkeypatch.setattr(flight_opening, "_vehicle", lambda *_: (vehicle, ()))
-    opened = flight_opening.open_flight_context(
-        load(POOL_FILE),
-        OPTIONS,
-        world=World(NoFleet()),
-        resume_point=None,
-        truths_at=lambda now_ms: [],
-        presences=MagicMock(),
-        allocation=MagicMock(),
-        tell=lines.append,
-    )
-    with pytest.raises(PeerFailed, match="far enough"), opened:
-        pass
+    parts = {"OtherAPads": MagicMock(), "WatchdogStates": MagicMock(side_effect=FAR_ENOUGH)}
+    opening(monkeypatch, OPTIONS, lines.append, _vehicle=lambda *_: (vehicle, ()), **parts)
     assert [name for name, _, _ in vehicle.method_calls] == ["wait_until_taken", "close"]
     assert [line[: len(begin)] for line, begin in zip(lines, told, strict=True)] == told
 

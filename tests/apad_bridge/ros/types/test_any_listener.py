@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -16,8 +16,8 @@ from apad_bridge.events.graph_events import MessagesDropped
 from apad_bridge.ros.generation_a import link as link_a
 from apad_bridge.ros.generation_b import link as link_b
 from apad_bridge.ros.links.laboratory_topics import LaboratorySubscribers
+from apad_bridge.ros.links.vehicle_subscribers import POSE_FIELDS, VehicleSubscribers, NavSts
 from apad_bridge.ros.links.other_apads import OtherAPads
-from apad_bridge.ros.links.vehicle_subscribers import POSE_FIELDS, NavSts, VehicleSubscribers
 from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.ros.types.any_message import why_unfit
 from apad_bridge.scenario.lab_interface.lab_messages import MessageKind
@@ -31,11 +31,10 @@ Inboxed = tuple[VehicleSubscribers, Inbox[Any]]
 @pytest.fixture(params=["a", "b"])
 def subscribed(request: pytest.FixtureRequest) -> Iterator[Inboxed]:
     inbox: Inbox[Any] = Inbox()
-    made: dict[str, Callable[[], VehicleSubscribers]] = {
-        "a": lambda: link_a.Subscribers("apad1", [4], inbox, stamped=False),
-        "b": lambda: link_b.Subscribers("apad1", inbox, stamped=False),
-    }
-    subscribers = made[request.param]()
+    if request.param == "a":
+        subscribers: VehicleSubscribers = link_a.Subscribers("apad1", [4], inbox, stamped=False)
+    else:
+        subscribers = link_b.Subscribers("apad1", inbox, stamped=False)
     yield subscribers, inbox
     subscribers.close()
 
@@ -142,13 +141,24 @@ def test_the_guards_of_several_aPads_keep_the_last_place_of_one_with_a_strangers
     others.close()
 
 
-def test_a_boolean_may_be_read_from_a_number_and_a_number_from_no_boolean() -> None:
-    assert why_unfit(Int32, Bool, ("data",)) is None
-    assert "a boolean in data" in (why_unfit(Bool, Int32, ("data",)) or "")
-    assert why_unfit(String, Bool, ("data",)) is not None
-    assert why_unfit(NavSts, NavSts, POSE_FIELDS) is None
-    assert why_unfit(Float64, Float32MultiArray, ("data",)) is not None
-    assert why_unfit(Float64, NavSts, POSE_FIELDS) == "std_msgs/Float64 has no header.stamp"
+@pytest.mark.parametrize(
+    ("theirs", "ours", "fields", "why"),
+    [
+        (Int32, Bool, ("data",), None),
+        (Bool, Int32, ("data",), "std_msgs/Bool has a boolean in data, where std_msgs/Int32 has a number"),
+        (String, Bool, ("data",), "std_msgs/String has a text in data, where std_msgs/Bool has a boolean"),
+        (NavSts, NavSts, POSE_FIELDS, None),
+        (
+            Float64,
+            Float32MultiArray,
+            ("data",),
+            "std_msgs/Float64 has a number in data, where std_msgs/Float32MultiArray has a list of numbers",
+        ),
+        (Float64, NavSts, POSE_FIELDS, "std_msgs/Float64 has no header.stamp"),
+    ],
+)
+def test_what_may_be_read_from_what(theirs: Any, ours: Any, fields: tuple[str, ...], why: str | None) -> None:
+    assert why_unfit(theirs, ours, fields) == why
 
 
 def test_a_laboratorys_message_of_another_type_is_dropped_counted_and_told_once() -> None:
