@@ -91,27 +91,39 @@ def test_a_plan_that_was_stored_is_started_by_its_name(desk: Desk) -> None:
     assert taken.request.act is Act.HOLD and taken.request.goal_m == pytest.approx((3.0, 4.0), abs=1e-3)
     assert taken.plan_id == "go"
     answered = desk.read(taken.answer(Answer(False, "refused: outside the fence")))
-    assert (answered.type, answered.op, answered.request_id) == (FAILURE, START, 77)
-    assert answered.info == "refused: outside the fence" and answered.plan_id == "go"
+    assert (answered.type, answered.op, answered.request_id, answered.plan_id) == (FAILURE, START, 77, "go")
+    assert answered.info == "refused: outside the fence"
 
     (listed,) = inner(inner(desk.store(GET_STATE), "arg"), "plans_info")
     got = inner(desk.store(GET_PLAN), "arg")
-    assert (listed.plan_id, got.plan_id) == ("go", "go")
+    assert (listed.plan_id, got.plan_id, len(listed.md5)) == ("go", "go", 16)
     assert name_of(inner(inner(got, "maneuvers")[0], "data")) == "StationKeeping"
-    assert inner(desk.store(GET_INFO), "arg").md5 == listed.md5 and len(listed.md5) == 16
-    assert desk.store(DEL).type == SUCCESS and desk.store(DEL).type == FAILURE
+    assert inner(desk.store(GET_INFO), "arg").md5 == listed.md5
+    assert [desk.store(DEL).type, desk.store(DEL).type] == [SUCCESS, FAILURE]
     assert inner(desk.store(GET_STATE), "arg").plan_count == 0
 
 
-def test_stop_abort_and_the_mission_itself(desk: Desk) -> None:
-    make = desk.codec.make
-    assert desk.control(STOP).request.act is Act.STOP
-    assert desk.take(make("Abort")).request.act is Act.ABORT
-    assert desk.control(START, plan_id="mission").request.act is Act.GIVE_BACK
-    told = desk.read(desk.take(make("Abort")).answer(Answer(False, "the mission is over: mission time")))
+@pytest.mark.parametrize(
+    ("kind", "fields", "act"),
+    [
+        ("PlanControl", {"op": STOP}, Act.STOP),
+        ("Abort", {}, Act.ABORT),
+        ("PlanControl", {"op": START, "plan_id": "mission"}, Act.GIVE_BACK),
+        ("Heartbeat", {}, None),
+        ("PlanControl", {"type": SUCCESS, "op": STOP}, None),  # an answer, and no request
+    ],
+)
+def test_stop_abort_and_the_mission_itself(
+    desk: Desk, kind: str, fields: dict[str, Any], act: Act | None
+) -> None:
+    taken = desk.take(desk.codec.make(kind, **fields))
+    assert (None if taken is None else taken.request.act) is act
+
+
+def test_why_an_abort_was_refused_is_told(desk: Desk) -> None:
+    over = Answer(False, "the mission is over: mission time")
+    told = desk.read(desk.take(desk.codec.make("Abort")).answer(over))
     assert name_of(told) == "LogBookEntry" and "the mission is over" in told.text
-    assert desk.take(make("Heartbeat")) is None
-    assert desk.take(make("PlanControl", type=SUCCESS, op=STOP)) is None  # an answer, and no request
 
 
 def goto(codec: Codec, **fields: Any) -> Any:

@@ -108,16 +108,15 @@ def test_a_console_without_an_id_is_shown_the_run_and_gives_no_orders(
 
 
 def test_what_is_no_imc_is_dropped_and_counted(wire: Wire, console: socket.socket, codec: Codec) -> None:
-    whole = codec.pack(codec.make("Announce", sys_name="x"), NEPTUS, APAD)
-    draw = random.Random(1)
-    torn = [whole[:n] for n in range(len(whole))]
-    damaged = [bytearray(whole) for _ in range(100)]
-    for packet in damaged:
-        packet[draw.randrange(len(packet))] ^= 1 << draw.randrange(8)
-    sent = [*torn, *map(bytes, damaged)]
-    for packet in sent:
+    whole, draw = codec.pack(codec.make("Announce", sys_name="x"), NEPTUS, APAD), random.Random(1)
+    number = int.from_bytes(whole, "little")
+    damaged = [
+        (number ^ 1 << (8 * draw.randrange(len(whole)) + draw.randrange(8))).to_bytes(len(whole), "little")
+        for _ in range(100)
+    ]
+    sent = [*(whole[:n] for n in range(len(whole))), *damaged]
+    for packet in (*sent, codec.pack(codec.make("Abort"), NEPTUS, APAD)):
         console.sendto(packet, wire.address)
-    console.sendto(codec.pack(codec.make("Abort"), NEPTUS, APAD), wire.address)
     got: list[ReceivedMessage] = []
     while not got:
         got += received(wire)

@@ -626,24 +626,23 @@ def test_a_healthy_position_never_turns_bad(
 def test_whatever_happens_it_moves_nothing_at_a_bad_position_under_a_pilot_or_while_it_waits(
     history: list[tuple[str, Any]],
 ) -> None:
-    vessel = Vessel(home(after_s=10.0))
-    vessel.watchdog.hear_battery(SimpleNamespace(data=90.0))
     """The bench trusts the position in each heartbeat of 0.1 s, so that such a heartbeat ends what came before it."""
+    vessel = Vessel(home(after_s=10.0))
+    charge(90.0)(vessel)
     is_bad, steers, was_heard = False, False, False
+    acts: dict[str, Callable[[Any], object]] = {
+        "age": lambda it: setattr(vessel, "age_s", it),
+        "pilot": lambda it: pilot(steers=it)(vessel),
+        "refuses": lambda it: setattr(
+            vessel.orders, "refuses", WATCHDOG.NotTaken(it, is_late=it == "late") if it else None
+        ),
+        "spoil": lambda it: vessel.seconds(0.5, each_beat=lambda: None, position=Position(*it)),
+        "seconds": vessel.seconds,
+    }
     for kind, value in history:
         before = len(vessel.orders.tried)
-        if kind == "age":
-            vessel.age_s = value
-        elif kind == "pilot":
-            pilot(steers=value)(vessel)
-            steers = value
-        elif kind == "refuses":
-            vessel.orders.refuses = WATCHDOG.NotTaken(value, is_late=value == "late") if value else None
-        elif kind == "spoil":
-            vessel.seconds(0.5, each_beat=lambda: None, position=Position(*value))
-            is_bad = True
-        else:
-            vessel.seconds(value)
+        acts[kind](value)
+        steers, is_bad = value if kind == "pilot" else steers, is_bad or kind == "spoil"
         if vessel.age_s == 0.1:
             is_bad, was_heard = False, True
         new = vessel.orders.tried[before:]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -56,42 +57,38 @@ PAIRS = [
 ]
 
 
-def port_in(phase: DockingPhase) -> DockingPort:
-    """A port whose primitive has id 1, whose command (if any) has id 1, at time 20 000 ms."""
-    port = DockingPort(DOCKING)
-    if phase is DockingPhase.GOING:
-        port.receive(GoTo(1, 50.0, 0.0, 0.5, 0.5), 20_000)
-    elif phase is DockingPhase.HOLDING:
-        port.receive(Hold(1, 0.0, 0.0), 20_000)
-    elif phase is DockingPhase.WAITING:
-        port.receive(CloseDock(1, 0, 9), 20_000)
-    elif phase is DockingPhase.ACTING:
-        port.receive(CloseDock(1, 0, 9), 5_000)
-        port.advance(20_000)
-    return port
+ENTERED: dict[DockingPhase, list[tuple[int, Primitive | None]]] = {
+    DockingPhase.IDLE: [],
+    DockingPhase.GOING: [(20_000, GoTo(1, 50.0, 0.0, 0.5, 0.5))],
+    DockingPhase.HOLDING: [(20_000, Hold(1, 0.0, 0.0))],
+    DockingPhase.WAITING: [(20_000, CloseDock(1, 0, 9))],
+    DockingPhase.ACTING: [(5_000, CloseDock(1, 0, 9)), (20_000, None)],
+}
+"""What enters a phase, by a port whose primitive has id 1, as its command has: orders, or time that passes."""
+HAPPENS: dict[DockingEvent, list[tuple[int, Any]]] = {
+    DockingEvent.ARRIVED: [(20_001, Arrived(20_001, 1))],
+    DockingEvent.COMMAND_FAILED: [(20_001, CommandFailed(20_001, 1, "?"))],
+    DockingEvent.MECHANISM_DONE: [(20_001, DockClosed(20_001, 0, 9))],
+    DockingEvent.WAIT_OVER: [(35_000, None)],
+    DockingEvent.TIMED_OUT: [(35_000, None), (90_000, None)],
+    DockingEvent.REPLACED: [(20_001, GoTo(2, 1.0, 1.0, 0.5, 0.5))],
+}
+"""Waiting, a little or long, produces the timers' events."""
 
 
-def happens(port: DockingPort, event: DockingEvent) -> list[object]:
-    """The port's actions after `event`; waiting, a little or long, produces the timers' events."""
-    match event:
-        case DockingEvent.ARRIVED:
-            return list(port.receive(Arrived(20_001, 1), 20_001))
-        case DockingEvent.COMMAND_FAILED:
-            return list(port.receive(CommandFailed(20_001, 1, "?"), 20_001))
-        case DockingEvent.MECHANISM_DONE:
-            return list(port.receive(DockClosed(20_001, 0, 9), 20_001))
-        case DockingEvent.WAIT_OVER:
-            return list(port.advance(35_000))
-        case DockingEvent.TIMED_OUT:
-            port.advance(35_000)
-            return list(port.advance(90_000))
-        case DockingEvent.REPLACED:
-            return list(port.receive(GoTo(2, 1.0, 1.0, 0.5, 0.5), 20_001))
+def actions_of(port: DockingPort, steps: list[tuple[int, Any]]) -> list[object]:
+    """The port's actions at the last step."""
+    actions: list[object] = []
+    for at_ms, it in steps:
+        actions = [*(port.advance(at_ms) if it is None else port.receive(it, at_ms))]
+    return actions
 
 
 @pytest.mark.parametrize(("phase", "event"), PAIRS)
 def test_every_phase_with_every_event(phase, event):
-    actions = happens(port_in(phase), event)
+    port = DockingPort(DOCKING)
+    actions_of(port, ENTERED[phase])
+    actions = actions_of(port, HAPPENS[event])
     endings = [action for action in actions if isinstance(action, PrimitiveSucceeded | PrimitiveFailed)]
     expected = EXPECTED[phase].get(event, NOTHING)
     assert [(type(ending), ending.primitive_id) for ending in endings] == {

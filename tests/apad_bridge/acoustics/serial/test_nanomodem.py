@@ -315,30 +315,24 @@ def test_a_modem_is_left_alone_until_its_ping_has_an_outcome_and_commands_go_bef
     asked: list[int] = []
     outcomes: list[int] = []
     waiting = {b"\xb2": 0, b"P": 0, b"\xb1": 0}
-    answers = {"answer": b"#R%03dT00640\r\n", "#TO": b"#TO\r\n", "stranger": b"#R200T00640\r\n"}
+    kinds = {"command": b"\xb2", "ping": b"P", "report": b"\xb1"}
+    told: dict[str, Callable[[int], list[NanomodemAction]]] = {
+        "ping": lambda number: queue.ping(number, now_ms),
+        "command": lambda number: queue.send(command(number), Priority.COMMAND, now_ms),
+        "report": lambda number: queue.send(report(number), Priority.REPORT, now_ms),
+        "wait": lambda _: [] if pinged else queue.advance(now_ms),
+        "answer": lambda _: queue.read(b"#R%03dT00640\r\n" % pinged, now_ms) if pinged else [],
+        "#TO": lambda _: queue.read(b"#TO\r\n", now_ms),
+        "stranger": lambda _: queue.read(b"#R200T00640\r\n", now_ms),
+    }
     # At the end each ping gets its answer, and each packet its time.
     for number, act in enumerate([*acts, *["answer", "wait"] * (len(acts) + 1)], start=1):
-        now_ms += 10
-        actions: list[NanomodemAction] = []
-        before = pinged
-        match act:
-            case "ping":
-                waiting[b"P"] += 1
-                asked.append(number)
-                actions = queue.ping(number, now_ms)
-            case "command":
-                waiting[b"\xb2"] += 1
-                actions = queue.send(command(number), Priority.COMMAND, now_ms)
-            case "report":
-                waiting[b"\xb1"] += 1
-                actions = queue.send(report(number), Priority.REPORT, now_ms)
-            case "wait" if not pinged:
-                now_ms += 500
-                actions = queue.advance(now_ms)
-            case "answer" | "#TO" | "stranger" if pinged or act != "answer":
-                line = answers[act]
-                actions = queue.read(line % pinged if act == "answer" else line, now_ms)
-                pinged = 0 if act != "stranger" else pinged
+        now_ms += 510 if act == "wait" and not pinged else 10
+        before, actions = pinged, told[act](number)
+        if act in kinds:
+            waiting[kinds[act]] += 1
+            asked += [number] * (act == "ping")
+        pinged = 0 if act in ("answer", "#TO") else pinged
         outcomes += [it.agent_id for it in actions if isinstance(it, ModemRanged)]
         outcomes += [it.packet.agent_id for it in actions if isinstance(it, PacketDropped) and it.packet]
         if line := written(actions):

@@ -7,7 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 from scenario_files import POOL_FILE
 
@@ -59,18 +58,6 @@ def test_an_ellipse_lies_along_where_a_place_is_least_known(
     assert (x, y) == (0.0, 0.0) and math.degrees(2 * math.atan2(z, w)) == pytest.approx(degrees)
 
 
-def test_95_of_100_places_lie_in_the_ellipse() -> None:
-    east, north = np.random.default_rng(3).multivariate_normal([0, 0], [[9.0, 2.0], [2.0, 4.0]], 100_000).T
-    found = ellipse_95((4.0, 2.0, 9.0))
-    turn = 2 * math.atan2(found.attitude[2], found.attitude[3])
-    along, aside = (
-        east * math.cos(turn) + north * math.sin(turn),
-        north * math.cos(turn) - east * math.sin(turn),
-    )
-    inside = (2 * along / found.length_m) ** 2 + (2 * aside / found.width_m) ** 2 <= 1
-    assert inside.mean() == pytest.approx(0.95, abs=0.003)
-
-
 def test_diagnostics_name_the_silent_and_how_sure_one_is() -> None:
     supervisor = SimpleNamespace(
         beliefs=SimpleNamespace(all=lambda: [carried(Mode.ASLEEP, 0.6)]),
@@ -82,16 +69,23 @@ def test_diagnostics_name_the_silent_and_how_sure_one_is() -> None:
         mission=SimpleNamespace(state=MissionState(), docks=(None,) * 4, unheard="position"),
     )
     array = diagnose(supervisor, (7, 8), RULES, 300_000)  # type: ignore[arg-type]
-    statuses = {status.name: status for status in array.status}
-    silent = statuses["musselbed: aMussel 7"]
-    assert silent.message == "silent for 299 s"
-    values = {value.key.replace(" ", "_"): value.value for value in silent.values}
-    assert values["mode"] == "ASLEEP" and values["primary_95"] == "0.404 to 0.796"
-    assert values["mode_probability"] == "1.000" and values["primary_deviation"] == "0.1000"
-    assert values["place_deviation"] == "2.00 m north, 3.00 m east"
-    assert values["clock"] == "+0.250 s, deviation 0.300 s"
-    assert (values["silent_timeslots"], values["learned_from"]) == ("29", "packet silence")
-    assert statuses["musselbed: aMussel 8"].message == "no report yet"
+    statuses = {it.name: (it.message, {value.key: value.value for value in it.values}) for it in array.status}
+    message, values = statuses["musselbed: aMussel 7"]
+    assert message == "silent for 299 s"
+    assert (
+        values.items()
+        >= {
+            "mode": "ASLEEP",
+            "mode probability": "1.000",
+            "primary 95": "0.404 to 0.796",
+            "primary deviation": "0.1000",
+            "place deviation": "2.00 m north, 3.00 m east",
+            "clock": "+0.250 s, deviation 0.300 s",
+            "silent timeslots": "29",
+            "learned from": "packet silence",
+        }.items()
+    )
+    assert statuses["musselbed: aMussel 8"][0] == "no report yet"
     assert {"musselbed: aPad", "musselbed: mission"} <= statuses.keys()
     # One of several on a master adds its name: otherwise their statuses would replace each other.
     array = diagnose(supervisor, (), RULES, 300_000, "apad2")  # type: ignore[arg-type]

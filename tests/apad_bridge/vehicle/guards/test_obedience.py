@@ -40,17 +40,16 @@ def judged(
         return Sight(round(1000 * s), (place, 0.0), (velocity, 0.0), (flow_m_s, 0.0), max(0.1, 4.2 * noise_m))
 
     held = (way(0.0), 0.0) if kind is StopKind.HOLD else None
-    obedience = Obedience(kind, held, STOPPING, sight(0.0))
-    verdict, at_s = Obeys.UNKNOWN, 0.0
-    for n in range(5 * seconds):
-        at_s = n / 5
-        verdict = obedience.look(sight(at_s))
-        if verdict is Obeys.NO:
-            assert obedience.reason
+    obedience, ends = Obedience(kind, held, STOPPING, sight(0.0)), {Obeys.NO}
+    if kind is StopKind.OFF:
+        ends.add(Obeys.YES)
+    looks = ((obedience.look(sight(n / 5)), n / 5) for n in range(5 * seconds))
+    verdict = (Obeys.UNKNOWN, 0.0)
+    for verdict in looks:
+        if verdict[0] in ends:
             break
-        if verdict is Obeys.YES and kind is StopKind.OFF:
-            break
-    return verdict, at_s
+    assert verdict[0] is not Obeys.NO or obedience.reason
+    return verdict
 
 
 @pytest.mark.parametrize("kind", StopKind)

@@ -26,21 +26,19 @@ class Proportional:
 
     def __init__(self, gain: float, place_m: tuple[float, float]) -> None:
         self.gain, self.place_m = gain, place_m
-        self.goal_m, self.velocity_m_s = place_m, (0.0, 0.0)
+        self.goal_m, self.velocity_m_s = place_m, 0j
         self.fastest_m_s = 0.0
         self.taken: list[VehicleCommand] = []
         self._facts: list[LinkFact] = []
 
     def advance(self, now_ms: int) -> list[LinkFact]:
         for _ in range(STEPS):
-            gap = self.goal_m[0] - self.place_m[0], self.goal_m[1] - self.place_m[1]
-            scale = min(self.gain, TOP_M_S / max(math.hypot(*gap), 1e-9))
-            change = [scale * it - v for it, v in zip(gap, self.velocity_m_s, strict=True)]
-            share = min(1.0, ACCELERATION_M_S2 / STEPS / max(math.hypot(*change), 1e-9))
-            north, east = (v + share * it for v, it in zip(self.velocity_m_s, change, strict=True))
-            self.velocity_m_s = north, east
-            self.place_m = self.place_m[0] + north / STEPS, self.place_m[1] + east / STEPS
-            self.fastest_m_s = max(self.fastest_m_s, math.hypot(north, east))
+            gap_m = complex(*self.goal_m) - complex(*self.place_m)
+            change = min(self.gain, TOP_M_S / max(abs(gap_m), 1e-9)) * gap_m - self.velocity_m_s
+            self.velocity_m_s += min(1.0, ACCELERATION_M_S2 / STEPS / max(abs(change), 1e-9)) * change
+            moved = complex(*self.place_m) + self.velocity_m_s / STEPS
+            self.place_m = moved.real, moved.imag
+            self.fastest_m_s = max(self.fastest_m_s, abs(self.velocity_m_s))
         facts, self._facts = self._facts, []
         told = [PoseReported(now_ms, *self.place_m, 0.0, now_ms), BatteryReported(now_ms, 15.0, 0.9)]
         return [*facts, *told]
