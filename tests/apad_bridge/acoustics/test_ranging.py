@@ -68,19 +68,15 @@ def test_ranges_become_a_place_that_the_beliefs_learn_and_the_journal_keeps() ->
     locator = Locator(LOCALISATION, MUSSEL_M[2])
     service, (beliefs, learner) = ranging(locator), fleet_with()
     assert taken(service, beliefs, 0) == [] and taken(service, beliefs, 1) == []
-    # Until there is a fix the beliefs learn the range itself, along the bottom: 50 m from each of the corners.
-    assert [type(it) for it in learner.learned] == [Ranged, Ranged]
-    first = learner.learned[0]
-    assert isinstance(first, Ranged)
-    assert (first.range_m, first.variance_m2) == pytest.approx((50.0, 0.04))
     (told,) = taken(service, beliefs, 2)
-    assert isinstance(told, PlaceFixed)
-    assert (told.id, told.ranges) == (7, 3)
+    assert isinstance(told, PlaceFixed) and (told.id, told.ranges) == (7, 3)
     assert (told.north_m, told.east_m) == pytest.approx((30, 40), abs=1e-3)
-    fixed = learner.learned[-1]
-    assert isinstance(fixed, Fixed) and (fixed.north_m, fixed.east_m) == pytest.approx((30, 40), abs=1e-3)
-    covariance = told.covariance
-    assert fixed.variance_m2 == pytest.approx((covariance[0] + covariance[2]) / 2, abs=1e-5)
+    # Until there is a fix the beliefs learn the range itself, along the bottom: 50 m from each of the corners.
+    first, second, fixed = learner.learned
+    assert isinstance(first, Ranged) and isinstance(second, Ranged) and isinstance(fixed, Fixed)
+    assert (first.range_m, first.variance_m2) == pytest.approx((50.0, 0.04))
+    assert (fixed.north_m, fixed.east_m) == pytest.approx((30, 40), abs=1e-3)
+    assert fixed.variance_m2 == pytest.approx((told.covariance[0] + told.covariance[2]) / 2, abs=1e-5)
 
 
 def test_a_dock_makes_what_was_measured_worthless() -> None:
@@ -94,13 +90,18 @@ def test_a_dock_makes_what_was_measured_worthless() -> None:
     assert service.dropped["no fix: too few ranges from places apart"] == 3
 
 
-def test_without_an_answer_without_a_place_or_without_localisation_nothing_is_learned() -> None:
+HERE = PoseReported(0, 0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("has_locator", "range_m", "pose"),
+    [(True, None, HERE), (True, 50.0, None), (False, 50.0, HERE)],
+    ids=["without an answer", "without a place", "without localisation"],
+)
+def test_nothing_is_learned(has_locator: bool, range_m: float | None, pose: PoseReported | None) -> None:
     beliefs, learner = fleet_with()
-    service = ranging(Locator(LOCALISATION, MUSSEL_M[2]))
-    assert service.hear(RangeHeard(0, 7, None), PoseReported(0, 0.0, 0.0, 0.0), beliefs, 0) == []
-    assert service.hear(RangeHeard(0, 7, 50.0), None, beliefs, 0) == []
-    assert taken(ranging(None), beliefs, 0) == []
-    assert learner.learned == []
+    service = ranging(Locator(LOCALISATION, MUSSEL_M[2]) if has_locator else None)
+    assert [*service.hear(RangeHeard(0, 7, range_m), pose, beliefs, 0)] == learner.learned == []
 
 
 @pytest.mark.parametrize(("state", "pings"), [(State.SLEEPING, 1), (State.FLOATING, 0), (State.CHARGING, 0)])

@@ -68,16 +68,11 @@ def test_an_apad_of_generation_a_has_as_many_docks_as_it_counts_itself(
     monkeypatch: pytest.MonkeyPatch, free: list[int] | None, held: list[str], told: str
 ) -> None:
     """The answer as on the wire: int32[] available_slots, string[] slots."""
-
-    def answer(*_: object) -> bytes:
-        if free is None:
-            raise NotAnnounced("it refuses")
-        numbers = struct.pack(f"<I{len(free)}i", len(free), *free)
-        names = b"".join(struct.pack("<I", len(it)) + it.encode() for it in held)
-        return numbers + struct.pack("<I", len(held)) + names
-
+    numbers = struct.pack(f"<I{len(free or ())}i", len(free or ()), *(free or ()))
+    names = b"".join(struct.pack("<I", len(it)) + it.encode() for it in held)
+    answer = numbers + struct.pack("<I", len(held)) + names
     silent = replace(DOOR, service_md5=not_told, topic_md5=not_told, stamp_offsets_s=not_told)
-    monkeypatch.setattr(door, "call_without_words", answer)
+    monkeypatch.setattr(door, "call_without_words", not_told if free is None else lambda *_: answer)
     goals = {"/boat/action_server/goal": ["/boat_node"]}
     services = {"/boat/check_docking_availability": ["/boat_node"]}
     graph = Graph("http://127.0.0.1:1/", {}, goals, services, {})
@@ -104,8 +99,6 @@ def test_a_silent_battery_topic_leaves_the_charge_to_the_service(monkeypatch: py
 
     answer = struct.pack("<4d", 62.5, 0.0, 0.0, 0.0) + struct.pack("<I7sI", 7, b"charger", 0)
     monkeypatch.setattr(door, "call_without_words", lambda *_: answer)
-    no_topic = replace(DOOR, messages=not_told)
-    silent = Graph("http://127.0.0.1:1/", {}, {}, {}, {})
-    assert LiveAPad(no_topic, silent, "/boat").charge() is None
-    answers = Graph("http://127.0.0.1:1/", {}, {}, {"/boat/get_battery_level": ["/boat_node"]}, {})
-    assert LiveAPad(no_topic, answers, "/boat").charge() == 0.625
+    for services, charge in (({}, None), ({"/boat/get_battery_level": ["/boat_node"]}, 0.625)):
+        graph = Graph("http://127.0.0.1:1/", {}, {}, services, {})
+        assert LiveAPad(replace(DOOR, messages=not_told), graph, "/boat").charge() == charge

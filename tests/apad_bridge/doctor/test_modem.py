@@ -6,6 +6,7 @@ import os
 import pty
 import threading
 import tty
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -50,37 +51,37 @@ class Modem:
 STATUS = b"#A007V53000R1.2.3B2020-01-01T00:00:00\r\n"
 
 
-def waits_for_an_answer(monkeypatch: pytest.MonkeyPatch, seconds: float) -> None:
-    for name in ("_ANSWER_S", "_ECHO_S"):
-        monkeypatch.setattr(modem, name, seconds)
-
-
-@pytest.fixture(autouse=True)
-def patient(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("answers", "echo_from", "told"),
+    [
+        pytest.param(
+            *({b"$?": STATUS, b"$P012": b"$P012\r\n#R012T01000\r\n"}, 12),
+            [("OK", "address 7, 12.1 V"), ("OK", "address 12 answers, 46.9 m away")],
+            id="a status, and the echo of another",
+        ),
+        pytest.param(
+            *({b"$?": STATUS, b"$P012": b"$P012\r\n#TO\r\n"}, 12),
+            [("OK", ""), ("FAIL", "none from address 12")],
+            id="no echo",
+        ),
+        pytest.param(*({}, None), [("FAIL", "")], id="no answer"),
+    ],
+)
+def test_a_modems_status_and_echo_are_told(
+    monkeypatch: pytest.MonkeyPatch,
+    answers: dict[bytes, bytes],
+    echo_from: int | None,
+    told: list[tuple[str, str]],
+) -> None:
     """A modem's thread may wait for a processor for longer than a modem takes to answer."""
-    waits_for_an_answer(monkeypatch, PATIENCE_S)
+    for name in ("_ANSWER_S", "_ECHO_S"):
+        monkeypatch.setattr(modem, name, PATIENCE_S if answers else 0.2)
+    with closing(Modem(answers)) as there:
+        found = list(check_modem(there.path, echo_from))
+    assert [it.status.value for it in found] == [status for status, _ in told]
+    assert all(words in it.found for it, (_, words) in zip(found, told, strict=True))
 
 
-def found(answers: dict[bytes, bytes], echo_from: int | None) -> list[tuple[str, str]]:
-    modem = Modem(answers)
-    try:
-        return [(it.status.value, it.found) for it in check_modem(modem.path, echo_from)]
-    finally:
-        modem.close()
-
-
-def test_the_status_and_the_echo_of_another_are_told() -> None:
-    ((status, told), (echo, how_far)) = found({b"$?": STATUS, b"$P012": b"$P012\r\n#R012T01000\r\n"}, 12)
-    assert (status, echo) == ("OK", "OK")
-    assert "address 7, 12.1 V" in told
-    assert how_far == "address 12 answers, 46.9 m away"
-
-
-def test_no_echo_no_answer_and_no_port_are_red(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    lost = found({b"$?": STATUS, b"$P012": b"$P012\r\n#TO\r\n"}, 12)
-    assert [it for it, _ in lost] == ["OK", "FAIL"] and "none from address 12" in lost[1][1]
-    waits_for_an_answer(monkeypatch, 0.2)
-    ((silent, _),) = found({}, None)
-    assert silent == "FAIL"
+def test_no_port_is_red(tmp_path: Path) -> None:
     (no_port,) = check_modem(tmp_path / "tty", None)
     assert no_port.status.value == "FAIL" and str(tmp_path / "tty") in no_port.found

@@ -53,6 +53,7 @@ from apad_bridge.world.generation_b.docks import BenchDocks
 HERE_M = (30.0, 30.0)
 BOTH = (Generation.A, Generation.B)
 DOCKING = Docking(profile=DockingProfile.VIRTUAL, dock_s=15, undock_s=5, timeout_s=200)
+LINES = {Rank.ORDER: "orders", Rank.HOLD: "hold", Rank.OFF: "off"}
 MOVES, HOLDS, OFF = "moves", "holds", "off"
 
 
@@ -84,15 +85,21 @@ class Link:
             return
         for call in self.core.take_calls():
             order = call.order.order
-            if isinstance(order, Stop):
-                self._queue.append(Outgoing(call, Rank.OFF, "off"))
-            elif isinstance(order, Hold) and order.pre_empts:
-                self._queue.append(Outgoing(call, Rank.HOLD, "hold"))
-            else:
-                self._queue.append(Outgoing(call, Rank.ORDER, "orders"))
+            holds = isinstance(order, Hold) and order.pre_empts
+            rank = Rank.OFF if isinstance(order, Stop) else Rank.HOLD if holds else Rank.ORDER
+            self._queue.append(Outgoing(call, rank, LINES[rank]))
 
     def close(self) -> None:
         pass
+
+
+def road_of(lets_go: Callable[[Cleared[Any]], bool]) -> SendingRoad:
+    """A road whose lines are open."""
+    road = SendingRoad(lets_go)
+    for line in LINES.values():
+        road.add_line(line)
+        road.opened(line)
+    return road
 
 
 class Crossing:
@@ -103,10 +110,7 @@ class Crossing:
         safety = Safety(Gate(guards, PositionWatch(PositionLimits())), Monitor([]), needs_person=True)
         self._queue: deque[Outgoing] = deque()
         self.vehicle = GuardedVehicle(Link(generation, safety.gate, self._queue), safety)
-        self.road = SendingRoad(safety.gate.lets_go)
-        for line in ("orders", "hold", "off"):
-            self.road.add_line(line)
-            self.road.opened(line)
+        self.road = road_of(safety.gate.lets_go)
         self.road.add_line("goals", answers=False)
         self.wire: list[str] = []
         self._carried: list[str] = []
@@ -231,7 +235,6 @@ def test_drawn_interleavings_of_four_calls_and_stops(generation: Generation, dat
 
 # The road alone.
 
-LINES = {Rank.ORDER: "orders", Rank.HOLD: "hold", Rank.OFF: "off"}
 LET_OUT = Gate.without_guards().clear(Stop(1), 0)
 assert isinstance(LET_OUT, Cleared)
 FIRST, SECOND, THIRD = (Outgoing(replace(LET_OUT), Rank.ORDER, "orders") for _ in range(3))
@@ -290,10 +293,7 @@ STORIES: dict[str, list[Step]] = {
 
 @pytest.mark.parametrize("story", STORIES.values(), ids=STORIES)
 def test_the_road_alone(story: list[Step]) -> None:
-    road = SendingRoad(lambda _: True)
-    for line in LINES.values():
-        road.add_line(line)
-        road.opened(line)
+    road = road_of(lambda _: True)
     told: dict[str, Callable[[Any, int], object]] = {
         "put": road.put,
         "answered": lambda line, _: road.answered(line, None),
@@ -309,9 +309,7 @@ def test_the_road_alone(story: list[Step]) -> None:
 
 @pytest.mark.parametrize(("order", "patience_ms"), [(FIRST, PATIENCE_MS), (OFF_ORDER, STOP_PATIENCE_MS)])
 def test_an_order_is_due_when_its_patience_ends(order: Outgoing, patience_ms: int) -> None:
-    road = SendingRoad(lambda _: True)
-    road.add_line(order.line)
-    road.opened(order.line)
+    road = road_of(lambda _: True)
     road.put(order, 0)
     road.advance(0)
     assert road.next_due_ms() == patience_ms
