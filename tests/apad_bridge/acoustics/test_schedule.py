@@ -101,15 +101,15 @@ def sends(packet: Send, now_ms: int, agent_id: int = 1) -> Act:
     return lambda it: it.send(replace(packet, agent_id=agent_id), now_ms)
 
 
-def shown(actions: Any) -> list[str]:
+def shown(actions: Any) -> list[str] | None:
     if isinstance(actions, list):
         return [text(it) for it in actions]
-    return [] if actions is None else [text(actions)]
+    return None if actions is None else [text(actions)]
 
 
 NO_BEACON = {"beacon_period_s": 0.0}
 QUIET = {"assigns": False, "beacon_period_s": 0.0}
-SCENES: dict[str, tuple[dict[str, Any], dict[str, Any], list[tuple[Act, list[str]]]]] = {
+SCENES: dict[str, tuple[dict[str, Any], dict[str, Any], list[tuple[Act, list[str] | None]]]] = {
     # Three timeslots of 5 s are taken. A ping may take 105 ms and 4 s of waiting; a beacon of 14 bytes lasts 480 ms.
     "it learns delays and then sends a beacon, whose time is that of its end": (
         {},
@@ -176,7 +176,7 @@ SCENES: dict[str, tuple[dict[str, Any], dict[str, Any], list[tuple[Act, list[str
         [
             (tick(0), ["ping 1 at 5000"]),
             (answers(1, 10.0, 20_000), ["SlotAssignment 1 300000 5000 40 0 -7 at 20000"]),
-            (lambda it: it.moved(1, 1_000_000), []),
+            (lambda it: it.moved(1, 1_000_000), None),
             (tick(1_599_000), []),
             (tick(1_600_000), ["ping 1 at 1600000"]),
         ],
@@ -189,7 +189,7 @@ SCENES: dict[str, tuple[dict[str, Any], dict[str, Any], list[tuple[Act, list[str
             (sends(SOUND, 301_000), ["sound 1 at 310000"]),
             (sends(RADIO, 301_000), ["wifi 1 at 0"]),
             (sends(SOUND, 301_000, 2), ["sound 2 at 310400"]),
-            (sends(SOUND, 305_000), []),
+            (sends(SOUND, 305_000), None),
             (sends(RADIO, 305_000), ["wifi 1 at 0"]),
             (sends(SOUND, 311_000), ["sound 1 at 311000"]),
         ],
@@ -231,7 +231,7 @@ SCENES: dict[str, tuple[dict[str, Any], dict[str, Any], list[tuple[Act, list[str
             (tick(5000), []),
             (tick(6000), ["NoAnswer 1"]),
             (tick(10_000, unsure=[2]), ["Asked 2", "CommandPacket 4 2 at 10020"]),
-            (lambda it: it.short_status_received(2), []),
+            (lambda it: it.short_status_received(2), None),
             (tick(20_000), []),
             (lambda it: str(it.unanswered), ["1"]),
         ],
@@ -247,9 +247,9 @@ SCENES: dict[str, tuple[dict[str, Any], dict[str, Any], list[tuple[Act, list[str
                 ["ping 2 at 160000", "ping 4 at 164105", "Beacon 0 168690 at 168210", "ping 2 at 168690"],
             ),
             (answers(4, 150.0, 170_000), ["SlotAssignment 4 300000 5000 40 3 -200 at 172795"]),
-            (lambda it: it.start_serving(1, 200_000), []),
-            (lambda it: it.stop_serving(2), []),
-            (lambda it: it.stop_serving(4), []),
+            (lambda it: it.start_serving(1, 200_000), None),
+            (lambda it: it.stop_serving(2), None),
+            (lambda it: it.stop_serving(4), None),
             (
                 lambda it: str(
                     {
@@ -271,7 +271,7 @@ SCENES: dict[str, tuple[dict[str, Any], dict[str, Any], list[tuple[Act, list[str
 
 @pytest.mark.parametrize(("talk", "how", "steps"), SCENES.values(), ids=SCENES)
 def test_what_is_sent_and_when(
-    talk: dict[str, Any], how: dict[str, Any], steps: list[tuple[Act, list[str]]]
+    talk: dict[str, Any], how: dict[str, Any], steps: list[tuple[Act, list[str] | None]]
 ) -> None:
     how = {"slots": SLOTS, "served": None, "answer_ms": CONFIG.answer_ms, "theta": 1} | how
     config = replace(talking(**talk), answer_ms=how["answer_ms"], scale=TimeScale(how["theta"]))
