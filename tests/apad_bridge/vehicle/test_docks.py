@@ -57,13 +57,14 @@ def test_after_any_reports_and_a_kill_all_know_the_same_docks_and_no_amussel_is_
 
 
 def test_a_vehicle_s_later_report_moves_an_amussel_and_frees_no_other() -> None:
-    bench = Bench()
-    bench.report(0, 0, 7, closed=True)
-    bench.report(1, 1, 8, closed=True)
-    bench.report(2, 2, 7, closed=True)
-    assert bench.book.docks == (None, 8, 7, None)
-    bench.report(3, 1, 7, closed=False)  # 7 was let go; the vehicle is mistaken about the dock
-    assert bench.book.docks == (None, 8, None, None)
+    """The last report: 7 was let go, and the vehicle is mistaken about the dock."""
+    bench, known = Bench(), []
+    for at_ms, (dock_index, agent_id, closed) in enumerate(
+        [(0, 7, True), (1, 8, True), (2, 7, True), (1, 7, False)]
+    ):
+        bench.report(at_ms, dock_index, agent_id, closed=closed)
+        known.append(bench.book.docks)
+    assert known[2:] == [(None, 8, 7, None), (None, 8, None, None)]
 
 
 def test_a_resumed_port_asks_for_no_amussel_twice_and_opens_the_dock_that_holds_it() -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -74,8 +74,15 @@ def test_names_are_stable_and_go_with_the_run(tmp_path: Path) -> None:
     assert list(folder.iterdir()) == []
 
 
-def test_what_nobody_reads_is_lost_and_does_not_wait(tmp_path: Path) -> None:
-    modems = OpenedModems(tmp_path / "modems", [7])
+@pytest.fixture
+def modems(tmp_path: Path) -> Iterator[OpenedModems]:
+    opened = OpenedModems(tmp_path / "modems", [7])
+    yield opened
+    opened.close()
+
+
+def test_what_nobody_reads_is_lost_and_does_not_wait(modems: OpenedModems) -> None:
+    """All the rest is there, and what is written next follows it."""
     modems.write(7, b"before anybody came\r\n")
     with driver(str(modems.path(7))) as host:
         modems.write(7, b"#A007\r\n")
@@ -84,17 +91,13 @@ def test_what_nobody_reads_is_lost_and_does_not_wait(tmp_path: Path) -> None:
             modems.write(7, bytes(64))
         lost_bytes = modems.lost_bytes
         assert 0 < lost_bytes < 2000 * 64
-        # All the rest is there, and what is written next follows it.
         assert host.read(2000 * 64 - lost_bytes) == bytes(2000 * 64 - lost_bytes)
         modems.write(7, b"#A007\r\n")
-        assert host.read(7) == b"#A007\r\n"
-        assert modems.lost_bytes == lost_bytes
-    modems.close()
+        assert (host.read(7), modems.lost_bytes) == (b"#A007\r\n", lost_bytes)
 
 
 @pytest.mark.parametrize("data", [b"\x03\x04\x11\x13\x1a\r\n\x7f\xff", bytes(range(256))])
-def test_the_device_is_raw(tmp_path: Path, data: bytes) -> None:
-    modems = OpenedModems(tmp_path / "modems", [7])
+def test_the_device_is_raw(modems: OpenedModems, data: bytes) -> None:
     with driver(str(modems.path(7))) as host:
         modems.write(7, data)
         assert host.read(len(data)) == data
@@ -103,4 +106,3 @@ def test_the_device_is_raw(tmp_path: Path, data: bytes) -> None:
         while len(taken) < len(data):
             taken += b"".join(burst.data for burst in modems.take())
         assert taken == data
-    modems.close()

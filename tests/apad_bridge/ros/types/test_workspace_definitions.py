@@ -60,14 +60,18 @@ def test_the_users_text_of_a_service_is_found_by_the_md5_that_its_server_speaks(
     assert theirs._request_class().deserialize(buffer.getvalue()).point.x == 3.0
 
 
-def test_a_md5_that_no_text_has_is_not_made_up(workspace: Path) -> None:
-    assert service_by_text("misc_msgs/Go2pointPrimitiveService", "0" * 32) is None
-
-
-def test_ours_are_found_where_the_user_has_none(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("ROS_PACKAGE_PATH", "/nowhere")
-    ours = Go2pointPrimitiveService
-    assert service_by_text(ours._type, ours._md5sum)._md5sum == ours._md5sum
+@pytest.mark.parametrize(
+    ("path", "md5", "found"),
+    [
+        (None, "0" * 32, None),  # a md5 that no text has is not made up
+        ("/nowhere", Go2pointPrimitiveService._md5sum, Go2pointPrimitiveService._md5sum),  # ours
+    ],
+)
+def test_a_service_is_found_by_its_md5_or_not_at_all(
+    workspace: Path, monkeypatch: pytest.MonkeyPatch, path: str | None, md5: str, found: str | None
+) -> None:
+    monkeypatch.setenv("ROS_PACKAGE_PATH", path or str(workspace))
+    assert getattr(service_by_text(Go2pointPrimitiveService._type, md5), "_md5sum", None) == found
 
 
 def test_a_service_is_offered_by_the_users_text_where_that_has_what_is_read(workspace: Path) -> None:
@@ -95,9 +99,10 @@ def test_a_message_is_read_by_the_text_that_comes_with_it(workspace: Path) -> No
     raw = rospy.AnyMsg()
     raw._connection_header, raw._buff = header, buffer.getvalue()
     assert AnyMessages().decode(raw).left == 4.0
-    raw._buff = raw._buff[:5]
-    with pytest.raises(ValueError, match="misc_msgs/Pair"):
-        AnyMessages().decode(raw)
-    header["md5sum"] = "0" * 32
-    with pytest.raises(ValueError, match="sends md5 0000"):
-        AnyMessages().decode(raw)
+    for spoilt, md5, why in (
+        (raw._buff[:5], pair._md5sum, "misc_msgs/Pair"),
+        (raw._buff, "0" * 32, "sends md5 0000"),
+    ):
+        raw._buff, header["md5sum"] = spoilt, md5
+        with pytest.raises(ValueError, match=why):
+            AnyMessages().decode(raw)
