@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import pytest
 from scenario_files import WHOLE_FILE
@@ -11,11 +12,8 @@ from apad_bridge.beliefs.belief import Belief, Suspicion
 from apad_bridge.events.mission_events import MissionState
 from apad_bridge.mission.believed_dispatch import BelievedDispatch
 from apad_bridge.mission.charging_watch import ChargingWatch
-from apad_bridge.mission.energy_exchange import EnergyExchange
-from apad_bridge.mission.planner import PlanRules
 from apad_bridge.mission.pool import ChargingPool, situation_of
 from apad_bridge.mission.sink_reminders import SinkReminders
-from apad_bridge.planning import registry
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Dispatch, FullWhen, Mission, Suspects
 from firmware_model.packets import Reported
@@ -50,24 +48,105 @@ def test_who_can_be_made_to_come_up_is_a_candidate(state: State) -> None:
     assert [it.agent_id for it in candidates] == ([1] if comes_up or is_up or state in DEAF else [])
 
 
-def test_the_lost_are_not_waited_for() -> None:
-    lost = [State.LOST] * 3
-    pool = ChargingPool(MISSION, told(State.SLEEPING, State.SAMPLING, *lost))
-    assert MISSION.batch == 4
-    assert pool.batch_of(pool.candidates(0)) == 2
-    pool = ChargingPool(MISSION, told(*[State.SLEEPING] * 3, State.REPORTING))
-    assert pool.batch_of(pool.candidates(0)) == 0
-    assert ChargingPool(MISSION, told(*lost)).batch_of([]) == 0
+LOST, SLEEPS, FLOATS = State.LOST, State.SLEEPING, State.FLOATING
+AGAIN = {"again_threshold": 0.1}
+SUSPECT = Suspicion("its charge jumps", False)
+LOOKED_AT = Suspicion("its charge jumps", True)
 
 
-@pytest.mark.parametrize(("lowest", "in_pool"), [(0.3, [1, 3]), (0.05, [1, 2, 3, 4])])
-def test_those_that_were_served_wait_until_one_is_nearly_empty(lowest: float, in_pool: list[int]) -> None:
-    beliefs = told(*[State.SLEEPING] * 5)
-    beliefs[4] = replace(beliefs[4], primary=lowest)
-    beliefs[5] = replace(beliefs[5], primary=0.9)
-    pool = ChargingPool(replace(MISSION, again_threshold=0.1), beliefs)
-    assert [it.agent_id for it in pool.candidates(0, served={2, 4, 5})] == in_pool
-    assert [it.agent_id for it in ChargingPool(MISSION, beliefs).candidates(0, served={2})] == [1, 2, 3, 4]
+@pytest.mark.parametrize(
+    ("states", "changes", "rules", "served", "in_pool", "batch"),
+    [
+        # The batch is four.
+        pytest.param(
+            [SLEEPS, State.SAMPLING, LOST, LOST, LOST],
+            {},
+            {},
+            (),
+            [1, 2],
+            2,
+            id="the lost are not waited for",
+        ),
+        pytest.param([SLEEPS] * 3 + [State.REPORTING], {}, {}, (), [1, 2, 3], 0, id="one in a dock is"),
+        pytest.param([LOST] * 3, {}, {}, (), [], 0, id="all are lost"),
+        *(
+            pytest.param(
+                [SLEEPS] * 5,
+                {4: {"primary": lowest}, 5: {"primary": 0.9}},
+                AGAIN,
+                (2, 4, 5),
+                in_pool,
+                batch,
+                id=f"those that were served wait until one is nearly empty: {lowest}",
+            )
+            for lowest, in_pool, batch in ((0.3, [1, 3], 0), (0.05, [1, 2, 3, 4], 4))
+        ),
+        pytest.param(
+            [SLEEPS] * 5, {5: {"primary": 0.9}}, {}, (2,), [1, 2, 3, 4], 4, id="else they do not wait"
+        ),
+        pytest.param(
+            [SLEEPS, FLOATS, SLEEPS],
+            {},
+            AGAIN,
+            (1, 2, 3),
+            [2],
+            1,
+            id="one that was served and floats does not",
+        ),
+        *(
+            pytest.param(
+                [FLOATS] + [SLEEPS] * 4,
+                {1: {"primary": charge, "secondary": 0.2}, **{n: {"primary": 0.9} for n in (3, 4, 5)}},
+                {},
+                (),
+                [1, 2],
+                2,
+                id=f"one that floats is fetched without a batch: {charge}",
+            )
+            for charge in (0.0, 0.3)
+        ),
+        pytest.param(
+            [State.EMPTY] + [SLEEPS] * 4,
+            {1: {"primary": 0.0}, **{n: {"primary": 0.9} for n in (3, 4, 5)}},
+            {},
+            (),
+            [1, 2],
+            0,
+            id="one that is empty below is not",
+        ),
+        *(
+            pytest.param(
+                [SLEEPS, SLEEPS],
+                {1: {"primary": 0.9, "suspicion": suspicion}, 2: {"primary": 0.9}},
+                {"suspects": rule, "batch": 1},
+                (),
+                in_pool,
+                len(in_pool),
+                id=f"a suspect with charge, {rule}, docked before: {suspicion.was_docked}",
+            )
+            for rule, suspicion, in_pool in (
+                (Suspects.TOLD, SUSPECT, []),
+                (Suspects.ASKED, SUSPECT, []),
+                (Suspects.FETCHED, SUSPECT, [1]),
+                (Suspects.FETCHED, LOOKED_AT, []),
+            )
+        ),
+    ],
+)
+def test_who_is_in_the_pool_and_how_many_are_a_batch(
+    states: list[State],
+    changes: dict[int, dict[str, Any]],
+    rules: dict[str, Any],
+    served: tuple[int, ...],
+    in_pool: list[int],
+    batch: int,
+) -> None:
+    beliefs = told(*states)
+    for agent_id, change in changes.items():
+        beliefs[agent_id] = replace(beliefs[agent_id], **change)
+    pool = ChargingPool(replace(MISSION, **rules), beliefs)
+    candidates = pool.candidates(0, served=set(served))
+    assert ([it.agent_id for it in candidates], pool.batch_of(candidates)) == (in_pool, batch)
 
 
 def test_a_planner_is_told_who_was_served_and_when_and_what_each_reports() -> None:
@@ -80,24 +159,6 @@ def test_a_planner_is_told_who_was_served_and_when_and_what_each_reports() -> No
     assert [it.reported.depth_m for it in agents] == [None, 9.5, None]
 
 
-def test_one_that_was_served_and_floats_does_not_wait() -> None:
-    beliefs = told(State.SLEEPING, State.FLOATING, State.SLEEPING)
-    pool = ChargingPool(replace(MISSION, again_threshold=0.1), beliefs)
-    assert [it.agent_id for it in pool.candidates(0, served={1, 2, 3})] == [2]
-
-
-@pytest.mark.parametrize("charge", [0.0, 0.3])
-def test_one_that_floats_is_fetched_without_a_batch(charge: float) -> None:
-    beliefs = told(*[State.SLEEPING] * 5)
-    beliefs[1] = replace(beliefs[1], state=State.FLOATING, primary=charge, secondary=0.2)
-    for agent_id in (3, 4, 5):
-        beliefs[agent_id] = replace(beliefs[agent_id], primary=0.9)
-    pool = ChargingPool(MISSION, beliefs)
-    assert pool.batch_of(pool.candidates(0)) == 2
-    beliefs[1] = replace(beliefs[1], state=State.EMPTY)
-    assert pool.batch_of(pool.candidates(0)) == 0
-
-
 def test_it_is_not_told_to_sink_and_others_are() -> None:
     beliefs = told(State.FLOATING, State.RELEASED, State.FLOATING, State.REPORTING, State.SLEEPING)
     beliefs[3] = replace(beliefs[3], primary=0.0)
@@ -106,16 +167,6 @@ def test_it_is_not_told_to_sink_and_others_are() -> None:
     assert reminders.take_due(beliefs.all(), set(), set(), 0) == []
     # One that was called up would last longer below.
     assert reminders.take_due(beliefs.all(), set(), {3}, 0) == [3]
-
-
-@pytest.mark.parametrize(("state", "is_home"), [(State.SLEEPING, True), (State.REPORTING, False)])
-def test_a_dock_is_nobody_s_home(state: State, is_home: bool) -> None:
-    mission = EnergyExchange(
-        PlanRules(MISSION, registry.collection("cautious"), registry.redeployment("greedy-redeploy")),
-        told(state),
-    )
-    mission.advance(0)
-    assert mission.state.homes == (((1, 1.0, 0.0),) if is_home else ())
 
 
 def is_released(config: Mission, watch: ChargingWatch, docked: Told) -> set[int]:
@@ -158,21 +209,3 @@ def test_who_gains_in_the_battery_that_is_waited_for_is_not_given_up() -> None:
         assert watch.give_up_stalled(docked, now_ms) == []
     assert watch.give_up_stalled(docked, 6500) == [(1, "its believed charge does not rise")]
     assert is_released(config, watch, docked) == {1}
-
-
-@pytest.mark.parametrize(
-    ("suspects", "was_docked", "in_pool"),
-    [
-        (Suspects.TOLD, False, []),
-        (Suspects.ASKED, False, []),
-        (Suspects.FETCHED, False, [1]),
-        (Suspects.FETCHED, True, []),
-    ],
-)
-def test_a_suspect_with_charge_is_fetched_for_one_look_where_the_scenario_says_so(
-    suspects: Suspects, was_docked: bool, in_pool: list[int]
-) -> None:
-    beliefs = told(State.SLEEPING, State.SLEEPING, primary=0.9)
-    beliefs[1] = replace(beliefs[1], suspicion=Suspicion("its charge jumps", was_docked))
-    pool = ChargingPool(replace(MISSION, suspects=suspects), beliefs)
-    assert [it.agent_id for it in pool.candidates(0)] == in_pool
