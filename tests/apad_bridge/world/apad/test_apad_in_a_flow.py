@@ -40,22 +40,27 @@ def current(north_m_s: float, east_m_s: float = 0.0, wind_m_s: Vector | None = N
     return Surface(CurrentConfig(steady_text(north_m_s, east_m_s)).stream(), wind_m_s)
 
 
-def test_holding_in_a_current_takes_the_drag_of_the_water_that_passes(config: APad) -> None:
-    apad = SimulatedAPad(config, surface=current(0.2))
+@pytest.mark.parametrize(
+    ("surface", "force_n", "north_m_s"),
+    [
+        # 40 * 0.2^2 = 1.6 N towards the south
+        pytest.param(current(0.2), 1.6 / X, 0.0, id="the drag of the water that passes"),
+        # 0.08 * 10^2 = 8 N towards the west: across the bow two thrusters push forwards and two backwards
+        pytest.param(Surface(STILL, (0.0, 10.0)), 8 / X, 0.0, id="the drag of the air"),
+        # along the bow four thrusters give 84.85 N, enough for 1.456 m/s through the water
+        pytest.param(current(1.5), 30.0, 1.5 - math.sqrt(4 * 30 / math.sqrt(2) / 40), id="beyond its thrust"),
+    ],
+)
+def test_holding_takes_the_drag_up_to_full_power(
+    config: APad, surface: Surface, force_n: float, north_m_s: float
+) -> None:
+    apad = SimulatedAPad(config, surface=surface)
     apad.receive(Hold(1, 0.0, 0.0), 0)
-    apad.advance(1_000_000)
-    # 40 * 0.2^2 = 1.6 N towards the south
-    assert apad.motion.forces_n == pytest.approx((-1.6 / X,) * 4)
-    assert (apad.pose.north_m, apad.pose.east_m, apad.pose.speed_m_s) == (0.0, 0.0, 0.0)
-    assert apad.battery.used_fraction == pytest.approx((25 + 6 * 4 * 1.6 / X) * 1000 / FULL_J)
-
-
-def test_holding_in_a_wind_takes_the_drag_of_the_air(config: APad) -> None:
-    apad = SimulatedAPad(config, surface=Surface(STILL, (0.0, 10.0)))
-    apad.advance(10_000)
-    # 0.08 * 10^2 = 8 N towards the west: across the bow two thrusters push forwards and two backwards
-    assert [abs(it) for it in apad.motion.forces_n] == pytest.approx([8 / X] * 4)
-    assert (apad.pose.north_m, apad.pose.east_m) == (0.0, 0.0)
+    apad.advance(120_000)
+    assert [abs(it) for it in apad.motion.forces_n] == pytest.approx([force_n] * 4)
+    assert apad.pose.north_m_s == pytest.approx(north_m_s, abs=0.001)
+    assert ((apad.pose.north_m, apad.pose.east_m) == (0.0, 0.0)) is (north_m_s == 0)
+    assert north_m_s or apad.battery.used_fraction == pytest.approx((25 + 6 * 4 * force_n) * 120 / FULL_J)
 
 
 @pytest.mark.parametrize(
@@ -111,16 +116,6 @@ def test_a_planner_foretells_the_energy_and_the_time_that_a_leg_then_takes(
     )
 
 
-def test_a_current_beyond_its_thrust_takes_it_away_under_full_power(config: APad) -> None:
-    apad = SimulatedAPad(config, surface=current(1.5))
-    apad.receive(Hold(1, 0.0, 0.0), 0)
-    apad.advance(120_000)
-    # along the bow four thrusters give 84.85 N, enough for 1.456 m/s through the water
-    assert max(map(abs, apad.motion.forces_n)) == pytest.approx(30.0)
-    assert apad.pose.north_m_s == pytest.approx(1.5 - math.sqrt(4 * 30 / math.sqrt(2) / 40), abs=0.001)
-    assert apad.pose.north_m > 4.0
-
-
 def test_a_free_hull_slides_through_the_water_and_then_goes_with_it(config: APad) -> None:
     """Quadratic drag from v to w takes m/k ln(v/w) metres through the water."""
     apad = SimulatedAPad(config, surface=current(0.0, 0.3))
@@ -145,13 +140,21 @@ def test_the_free_drift_is_the_velocity_at_which_water_and_air_push_alike(
     assert free_drift_m_s(config, SurfaceFlow((0.0, 0.0), (10.0, 0.0)))[0] == pytest.approx(0.428, abs=0.001)
 
 
-def test_the_speed_made_good_is_that_of_the_triangle_of_velocities(config: APad) -> None:
-    assert made_good_m_s(config, SurfaceFlow((-0.6, 0.0)), (1.0, 0.0)) == pytest.approx(0.4)
-    assert made_good_m_s(config, SurfaceFlow((0.6, 0.0)), (1.0, 0.0)) == pytest.approx(1.6)
-    assert made_good_m_s(config, SurfaceFlow((0.0, 0.6)), (1.0, 0.0)) == pytest.approx(0.8)
+@pytest.mark.parametrize(
+    ("flow", "made_good"),
+    [
+        (SurfaceFlow((-0.6, 0.0)), 0.4),
+        (SurfaceFlow((0.6, 0.0)), 1.6),
+        (SurfaceFlow((0.0, 0.6)), 0.8),
+        # 60 N in every direction, of which a wind of 25 m/s takes 50: sqrt(10 / 40) m/s are left
+        (SurfaceFlow((0.0, 0.0), (0.0, 25.0)), 0.5),
+    ],
+)
+def test_the_speed_made_good_is_that_of_the_triangle_of_velocities(
+    config: APad, flow: SurfaceFlow, made_good: float
+) -> None:
+    assert made_good_m_s(config, flow, (1.0, 0.0)) == pytest.approx(made_good)
     assert made_good_m_s(config, SurfaceFlow((0.0, 1.1)), (1.0, 0.0)) <= 0.0
-    # 60 N in every direction, of which a wind of 25 m/s takes 50: sqrt(10 / 40) m/s are left
-    assert made_good_m_s(config, SurfaceFlow((0.0, 0.0), (0.0, 25.0)), (1.0, 0.0)) == pytest.approx(0.5)
 
 
 def test_a_leg_that_the_current_bars_anywhere_on_the_way_is_told_with_its_place(config: APad) -> None:

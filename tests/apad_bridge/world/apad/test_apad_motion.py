@@ -43,16 +43,17 @@ def apad(config) -> SimulatedAPad:
     return SimulatedAPad(config)
 
 
-@pytest.mark.parametrize(("north_m", "east_m"), [(14, 0), (0, -14), (-8.4, 11.2)])
-def test_a_straight_way_takes_the_time_of_the_trapezoid(apad, north_m, east_m):
-    facts = apad.receive(GoTo(1, north_m, east_m, 0.5, 0.5), 0) + apad.advance(60_000)
-    assert rest_ms(facts) == pytest.approx(29_667, abs=200)
-    assert (apad.pose.north_m, apad.pose.east_m, apad.pose.speed_m_s) == (north_m, east_m, 0.0)
-
-
-def test_a_short_way_is_a_triangle(apad):
-    facts = apad.receive(GoTo(1, 0.3, 0.0, 1.0, 0.1), 0) + apad.advance(20_000)
-    assert rest_ms(facts) == pytest.approx(2000, abs=200)
+@pytest.mark.parametrize(
+    ("goal_m", "speed_m_s", "seconds"),
+    [
+        *(((north_m, east_m), 0.5, 29.667) for north_m, east_m in ((14, 0), (0, -14), (-8.4, 11.2))),
+        pytest.param((0.3, 0.0), 1.0, 2.0, id="a short way is a triangle"),
+    ],
+)
+def test_a_straight_way_takes_the_time_of_the_trapezoid(apad, goal_m, speed_m_s, seconds):
+    facts = apad.receive(GoTo(1, *goal_m, speed_m_s, 0.1), 0) + apad.advance(60_000)
+    assert rest_ms(facts) == pytest.approx(1000 * seconds, abs=200)
+    assert (apad.pose.north_m, apad.pose.east_m, apad.pose.speed_m_s) == (*goal_m, 0.0)
 
 
 def test_the_way_is_straight_and_never_goes_beyond_the_goal(apad):
@@ -72,34 +73,41 @@ def test_arrival_is_the_first_second_whose_mean_distance_is_below_the_radius(apa
     assert at_ms == pytest.approx(expected * 100, abs=100)
 
 
-def test_arriving_where_it_is_takes_a_second_of_samples(apad):
-    facts = apad.receive(GoTo(1, 0.0, 0.0, 0.5, 0.5), 2300) + apad.advance(10_000)
-    assert arrivals(facts) == [(3300, 1)]
-
-
-def test_a_command_between_grid_instants_acts_from_the_next(apad):
-    facts = apad.receive(GoTo(1, 0.0, 0.0, 0.5, 0.5), 2301) + apad.advance(10_000)
-    assert arrivals(facts) == [(3400, 1)]
-
-
-def test_a_new_go_to_replaces_the_old_one_silently(apad):
-    facts = apad.receive(GoTo(1, 14.0, 0.0, 0.5, 0.5), 0)
-    facts += apad.receive(GoTo(2, 0.0, 5.0, 0.5, 0.5), 10_050)
-    facts += apad.advance(90_000)
-    assert [command_id for _, command_id in arrivals(facts)] == [2]
-    assert not [fact for fact in facts if isinstance(fact, CommandFailed)]
-
-
-def test_the_old_go_to_does_not_arrive_once_the_new_command_is_given(apad):
-    apad.receive(GoTo(1, 0.0, 0.0, 0.5, 0.5), 0)
-    facts = apad.receive(Hold(2, 0.0, 0.0), 950)  # 50 ms before the first go-to would have arrived
-    assert arrivals(facts + apad.advance(5000)) == []
-
-
-def test_hold_goes_there_and_never_completes(apad):
-    facts = apad.receive(Hold(1, 2.0, 1.0), 0) + apad.advance(60_000)
-    assert arrivals(facts) == []
-    assert (apad.pose.north_m, apad.pose.east_m, apad.pose.speed_m_s) == (2.0, 1.0, 0.0)
+@pytest.mark.parametrize(
+    ("orders", "expected", "place_m"),
+    [
+        pytest.param(
+            [(2300, GoTo(1, 0.0, 0.0, 0.5, 0.5))],
+            [(3300, 1)],
+            (0.0, 0.0),
+            id="there already, after a second of samples",
+        ),
+        pytest.param(
+            [(2301, GoTo(1, 0.0, 0.0, 0.5, 0.5))],
+            [(3400, 1)],
+            (0.0, 0.0),
+            id="between grid instants, from the next",
+        ),
+        # 50 ms before the first go-to would have arrived.
+        pytest.param(
+            [(0, GoTo(1, 0.0, 0.0, 0.5, 0.5)), (950, Hold(2, 0.0, 0.0))],
+            [],
+            (0.0, 0.0),
+            id="replaced just before",
+        ),
+        pytest.param([(0, Hold(1, 2.0, 1.0))], [], (2.0, 1.0), id="a hold goes there and never completes"),
+        pytest.param(
+            [(0, GoTo(1, 14.0, 0.0, 0.5, 0.5)), (10_050, GoTo(2, 0.0, 5.0, 0.5, 0.5))],
+            [(25_900, 2)],
+            (0.0, 5.0),
+            id="a new go-to replaces the old one silently",
+        ),
+    ],
+)
+def test_who_arrives(apad, orders, expected, place_m):
+    facts = [fact for at_ms, order in orders for fact in apad.receive(order, at_ms)] + apad.advance(90_000)
+    assert arrivals(facts) == expected and not [fact for fact in facts if isinstance(fact, CommandFailed)]
+    assert (apad.pose.north_m, apad.pose.east_m, apad.pose.speed_m_s) == (*place_m, 0.0)
 
 
 @pytest.mark.parametrize(

@@ -28,37 +28,64 @@ def apad(config) -> SimulatedAPad:
     return SimulatedAPad(config)
 
 
-def test_the_hotel_load_alone(apad):
-    apad.advance(2_400_000)
-    assert apad.battery.used_fraction == pytest.approx(25 * 2400 / FULL_J, rel=1e-12)
-    assert apad.battery.voltage_v == pytest.approx(16.0 - 5.5 * 25 * 2400 / FULL_J)
+def driven(config, *orders, until_ms):
+    """The aPad after these orders, each with its time, and all that it reported."""
+    apad = SimulatedAPad(config)
+    facts = [fact for at_ms, order in orders for fact in apad.receive(order, at_ms)]
+    return apad, facts + apad.advance(until_ms)
 
 
-def test_a_closed_dock_draws_its_charging_power_to_the_millisecond(apad):
-    apad.receive(CloseDock(1, 2, 9), 1234)
-    apad.receive(OpenDock(2, 2, 9), 101_235)
-    apad.advance(200_000)
-    assert apad.battery.used_fraction == pytest.approx((25 * 200 + 10 * 100.001) / FULL_J, rel=1e-12)
+@pytest.mark.parametrize(
+    ("start", "orders", "seconds", "docks_j"),
+    [
+        pytest.param(1.0, [], 2400, 0, id="the hotel load alone"),
+        pytest.param(
+            1.0,
+            [(1234, CloseDock(1, 2, 9)), (101_235, OpenDock(2, 2, 9))],
+            200,
+            10 * 100.001,
+            id="a closed dock, to the millisecond",
+        ),
+        pytest.param(0.5, [(0, CloseDock(1, 2, 9))], 300, 10 * 300, id="not full at the start"),
+        pytest.param(0.01, [(0, CloseDock(1, 2, 9))], 3600, 0.01 * FULL_J * 10 / 35, id="until it is empty"),
+    ],
+)
+def test_the_battery_and_its_ledger(config, start, orders, seconds, docks_j):
+    """25 W of hotel load, and 10 W of each closed dock."""
+    config = replace(config, battery=replace(config.battery, start_fraction=start))
+    apad, _ = driven(config, *orders, until_ms=1000 * seconds)
+    hotel_j = docks_j * 25 / 10 if start == 0.01 else 25 * seconds
+    used, ledger = (hotel_j + docks_j) / FULL_J, apad.battery.ledger
+    assert apad.battery.used_fraction == pytest.approx(used, rel=1e-9)
+    assert apad.battery.fraction == pytest.approx(start - used, abs=1e-9)
+    assert apad.battery.voltage_v == pytest.approx(16.0 - 5.5 * (1 - start + used))
+    found = [it * 3600 for it in (ledger.handed_wh, ledger.hotel_wh, ledger.travel_wh)]
+    assert found == pytest.approx([docks_j, hotel_j, 0.0], rel=1e-3, abs=1e-6)
 
 
-def test_the_ledger_has_a_row_for_docks_for_the_hotel_load_and_for_travel(apad):
-    apad.receive(CloseDock(1, 2, 9), 0)
-    apad.receive(GoTo(2, 50.0, 0.0, 0.5, 0.5), 0)
-    apad.advance(300_000)
-    ledger = apad.battery.ledger
-    assert ledger.handed_wh == pytest.approx(10 * 300 / 3600, rel=1e-12)
-    assert ledger.hotel_wh == pytest.approx(25 * 300 / 3600, rel=1e-12) and ledger.travel_wh > 0
-    assert ledger.used_wh == pytest.approx(apad.battery.used_fraction * 230, rel=1e-12)
+def test_the_ledger_has_a_row_for_travel(config):
+    apad, _ = driven(config, (0, GoTo(2, 50.0, 0.0, 0.5, 0.5)), until_ms=300_000)
+    assert apad.battery.ledger.travel_wh > 0
+    assert apad.battery.ledger.used_wh == pytest.approx(apad.battery.used_fraction * 230, rel=1e-12)
 
 
-def test_the_ledger_of_an_empty_battery_is_what_was_in_it(config):
-    battery = replace(config.battery, start_fraction=0.01)
-    apad = SimulatedAPad(replace(config, battery=battery))
-    apad.receive(CloseDock(1, 2, 9), 0)
-    apad.advance(3_600_000)
-    ledger = apad.battery.ledger
-    assert ledger.used_wh == pytest.approx(2.3, rel=1e-9) and ledger.travel_wh == pytest.approx(0, abs=1e-9)
-    assert ledger.handed_wh / ledger.hotel_wh == pytest.approx(10 / 25, rel=1e-3)
+@pytest.mark.parametrize(
+    ("order", "expected"),
+    [
+        # 360 J at 25 W last 14.4 s; at rest the aPad notices it at the next report.
+        pytest.param(
+            Hold(1, 0.0, 0.0),
+            [CommandFailed(15_000, 1, "the aPad's battery is empty")],
+            id="a hold fails too",
+        ),
+        pytest.param(GoTo(1, 0.0, 0.0, 0.5, 0.5), [], id="a go-to that has ended does not"),
+    ],
+)
+def test_what_an_empty_battery_ends(small_battery, order, expected):
+    _, facts = driven(small_battery, (0, order), until_ms=20_000)
+    assert [fact for fact in facts if isinstance(fact, CommandFailed)] == expected
+    told = [fact.at_ms for fact in facts if isinstance(fact, BatteryReported)]
+    assert told == list(range(0, 20_001, 1000))
 
 
 def test_the_charger_at_home_feeds_an_apad_that_rests_there_and_no_other(config):
@@ -90,20 +117,6 @@ def test_cruising_draws_the_thrust_that_drag_asks_for(apad, goal_m):
     assert apad.battery.used_fraction - before == pytest.approx(10 * (25 + 84.852814) / FULL_J)
 
 
-def test_a_battery_that_is_not_full_at_the_start(config):
-    apad = SimulatedAPad(replace(config, battery=replace(config.battery, start_fraction=0.5)))
-    assert apad.battery.voltage_v == pytest.approx(13.25)
-    apad.advance(1_000_000)
-    assert apad.battery.fraction == pytest.approx(0.5 - 25_000 / FULL_J)
-    assert apad.battery.used_fraction == pytest.approx(25_000 / FULL_J)
-
-
-def test_battery_reports_come_every_second(config):
-    reports = [fact for fact in SimulatedAPad(config).advance(3999) if isinstance(fact, BatteryReported)]
-    assert [report.at_ms for report in reports] == [0, 1000, 2000, 3000]
-    assert reports[0] == BatteryReported(0, 16.0, 1.0)
-
-
 def test_an_empty_battery_stops_thrusters_and_mechanisms_and_says_so(small_battery):
     apad = SimulatedAPad(small_battery)
     apad.receive(CloseDock(1, 0, 5), 0)
@@ -121,18 +134,6 @@ def test_an_empty_battery_stops_thrusters_and_mechanisms_and_says_so(small_batte
         [fact] = apad.receive(command, 120_000)
         assert isinstance(fact, CommandFailed) and fact.command_id == command.command_id
     assert len([fact for fact in apad.advance(123_000) if isinstance(fact, BatteryReported)]) == 3
-
-
-def test_a_hold_fails_too_when_the_battery_empties_and_a_finished_go_to_does_not(small_battery):
-    holding = SimulatedAPad(small_battery)
-    facts = holding.receive(Hold(1, 0.0, 0.0), 0) + holding.advance(20_000)
-    # 360 J at 25 W last 14.4 s; at rest the aPad notices it at the next report
-    assert [fact for fact in facts if isinstance(fact, CommandFailed)] == [
-        CommandFailed(15_000, 1, "the aPad's battery is empty")
-    ]
-    arrived = SimulatedAPad(small_battery)
-    facts = arrived.receive(GoTo(1, 0.0, 0.0, 0.5, 0.5), 0) + arrived.advance(20_000)
-    assert not [fact for fact in facts if isinstance(fact, CommandFailed)]
 
 
 def test_docks_close_and_open_at_once(apad):
