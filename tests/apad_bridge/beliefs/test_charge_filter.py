@@ -107,36 +107,61 @@ def test_a_reading_below_the_expected_tells_of_the_swing() -> None:
     assert len(charge.prior_state(told_of_a_swing(0.0))[0]) == SIZE
 
 
-def test_a_charger_lifts_what_both_batteries_read() -> None:
-    """Both charges are certain, so 0.03 too much in both readings is lift: two readings are worth one of half the noise,
-    0.03 * 1e-4 / (1e-4 + 0.5e-4)."""
-    mean, cov = state(0.5, 0.6, charging=1e-4)
-    found, left, _, _ = charge.measured(mean, cov, SENSOR, Mode.CHARGING_PRIMARY, (0.53, 0.63))
-    assert found[CHARGING] == pytest.approx(0.02)
-    assert left[CHARGING, CHARGING] == pytest.approx(1 / (1 / 1e-4 + 2 / 1e-4))
-    assert found[[PRIMARY, SECONDARY]] == pytest.approx([0.5, 0.6])
+BENT = replace(SENSOR, curve=VoltageCurve(((0, 0), (6 * FULL // 10, 3 * FULL // 10), (FULL, FULL))))
 
 
-def test_along_a_curve_a_reading_stands_for_another_charge_and_its_errors_for_more() -> None:
-    """By hand: on the flat piece a charge of 0.5 reads 0.25, and 0.01 of voltage is 0.02 of charge.
-
-    A prior of 0.02 and a reading of 0.01 * 2 meet in the middle; a bias of the voltage counts twice, too.
-    """
-    bent = VoltageCurve(((0, 0), (6 * FULL // 10, 3 * FULL // 10), (FULL, FULL)))
-    sensor = replace(SENSOR, curve=bent)
-    mean, cov = state(0.5, 0.6, primary=4e-4)
-    found, left, _, surprise = charge.measured(mean, cov, sensor, Mode.ASLEEP, (0.27, 0.3))
-    assert found[PRIMARY] == pytest.approx(0.52) and left[PRIMARY, PRIMARY] == pytest.approx(2e-4)
-    assert surprise == pytest.approx(0.04 / sqrt(8e-4))
-    mean, cov = state(0.5, 0.6, asleep=1e-4)
-    found, _, _, _ = charge.measured(mean, cov, sensor, Mode.ASLEEP, (0.27, 0.3))
-    assert found[ASLEEP] == pytest.approx(0.01)
-
-
-def test_a_load_moves_the_primarys_reading_alone() -> None:
-    mean, cov = state(0.5, 0.6, asleep=1e-4)
-    found, _, _, _ = charge.measured(mean, cov, SENSOR, Mode.ASLEEP, (0.48, 0.63))
-    assert found[ASLEEP] == pytest.approx(-0.01) and found[SECONDARY] == pytest.approx(0.6)
+@pytest.mark.parametrize(
+    ("uncertain", "sensor", "mode", "readings", "expected", "left"),
+    [
+        # Both charges are certain, so 0.03 too much in both readings is lift: two readings are worth one of half the noise,
+        # 0.03 * 1e-4 / (1e-4 + 0.5e-4).
+        pytest.param(
+            {"charging": 1e-4},
+            SENSOR,
+            Mode.CHARGING_PRIMARY,
+            (0.53, 0.63),
+            {CHARGING: 0.02, PRIMARY: 0.5, SECONDARY: 0.6},
+            {CHARGING: 1 / (1 / 1e-4 + 2 / 1e-4)},
+            id="a charger lifts what both batteries read",
+        ),
+        pytest.param(
+            {"asleep": 1e-4},
+            SENSOR,
+            Mode.ASLEEP,
+            (0.48, 0.63),
+            {ASLEEP: -0.01, SECONDARY: 0.6},
+            {},
+            id="a load moves the primary's reading alone",
+        ),
+        # On the flat piece a charge of 0.5 reads 0.25, and 0.01 of voltage is 0.02 of charge. A prior of 0.02 and a reading
+        # of 0.01 * 2 meet in the middle; a bias of the voltage counts twice, too.
+        pytest.param(
+            {"primary": 4e-4},
+            BENT,
+            Mode.ASLEEP,
+            (0.27, 0.3),
+            {PRIMARY: 0.52},
+            {PRIMARY: 2e-4},
+            id="along a curve",
+        ),
+        pytest.param(
+            {"asleep": 1e-4}, BENT, Mode.ASLEEP, (0.27, 0.3), {ASLEEP: 0.01}, {}, id="its errors, too"
+        ),
+    ],
+)
+def test_a_reading_by_hand(
+    uncertain: dict[str, float],
+    sensor: SensorParameters,
+    mode: Mode,
+    readings: tuple[float, float],
+    expected: dict[int, float],
+    left: dict[int, float],
+) -> None:
+    """Of charges of 0.5 and 0.6, certain but for what is named."""
+    found, cov, _, surprise = charge.measured(*state(0.5, 0.6, **uncertain), sensor, mode, readings)
+    assert {row: found[row] for row in expected} == pytest.approx(expected)
+    assert {row: cov[row, row] for row in left} == pytest.approx(left)
+    assert PRIMARY not in left or surprise == pytest.approx(0.04 / sqrt(8e-4))
 
 
 @pytest.mark.parametrize(("together", "variance"), [(3e-4, 1.5e-3), (-3e-4, 3e-4)])

@@ -32,22 +32,16 @@ def many(mean: Array, cov: Array, bias: int) -> Array:
 
 
 @pytest.mark.parametrize(("primary", "correlation"), [(0.98, -0.97), (1.01, -0.5), (0.03, 0.8)])
-def test_what_a_charge_cannot_be_teaches_what_goes_with_it(primary: float, correlation: float) -> None:
+@pytest.mark.parametrize("after_measuring", [True, False])
+def test_what_a_charge_cannot_be_teaches_what_goes_with_it_after_measuring_alone(
+    primary: float, correlation: float, after_measuring: bool
+) -> None:
+    """Else it is held at the end, and teaches nothing else."""
     mean, cov = state(primary, 0.02, ASLEEP, 0.015, correlation)
     drawn = many(mean, cov, ASLEEP)
-    possible = drawn[(drawn[:, 0] >= 0) & (drawn[:, 0] <= 1)]
-    found, spread = bounded(mean, cov, after_measuring=True)
-    assert found[[PRIMARY, ASLEEP]] == pytest.approx(possible.mean(axis=0), abs=2e-4)
-    expected = np.cov(possible.T)
-    assert spread[np.ix_([PRIMARY, ASLEEP], [PRIMARY, ASLEEP])] == pytest.approx(expected, abs=4e-6)
-
-
-@pytest.mark.parametrize(("primary", "correlation"), [(0.98, -0.97), (1.01, -0.5), (0.03, 0.8)])
-def test_a_charge_that_is_held_at_an_end_teaches_nothing_else(primary: float, correlation: float) -> None:
-    mean, cov = state(primary, 0.02, ASLEEP, 0.015, correlation)
-    drawn = many(mean, cov, ASLEEP)
-    drawn[:, 0] = drawn[:, 0].clip(0, 1)
-    found, spread = bounded(mean, cov, after_measuring=False)
+    held = np.column_stack([drawn[:, 0].clip(0, 1), drawn[:, 1]])
+    drawn = drawn[(drawn[:, 0] >= 0) & (drawn[:, 0] <= 1)] if after_measuring else held
+    found, spread = bounded(mean, cov, after_measuring=after_measuring)
     assert found[[PRIMARY, ASLEEP]] == pytest.approx(drawn.mean(axis=0), abs=2e-4)
     assert spread[np.ix_([PRIMARY, ASLEEP], [PRIMARY, ASLEEP])] == pytest.approx(np.cov(drawn.T), abs=4e-6)
 
@@ -80,19 +74,23 @@ def test_a_full_battery_on_a_charger_says_nothing_of_the_lift() -> None:
     assert mean[SECONDARY] > 0.995 and cov[SECONDARY, SECONDARY] > 0.004**2
 
 
-def test_a_voltage_that_is_held_at_the_full_one_is_not_what_the_battery_holds() -> None:
+@pytest.mark.parametrize(
+    ("charge", "reading", "least", "most", "surprises"),
+    [
+        # 0.004 below the held voltage are 0.8 deviations of the noise.
+        (0.985, 0.996, 0.984, 0.986, (0.8, 0.8)),
+        (0.93, 0.996, 0.945, 1.0, (2.0, np.inf)),
+        # A lower reading is the charge plus the lift.
+        (0.93, 0.965, 0.925, 0.927, (0.0, 2.0)),
+    ],
+)
+def test_a_voltage_that_is_held_at_the_full_one_is_not_what_the_battery_holds(
+    charge: float, reading: float, least: float, most: float, surprises: tuple[float, float]
+) -> None:
     """At a lift of 0.04, a charge from 0.956 on reads 0.996: the noise of a voltage that the charger holds."""
-    offsets = (0.04, 0.04)
-    mean, cov = state(0.985, 0.01, CHARGING, 0.002, 0.0)
-    found, _, _, surprise = measured(mean, cov, METERED, Mode.CHARGING_PRIMARY, (0.996, 0.99), offsets)
-    # 0.004 below the held voltage are 0.8 deviations of the noise.
-    assert found[PRIMARY] == pytest.approx(0.985, abs=0.001) and surprise == pytest.approx(0.8)
-    low, low_cov = state(0.93, 0.01, CHARGING, 0.002, 0.0)
-    found, _, _, surprise = measured(low, low_cov, METERED, Mode.CHARGING_PRIMARY, (0.996, 0.99), offsets)
-    assert found[PRIMARY] > 0.945 and surprise > 2
-    # A lower reading is the charge plus the lift.
-    found, _, _, _ = measured(low, low_cov, METERED, Mode.CHARGING_PRIMARY, (0.965, 0.99), offsets)
-    assert found[PRIMARY] == pytest.approx(0.926, abs=0.001)
+    mean, cov = state(charge, 0.01, CHARGING, 0.002, 0.0)
+    found, _, _, surprise = measured(mean, cov, METERED, Mode.CHARGING_PRIMARY, (reading, 0.99), (0.04, 0.04))
+    assert least <= found[PRIMARY] <= most and surprises[0] - 1e-6 <= surprise <= surprises[1] + 1e-6
 
 
 def test_the_noise_of_a_held_voltage_is_no_bias() -> None:

@@ -52,31 +52,21 @@ def test_the_mission_fills_all_docks_before_it_releases(docks: int) -> None:
     assert figures["services"] == len(left_full) >= docks
 
 
-def test_a_script_uses_the_docks_that_there_are() -> None:
-    def script(api: Api, found: list[Any]) -> None:
+@pytest.mark.parametrize(("docks", "why"), [(6, "the docks are 1 to 6"), (1, "the only dock is 1")])
+def test_a_script_uses_the_docks_that_there_are(docks: int, why: str) -> None:
+    def script(api: Api) -> None:
         found.append(api.free_docks())
-        found.append(api.collect(3, 6))
-        found.append((api.docks()[6], api.agent(3).dock))
-        with pytest.raises(Refused, match="there is no dock 7: the docks are 1 to 6"):
-            api.collect(4, 7)
-        found.append([len(api.plan_collection(batch=8).steps)])
+        found.append((api.collect(3, docks), api.docks()[docks], api.agent(3).dock))
+        with pytest.raises(Refused, match=f"there is no dock {docks + 1}: {why}"):
+            api.collect(4, docks + 1)
+        with pytest.raises(Refused, match=f"there is no dock {docks + 1}: {why}"):
+            api.docking(True, docks + 1, 3)
+        found.append(len(api.plan_collection(batch=8).steps))
 
     found: list[Any] = []
-    flight = fly_script(eight(6), lambda api: script(api, found))
+    flight = fly_script(eight(docks), script)
     assert flight.error is None, flight.ended_by
-    assert found == [[1, 2, 3, 4, 5, 6], True, (3, 6), [5]]
-
-
-def test_a_vehicle_with_one_dock_has_dock_1_alone() -> None:
-    def script(api: Api, found: list[Any]) -> None:
-        with pytest.raises(Refused, match="there is no dock 2: the only dock is 1"):
-            api.docking(True, 2, 3)
-        found.append(api.docks())
-
-    found: list[Any] = []
-    flight = fly_script(eight(1), lambda api: script(api, found))
-    assert flight.error is None, flight.ended_by
-    assert found == [{1: None}]
+    assert found == [[*range(1, docks + 1)], (True, 3, docks), docks - 1]
 
 
 @pytest.mark.parametrize("docks", [1, 6])

@@ -78,31 +78,51 @@ def test_a_permission_reaches_the_amussel_and_is_noted(flying: FlyingWithRoster,
     flying.until(lambda: flying.flight.supervisor.beliefs.get(9).state is State.SURFACING, 30)
 
 
-def test_presence_and_faults_go_through_the_roster(flying: FlyingWithRoster, tmp_path: Path) -> None:
-    assert asked(flying, tmp_path, AMusselAct.HAND_OVER) == Answer(True, "")
-    assert [(it["id"], it["is"], it["by"]) for it in flying.events("presence")] == [(3, "real", "Anna")]
-    refused = asked(flying, tmp_path, AMusselAct.FAULT, 3, TimedFault.BROWN_OUT)
-    assert refused == Answer(False, "aMussel 3 is real: faults are for simulated ones")
-    assert asked(flying, tmp_path, AMusselAct.FAULT, 4, TimedFault.BROWN_OUT) == Answer(True, "")
-    assert [(it["id"], it["fault"]) for it in flying.events("fault")] == [(4, "brown_out")]
-    not_docked = asked(flying, tmp_path, AMusselAct.FAULT, 4, TimedFault.COIL_SLIP)
-    assert "in no dock" in not_docked.message and not not_docked.accepted
+Row = tuple[AMusselAct, int, TimedFault | None, str]
 
 
 @pytest.mark.parametrize(
-    ("request_", "why"),
+    ("rows", "told"),
     [
-        (AMusselRequest(AMusselAct.PERMIT, "Anna", 99), "there is no aMussel 99 in this run"),
-        (AMusselRequest(AMusselAct.PING, "Anna", 3), "there is nothing to ping by"),
-        (AMusselRequest(AMusselAct.FAULT, "Anna", 3), "name the fault: brown_out, watchdog, killed"),
+        pytest.param(
+            [
+                (AMusselAct.HAND_OVER, 3, None, ""),
+                (
+                    AMusselAct.FAULT,
+                    3,
+                    TimedFault.BROWN_OUT,
+                    "aMussel 3 is real: faults are for simulated ones",
+                ),
+                (AMusselAct.FAULT, 4, TimedFault.BROWN_OUT, ""),
+                (AMusselAct.FAULT, 4, TimedFault.COIL_SLIP, "aMussel 4 is in no dock"),
+            ],
+            {"presence": (3, "real"), "fault": (4, "brown_out")},
+            id="presence and faults go through the roster",
+        ),
+        pytest.param(
+            [
+                (AMusselAct.PERMIT, 99, None, "there is no aMussel 99 in this run"),
+                (AMusselAct.PING, 3, None, "this scenario has no water: there is nothing to ping by"),
+                (AMusselAct.FAULT, 3, None, "name the fault: brown_out, watchdog, killed"),
+            ],
+            {},
+            id="what cannot be is refused",
+        ),
     ],
 )
-def test_what_cannot_be_is_refused(
-    flying: FlyingWithRoster, tmp_path: Path, request_: AMusselRequest, why: str
+def test_orders_are_carried_out_or_refused(
+    flying: FlyingWithRoster, tmp_path: Path, rows: list[Row], told: dict[str, tuple[int, str]]
 ) -> None:
-    answer = flying.answered(lambda: ask(tmp_path, request_))
-    assert not answer.accepted and why in answer.message
-    assert flying.events("operator") == []
+    for act, agent, fault, why_not in rows:
+        answer = asked(flying, tmp_path, act, agent, fault)
+        assert answer.message.startswith(why_not) and answer.accepted is (why_not == "")
+    found = {
+        kind: (it["id"], it.get("is") or it["fault"])
+        for kind in ("presence", "fault")
+        for it in flying.events(kind)
+    }
+    assert found == told and flying.events("operator") == []
+    assert {it["by"] for it in flying.events("presence")} <= {"Anna"}
 
 
 def test_no_fault_is_caused_where_a_real_hull_flies(pool: Scenario, tmp_path: Path) -> None:

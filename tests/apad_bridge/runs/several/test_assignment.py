@@ -16,6 +16,7 @@ NAMES = ("a", "b", "c", "d")
 METRES = st.integers(-50, 50).map(float)
 POINTS = st.tuples(METRES, METRES)
 IDS = tuple(range(1, 17))
+DONE, STALLED = "done", "stalled"
 
 
 @st.composite
@@ -126,19 +127,24 @@ def test_an_aMussel_in_two_shares_is_refused() -> None:
         Assignment({"a": [1, 2], "b": [2]})
 
 
-def test_a_breakdown_is_go_tos_that_fail_in_a_row() -> None:
-    def fail(breakdown: Breakdown, reason: str = "stalled") -> None:
-        breakdown.go_to_ended(PrimitiveFailed(0, 1, reason))
-
-    breakdown = Breakdown(2)
-    fail(breakdown)
-    breakdown.go_to_ended(PrimitiveSucceeded(0, 2))
-    fail(breakdown)
-    fail(breakdown, PRE_EMPTED)
-    assert breakdown.take() is None
-    fail(breakdown)
-    assert breakdown.take() == "2 go-tos in a row failed: stalled" and breakdown.take() is None
-    fail(breakdown)
-    assert breakdown.take() is None
-    fail(breakdown)
-    assert breakdown.take() == "4 go-tos in a row failed: stalled"
+@pytest.mark.parametrize(
+    ("ends", "told"),
+    [
+        ([DONE, STALLED, DONE, STALLED, STALLED], [None] * 4 + ["2 go-tos in a row failed: stalled"]),
+        # Who makes way for another has not failed.
+        ([STALLED, PRE_EMPTED, STALLED], [None, None, "2 go-tos in a row failed: stalled"]),
+        # It is told again after as many.
+        (
+            [STALLED] * 4,
+            [None, "2 go-tos in a row failed: stalled", None, "4 go-tos in a row failed: stalled"],
+        ),
+    ],
+)
+def test_a_breakdown_is_go_tos_that_fail_in_a_row(ends: list[str], told: list[str | None]) -> None:
+    breakdown, found = Breakdown(2), []
+    for number, end in enumerate(ends):
+        breakdown.go_to_ended(
+            PrimitiveSucceeded(0, number) if end == DONE else PrimitiveFailed(0, number, end)
+        )
+        found.append(breakdown.take())
+    assert found == told and breakdown.take() is None

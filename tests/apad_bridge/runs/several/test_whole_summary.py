@@ -51,53 +51,62 @@ def flight(agents: int, mean: float, **more: Any) -> dict[str, Any]:
     return {**figures, **more}
 
 
-def test_every_aMussel_counts_alike() -> None:
-    whole = combined_summary(
-        "two", {"a": flight(3, 60.0), "b": flight(1, 80.0, mission_s=90.0, dropped={"late": 2})}
-    )
-    assert whole["uptime_paper"] == {"mean": pytest.approx(65.0), "max": 90.0, "min": 50.0}
-    assert whole["final_charge_mean"] == pytest.approx(0.65)
-    assert whole["active_mean"] == pytest.approx(2.6)
-    assert (whole["agents"], whole["services"], whole["cost_m"], whole["emptied"]) == (4, 8, 25.0, 2)
-    assert (whole["planned_m"], whole["steps_given_up"], whole["causes"]) == (26.0, 2, {"missed": 2})
-    assert (whole["mission_s"], whole["dropped"]) == (100.0, {"late": 2})
-    assert whole["samples_taken"] is None and whole["digest"] == "00000000000001fe"
+APART = {"amussels": 1, "beside_real_s": 50.0, "retired_s": 0.0, "samples_taken": 0}
+KNOWN = {"uptime_paper": 60.0, "final_charge": 0.5, "lost": False}
+UNKNOWN = dict.fromkeys(KNOWN)
 
 
-def test_who_was_a_twin_for_half_the_time_counts_half() -> None:
-    apart = {"amussels": 1, "beside_real_s": 50.0, "retired_s": 0.0, "samples_taken": 0}
-    twin = flight(1, 80.0, counted_s=50.0, counted_at_end=0, final_charge_mean=None, excluded=apart)
-    whole = combined_summary("two", {"a": flight(3, 60.0), "b": twin})
-    assert whole["uptime_paper"]["mean"] == pytest.approx((3 * 60 + 80 / 2) / 3.5)
-    assert (whole["final_charge_mean"], whole["excluded"]) == (pytest.approx(0.6), apart)
-
-
-def test_what_one_does_not_know_nobody_knows() -> None:
-    whole = combined_summary(
-        "two", {"a": flight(3, 60.0), "b": flight(1, 80.0, counted_s=None, emptied=None)}
-    )
-    assert whole["uptime_paper"] is None and whole["emptied"] is None
-    assert whole["services"] == 8
-
-
-def test_words_stand_with_whom_they_are_of() -> None:
-    whole = combined_summary(
-        "two", {"a": flight(3, 60.0), "b": flight(1, 80.0, ended_by="x", first_cause="stalled")}
-    )
-    assert (whole["ended_by"], whole["first_cause"]) == ("a: mission time; b: x", "b: stalled")
-
-
-def test_an_aMussel_has_its_figures_from_where_it_is_simulated_and_its_services_from_all() -> None:
-    known = {"uptime_paper": 60.0, "final_charge": 0.5, "lost": False}
-    unknown = dict.fromkeys(known)
-    whole = combined_summary(
-        "two",
-        {
-            "a": flight(1, 60.0, amussels={"10": {**unknown, "services": 2}, "9": {**known, "services": 1}}),
-            "b": flight(1, 80.0, amussels={"10": {**known, "services": 3}}),
-        },
-    )
-    assert whole["amussels"] == {"9": {**known, "services": 1}, "10": {**known, "services": 5}}
+@pytest.mark.parametrize(
+    ("first", "second", "whole"),
+    [
+        pytest.param(
+            flight(3, 60.0),
+            flight(1, 80.0, mission_s=90.0, dropped={"late": 2}),
+            {
+                "uptime_paper": pytest.approx({"mean": 65.0, "max": 90.0, "min": 50.0}),
+                "final_charge_mean": pytest.approx(0.65),
+                "active_mean": pytest.approx(2.6),
+                **{"agents": 4, "services": 8, "cost_m": 25.0, "emptied": 2, "planned_m": 26.0},
+                **{"steps_given_up": 2, "causes": {"missed": 2}, "mission_s": 100.0, "dropped": {"late": 2}},
+                **{"samples_taken": None, "digest": "00000000000001fe"},
+            },
+            id="every aMussel counts alike",
+        ),
+        pytest.param(
+            flight(3, 60.0),
+            flight(1, 80.0, counted_s=50.0, counted_at_end=0, final_charge_mean=None, excluded=APART),
+            {
+                "uptime_paper": pytest.approx({"mean": (3 * 60 + 80 / 2) / 3.5, "max": 90.0, "min": 50.0}),
+                "final_charge_mean": pytest.approx(0.6),
+                "excluded": APART,
+            },
+            id="who was a twin for half the time counts half",
+        ),
+        pytest.param(
+            flight(3, 60.0),
+            flight(1, 80.0, counted_s=None, emptied=None),
+            {"uptime_paper": None, "emptied": None, "services": 8},
+            id="what one does not know nobody knows",
+        ),
+        pytest.param(
+            flight(3, 60.0),
+            flight(1, 80.0, ended_by="x", first_cause="stalled"),
+            {"ended_by": "a: mission time; b: x", "first_cause": "b: stalled"},
+            id="words stand with whom they are of",
+        ),
+        pytest.param(
+            flight(1, 60.0, amussels={"10": {**UNKNOWN, "services": 2}, "9": {**KNOWN, "services": 1}}),
+            flight(1, 80.0, amussels={"10": {**KNOWN, "services": 3}}),
+            {"amussels": {"9": {**KNOWN, "services": 1}, "10": {**KNOWN, "services": 5}}},
+            id="figures from where it is simulated, and services from all",
+        ),
+    ],
+)
+def test_the_figures_of_two_flights_together(
+    first: dict[str, Any], second: dict[str, Any], whole: dict[str, Any]
+) -> None:
+    found = combined_summary("two", {"a": first, "b": second})
+    assert {key: found[key] for key in whole} == whole
 
 
 DONE, STOPPED, FAILED = EndReason.MISSION_TIME, EndReason.OPERATOR, EndReason.STRATEGY_FAILED
