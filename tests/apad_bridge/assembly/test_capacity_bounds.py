@@ -92,16 +92,23 @@ def test_no_charge_between_two_levels_gains_more_than_the_best(
         assert gain <= best + 1e-9 or gain <= 0
 
 
-def test_a_mission_by_hand() -> None:
-    """Two aMussels, 1000 minutes: one begins full and lasts; the other begins at half, and the one dock serves it."""
-    full, half = (Rates(start, 0.001, 0.003, 500.0, 0.0, 0.0, 0.0) for start in (1.0, 0.5))
-    # It is docked for y minutes with 0.5 + 0.003 y = 0.001 (1000 - y): y = 125, active for 875.
-    assert active_minutes([full, half], 1000.0, 1) == pytest.approx(1000 + 875)
-    assert active_minutes([full, half], 1000.0, 0) == pytest.approx(1000 + 500)
-    # Five such share one dock's 1000 minutes, of which they could use 5 x 125.
-    assert active_minutes([half] * 5, 1000.0, 1) == pytest.approx(5 * 875)
-    # Sixteen could use 2000: each docked minute adds three active ones.
-    assert active_minutes([half] * 16, 1000.0, 1) == pytest.approx(16 * 500 + 3 * 1000)
+FULL_ONE, HALF = (Rates(start, 0.001, 0.003, 500.0, 0.0, 0.0, 0.0) for start in (1.0, 0.5))
+
+
+@pytest.mark.parametrize(
+    ("fleet", "docks", "active"),
+    [
+        # One begins full and lasts; the other is docked for y minutes with 0.5 + 0.003 y = 0.001 (1000 - y): y = 125.
+        ([FULL_ONE, HALF], 1, 1000 + 875),
+        ([FULL_ONE, HALF], 0, 1000 + 500),
+        # Five such share one dock's 1000 minutes, of which they could use 5 x 125.
+        ([HALF] * 5, 1, 5 * 875),
+        # Sixteen could use 2000: each docked minute adds three active ones.
+        ([HALF] * 16, 1, 16 * 500 + 3 * 1000),
+    ],
+)
+def test_a_mission_of_1000_minutes_by_hand(fleet: list[Rates], docks: int, active: float) -> None:
+    assert active_minutes(fleet, 1000.0, docks) == pytest.approx(active)
 
 
 @pytest.mark.parametrize("surfacing", [0.0, 0.05])
@@ -198,18 +205,20 @@ def charge_by_hand(drain: float) -> float:
 
 
 def test_a_whole_board_pays_for_its_service_and_its_reports_by_hand() -> None:
-    for slot, found in enumerate(rates_of(load(WHOLE_FILE))):
-        drain = drain_by_hand(60, slot)
-        assert found.drain == pytest.approx(drain, rel=1e-4)
-        assert found.charge == pytest.approx(charge_by_hand(drain), rel=1e-4)
-
-
-def test_a_whole_board_s_start_has_a_way_down_and_a_wake_added_by_hand() -> None:
+    """Its start has a way down and a wake added."""
     data = resolve(load(WHOLE_FILE))
     data["fleet"].update(count=12, agent_ids=[], start={"charge": [0.6, 0.6]})
-    drain = drain_by_hand(60, 0)
-    way_down, wake = MOTOR_RUN + 2 * (D - drain), 60 * (drain - ASLEEP)
-    assert rates_of(from_data(data, "test"))[0].start == pytest.approx(0.6 + way_down + wake, rel=1e-4)
+    for slot, found in enumerate(rates_of(from_data(data, "test"))):
+        drain = drain_by_hand(60, slot)
+        start = 0.6 + MOTOR_RUN + 2 * (D - drain) + 60 * (drain - ASLEEP)
+        by_hand = (drain, charge_by_hand(drain), start)
+        assert (found.drain, found.charge, found.start) == pytest.approx(by_hand, rel=1e-4)
+
+
+def test_a_board_that_never_sleeps_is_awake_in_its_dock_by_hand() -> None:
+    found = rates_of(awake_all_the_time(load(WHOLE_FILE)))[0]
+    charge = (ABOVE_KNEE - 2 * MOTOR_RUN) / (ABOVE_KNEE / (TWO_COILS - D * PATH))
+    assert (found.drain, found.charge) == pytest.approx((D, charge), rel=1e-4)
 
 
 def test_services_that_are_timed_to_skip_wakes_have_a_bound_of_their_own_by_hand() -> None:
@@ -223,13 +232,6 @@ def test_services_that_are_timed_to_skip_wakes_have_a_bound_of_their_own_by_hand
     assert found.timed_uptime_for_ever_percent > found.uptime_for_ever_percent
     assert "No strategy that does not time its services to skip wakes exceeds" in found.text
     assert bounds_of([pool(count=12)]).timed_uptime_percent is None
-
-
-def test_a_board_that_never_sleeps_is_awake_in_its_dock_by_hand() -> None:
-    found = rates_of(awake_all_the_time(load(WHOLE_FILE)))[0]
-    gained = ABOVE_KNEE - 2 * MOTOR_RUN
-    assert found.drain == pytest.approx(D)
-    assert found.charge == pytest.approx(gained / (ABOVE_KNEE / (TWO_COILS - D * PATH)), rel=1e-4)
 
 
 def test_a_fleet_whose_timeslots_differ_is_sustained_by_its_mean_share_by_hand() -> None:
@@ -254,12 +256,6 @@ def test_a_dock_that_gives_less_than_the_board_draws_fills_nobody_from_empty() -
         (ABOVE_KNEE - 2 * MOTOR_RUN) / (ABOVE_KNEE / (TWO_COILS - docked)), rel=1e-4
     )
     assert (found.sustained_from_empty, found.cycles_per_apad_charge) == (4, 0)
-
-
-def test_the_capacity_by_a_fleet_s_balance_by_hand() -> None:
-    # Ten aMussels of 0.001 a minute lose one battery together in 2000 minutes: half an aMussel is too much.
-    assert sustained_by_balance(10, -1.0, 0.001, 2000.0) == pytest.approx(9.5)
-    assert sustained_by_balance(10, 0.0, 0.001, 2000.0) == 10
 
 
 @given(st.integers(1, 4), st.floats(1e-4, 1e-2), st.floats(1e-4, 1e-2), st.integers(1, 30))

@@ -213,14 +213,6 @@ def test_without_a_majority_an_aPad_keeps_its_own_of_two_and_leaves_it_of_more(c
     assert (part.granted == {7}) == (count == 2)
 
 
-def test_without_a_majority_nothing_new_is_granted() -> None:
-    for count in (2, 3, 4, 5):
-        part = Jurisdiction("a", [PeerState("a", (0.0, 0.0))], NAMES[:count], NET)
-        for now_ms in range(10_000, 300_000, 10_000):
-            part.advance(OwnSight(busy=frozenset({7})), now_ms)
-            assert part.granted == frozenset()
-
-
 def test_the_others_leave_what_the_docks_of_a_lost_aPad_hold() -> None:
     lost = PeerState(
         "b", (0.0, 50.0), 1_000, places_m={1: (0, (0.0, 49.0)), 2: (0, (0.0, 51.0))}, docked=frozenset({2})
@@ -232,17 +224,12 @@ def test_the_others_leave_what_the_docks_of_a_lost_aPad_hold() -> None:
 
 
 def test_a_place_is_told_anew_when_it_differs_by_five_metres() -> None:
-    part = Jurisdiction("a", [PeerState("a", (0.0, 0.0))], ("a",), NET)
+    part = alone("a", 1)
     for now_ms, north_m in ((1, 0.0), (2, 4.9), (3, 5.1)):
         part.advance(OwnSight(movable_m={7: (north_m, 0.0)}), now_ms)
     assert part.known["a"].places_m == {7: (3, (5.1, 0.0))}
-
-
-def test_time_that_stands_is_a_bug() -> None:
-    part = alone("a", 1)
-    part.advance(OwnSight(), 5)
-    with pytest.raises(ValueError, match="time did not go on: 5 after 5"):
-        part.advance(OwnSight(), 5)
+    with pytest.raises(ValueError, match="time did not go on: 3 after 3"):
+        part.advance(OwnSight(), 3)
 
 
 def test_a_vote_binds_until_its_lease_has_ended_by_every_clock() -> None:

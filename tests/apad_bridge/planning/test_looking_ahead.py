@@ -176,34 +176,31 @@ def test_one_that_was_served_waits_in_a_projection_until_it_is_nearly_empty(
 
 
 @pytest.mark.parametrize("is_asynchronous", [True, False])
-@pytest.mark.parametrize("is_planned", [True, False])
+@pytest.mark.parametrize(("is_planned", "charge"), [(True, 0.4), (False, 0.4), (False, 1.0)])
 def test_a_released_one_takes_the_place_of_the_collected_one_in_a_projection(
-    is_asynchronous: bool, is_planned: bool
+    is_asynchronous: bool, is_planned: bool, charge: float
 ) -> None:
     """One is full in a dock, with its place 20 m to the south; one waits 30 m to the north. The horizon ends later.
 
     The charged one works from its release, after one way and both mechanisms. The way is the same whether the plan that is
-    judged collects the other one, or the base policy does.
+    judged collects the other one, or the base policy does. If nobody waits, it goes to its own place.
     """
     model = replace(MODEL, docks=1, batch=1, is_asynchronous=is_asynchronous, exchanges_places=True)
-    held, other = replace(swimming(1, -20, 0, 1.0), dock_index=0), swimming(2, 30, 0, 0.4)
+    held, other = replace(swimming(1, -20, 0, 1.0), dock_index=0), swimming(2, 30, 0, charge)
     collected_s = 2.5 + 30 / model.speed_m_s + model.dock_s
-    released_s = collected_s + model.undock_s
+    horizon_s = collected_s + model.undock_s + 50
     situation = (
         Situation(0, 0, (other,), (0,), (), model, (held,))
         if is_planned
         else Situation(0, 0, (), (), (other, held), model)
     )
-    outcome = Projection(situation, model, released_s + 50, 60.0).of([0] if is_planned else [])
-    assert (outcome.metres, outcome.active_s) == (30.0, pytest.approx((collected_s, 50.0)))
-
-
-@pytest.mark.parametrize("is_asynchronous", [True, False])
-def test_one_for_whom_nobody_waits_goes_to_its_own_place_in_a_projection(is_asynchronous: bool) -> None:
-    model = replace(MODEL, docks=1, batch=1, is_asynchronous=is_asynchronous, exchanges_places=True)
-    held, other = replace(swimming(1, -20, 0, 1.0), dock_index=0), swimming(2, 30, 0, 1.0)
-    outcome = Projection(Situation(0, 0, (), (), (other, held), model), model, 60.0, 60.0).of(())
-    assert outcome.metres == 20.0
+    outcome = Projection(situation, model, horizon_s, 60.0).of([0] if is_planned else [])
+    alone = (horizon_s, horizon_s - 2.5 - 20 / model.speed_m_s - model.undock_s)
+    found = (outcome.metres, outcome.active_s)
+    assert found == (
+        30.0 if charge < 1 else 20.0,
+        pytest.approx((collected_s, 50.0) if charge < 1 else alone),
+    )
 
 
 def test_a_rollout_finds_the_best_plan_of_a_small_pool_by_its_own_model() -> None:

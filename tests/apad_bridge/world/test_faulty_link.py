@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pytest
 from stack_benches import cleared
 
 from apad_bridge.vehicle.commands import (
@@ -35,13 +36,6 @@ class Vehicle:
 GO = GoTo(1, 5.0, 5.0, 0.5, 1.0)
 
 
-def test_a_healthy_link_passes_everything() -> None:
-    vehicle = Vehicle()
-    link = FaultyLink(vehicle)
-    link.command(cleared(GO), 0)
-    assert link.advance(1000) == vehicle.advance(1000) and vehicle.commands == [GO]
-
-
 def test_a_frozen_vehicle_says_and_does_nothing_until_it_heals_and_loses_nothing() -> None:
     vehicle = Vehicle()
     link = FaultyLink(vehicle)
@@ -56,10 +50,14 @@ def test_a_frozen_vehicle_says_and_does_nothing_until_it_heals_and_loses_nothing
     assert len(link.advance(3000)) == 2
 
 
-def test_a_vehicle_lies_about_its_place_and_about_nothing_else() -> None:
-    link = FaultyLink(Vehicle())
-    link.north_error_m = 5.0
-    assert link.advance(0) == [PoseReported(0, 6.0, 2.0, 0.0), Carried(0, 3, 1.0, 2.0)]
+@pytest.mark.parametrize("error_m", [0.0, 5.0])
+def test_a_vehicle_lies_about_its_place_and_about_nothing_else(error_m: float) -> None:
+    vehicle = Vehicle()
+    link = FaultyLink(vehicle)
+    link.north_error_m = error_m
+    link.command(cleared(GO), 0)
+    assert link.advance(0) == [PoseReported(0, 1.0 + error_m, 2.0, 0.0), Carried(0, 3, 1.0, 2.0)]
+    assert vehicle.commands == [GO]
 
 
 def test_a_jammed_dock_fails_its_orders_and_the_others_move() -> None:
