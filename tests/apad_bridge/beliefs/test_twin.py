@@ -100,14 +100,18 @@ def untaught() -> Twin:
     return Twin(KNOWLEDGE, {})
 
 
-def test_nothing_is_believed_of_one_that_was_never_heard(untaught: Twin) -> None:
-    for measurement in (
-        (TimeslotSilent(), 0),
-        (Docked(), 0),
-        (Released(0.0, 0.0), 0),
-        (Fixed(1.0, 2.0, 1.0), 0),
-    ):
-        assert untaught.update(None, *measurement) is None
+@pytest.mark.parametrize(
+    "measurement",
+    [
+        TimeslotSilent(),
+        Docked(),
+        Released(0.0, 0.0),
+        Fixed(1.0, 2.0, 1.0),
+        ShortStatus(1, State.SLEEPING, 0.5, 1.0),
+    ],
+)
+def test_nothing_is_believed_of_one_that_was_never_heard(untaught: Twin, measurement: Measurement) -> None:
+    assert untaught.update(None, measurement, 0) is None
 
 
 def test_it_goes_on_by_the_schedule_and_says_how_sure_it_is() -> None:
@@ -171,19 +175,71 @@ def twin() -> Twin:
     return Twin(KNOWLEDGE, ALWAYS_ASLEEP)
 
 
+NIGHT = hourly(State.SLEEPING, 0.9, 60 * ASLEEP, 3)
+
+
+@pytest.mark.parametrize(
+    ("measurements", "mode", "primary", "within", "deviation"),
+    [
+        pytest.param(
+            [
+                heard(0, State.SLEEPING, 0.5),
+                (Permitted(), HOUR),
+                heard(5 * HOUR, State.SLEEPING, 0.5 - 300 * ASLEEP, 5),
+            ],
+            Mode.ASLEEP,
+            0.5 - 300 * ASLEEP,
+            0.01,
+            (0.0, 0.1),
+            id="one that did not obey is known when it is heard",
+        ),
+        # A sag of 0.01: the battery holds 0.49, so 0.017 of a run of 0.027 is left; the filter knows a part of that.
+        pytest.param(
+            [heard(0, State.SLEEPING, 0.5), (Permitted(), 1000), heard(20_000, State.SURFACING, 0.48, 1)],
+            Mode.SURFACING,
+            0.473,
+            0.008,
+            (0.004, 0.02),
+            id="motors that run are heard while one surfaces",
+        ),
+        # The charger lifts the voltage by 0.03.
+        pytest.param(
+            [heard(0, State.SLEEPING, 0.5), heard(6 * HOUR, State.CHARGING, 0.93, 6)],
+            Mode.CHARGING_PRIMARY,
+            0.9,
+            0.02,
+            (0.0, 0.1),
+            id="docked by somebody else it is believed as heard",
+        ),
+        # One of six hours under high load, not observed.
+        pytest.param(
+            [*NIGHT, heard(8 * HOUR, State.SLEEPING, 0.87 - 60 * (5 * ASLEEP + HIGH), 8)],
+            Mode.ASLEEP,
+            0.87 - 60 * (5 * ASLEEP + HIGH),
+            0.02,
+            (0.0, 0.1),
+            id="what was not scheduled is found out by the next packet",
+        ),
+    ],
+)
+def test_a_packet_decides(
+    twin: Twin,
+    measurements: list[_Stamped],
+    mode: Mode,
+    primary: float,
+    within: float,
+    deviation: tuple[float, float],
+) -> None:
+    belief = told(twin, *measurements)
+    assert (belief.mode, belief.primary) == (mode, pytest.approx(primary, abs=within))
+    assert deviation[0] ** 2 < belief.charge_cov[0] < deviation[1] ** 2 and state_of(belief).gated == 0
+
+
 def test_a_packet_in_time_corrects_one_filter_and_the_mode_is_known(twin: Twin) -> None:
     belief = told(twin, *hourly(State.SLEEPING, 0.9, 60 * ASLEEP, 5), heard(5 * HOUR, State.ACTIVE, 0.87, 5))
     assert belief.mode is Mode.IDLE and belief.probability_of(Mode.IDLE) == 1.0
     assert len(belief.parts) == 1 and len(state_of(belief).anchors) == 1
     assert (belief.heard_ms, belief.silent_timeslots, belief.learned_from) == (5 * HOUR, 0, Source.PACKET)
-
-
-def test_what_was_not_scheduled_is_found_out_by_the_next_packet(twin: Twin) -> None:
-    truth = 0.9 - 60 * (5 * ASLEEP + HIGH)  # one of six hours under high load, not observed
-    belief = told(twin, *hourly(State.SLEEPING, 0.9, 60 * ASLEEP, 3))
-    belief = twin.update(belief, *heard(8 * HOUR, State.SLEEPING, truth - 0.03, 8)) or belief
-    assert belief.primary == pytest.approx(truth - 0.03, abs=0.02)
-    assert state_of(belief).gated == 0
 
 
 def test_a_gross_outlier_is_gated_until_another_agrees(twin: Twin) -> None:
@@ -254,13 +310,6 @@ def test_what_the_apad_did_is_known_without_a_packet(twin: Twin) -> None:
     assert down is not None and down.mode is Mode.ASLEEP
     assert (down.north_m, down.east_m) == (20.0, 30.0)
     assert down.primary == pytest.approx(1 - 0.027 - IDLE, abs=0.01)
-
-
-def test_one_that_did_not_obey_is_known_when_it_is_heard(twin: Twin) -> None:
-    belief = told(twin, heard(0, State.SLEEPING, 0.5), (Permitted(), HOUR))
-    stayed = twin.update(belief, *heard(5 * HOUR, State.SLEEPING, 0.5 - 5 * 60 * ASLEEP, 5))
-    assert stayed is not None and stayed.mode is Mode.ASLEEP
-    assert stayed.primary == pytest.approx(0.5 - 5 * 60 * ASLEEP, abs=0.01)
 
 
 def test_silence_from_the_surface_says_that_it_stayed_below() -> None:
@@ -451,21 +500,6 @@ def test_one_that_waits_to_sink_is_not_taken_for_one_that_has_sunk(twin: Twin) -
     assert lies is not None and lies.primary == pytest.approx(asleep - 120 * ASLEEP, abs=0.006)
 
 
-def test_motors_that_run_are_heard_while_one_surfaces(twin: Twin) -> None:
-    belief = told(twin, heard(0, State.SLEEPING, 0.5), (Permitted(), 1000))
-    up = twin.update(belief, *heard(20_000, State.SURFACING, 0.48, 1))
-    assert up is not None and up.mode is Mode.SURFACING
-    # A sag of 0.01: the battery holds 0.49, so 0.017 of a run of 0.027 is left; the filter knows a part of that.
-    assert up.primary == pytest.approx(0.473, abs=0.008)
-    assert 0.004**2 < up.charge_cov[0] < 0.02**2
-
-
-def test_docked_by_somebody_else_it_is_believed_as_heard(twin: Twin) -> None:
-    belief = told(twin, heard(0, State.SLEEPING, 0.5), heard(6 * HOUR, State.CHARGING, 0.93, 6))
-    assert belief.mode is Mode.CHARGING_PRIMARY
-    assert belief.primary == pytest.approx(0.9, abs=0.02)  # the charger lifts the voltage by 0.03
-
-
 def test_drain_and_bias_of_one_are_learned_while_it_is_heard(untaught: Twin) -> None:
     rng = np.random.default_rng(2)
     drain, sag = 1.08, -0.022
@@ -572,10 +606,6 @@ def test_one_that_is_asked_within_a_short_wake_is_not_taken_for_awake(
     assert asked is not None and asked.mode is mode and asked.state is state
 
 
-def test_a_short_status_of_one_that_was_never_heard_is_not_believed() -> None:
-    assert Twin(KNOWLEDGE, {}).update(None, ShortStatus(1, State.SLEEPING, 0.5, 1.0), 0) is None
-
-
 @pytest.mark.parametrize(("deviations", "gated"), [(-4.0, 0), (4.0, 0), (-7.0, 1)])
 def test_the_gate_stands_between_four_deviations_and_seven(twin: Twin, deviations: float, gated: int) -> None:
     steady = told(twin, *hourly(State.SLEEPING, 0.7, 60 * ASLEEP, 6))
@@ -589,37 +619,42 @@ def test_the_gate_stands_between_four_deviations_and_seven(twin: Twin, deviation
 GPS = replace(KNOWLEDGE, water=WaterParameters(0.0, 0.1, 3600.0, 0.5, is_ground_truth=False, way_down_s=60.0))
 
 
-def from_below(at_ms: int, sequence: int, north_m: float = 3.0) -> _Stamped:
-    return StatusPacket(1, sequence, State.SLEEPING, 0.9, 1.0, north_m, 4.0, 3.0, at_ms), at_ms
+def placed(at_ms: int, sequence: int, state: State, depth_m: float, north_m: float = 3.0) -> _Stamped:
+    return StatusPacket(1, sequence, state, 0.9, 1.0, north_m, 4.0, depth_m, at_ms), at_ms
 
 
-def from_the_surface(at_ms: int, sequence: int, north_m: float = 3.0) -> _Stamped:
-    return StatusPacket(1, sequence, State.FLOATING, 0.9, 1.0, north_m, 4.0, 0.0, at_ms), at_ms
+BELOW = [placed(n * HOUR, n, State.SLEEPING, 3.0) for n in range(10)]
+AFLOAT = [placed(n * 10_000, n, State.FLOATING, 0.0) for n in range(5)]
+TRUTHFUL = replace(GPS, water=replace(GPS.water, is_ground_truth=True))
 
 
-def test_a_place_repeated_from_below_makes_nobody_surer() -> None:
-    twin = Twin(GPS, ALWAYS_ASLEEP)
-    first = told(twin, from_below(0, 0))
-    # The error of the fix, and 0.1 m/s for the minute of the way down.
-    assert first.place_cov[0] == pytest.approx(0.5**2 + 6.0**2)
-    repeated = told(twin, *(from_below(n * HOUR, n) for n in range(10)))
-    assert repeated.place_cov[0] == pytest.approx(first.place_cov[0])
+@pytest.mark.parametrize(
+    ("knowledge", "reports", "least", "most"),
+    [
+        # The error of the fix, and 0.1 m/s for the minute of the way down.
+        pytest.param(GPS, BELOW[:1], 36.25, 36.25, id="from below"),
+        pytest.param(GPS, BELOW, 36.25, 36.25, id="a place repeated from below makes nobody surer"),
+        pytest.param(GPS, AFLOAT, 0.0, 0.5**2, id="fixes at the surface make surer"),
+        pytest.param(
+            GPS,
+            [*AFLOAT[:1], (Docked(), 1000), (Released(3.0, 4.0), HOUR)],
+            37.0,
+            37.0,
+            id="the way down does not",
+        ),
+        pytest.param(TRUTHFUL, BELOW, 0.0, 0.05, id="who states where it is is believed each time"),
+    ],
+)
+def test_how_sure_a_place_is(
+    knowledge: TwinParameters, reports: list[_Stamped], least: float, most: float
+) -> None:
+    variance = told(Twin(knowledge, ALWAYS_ASLEEP), *reports).place_cov[0]
+    assert least * (1 - 1e-6) <= variance <= most * (1 + 1e-6)
 
 
-def test_fixes_at_the_surface_make_surer_and_the_way_down_does_not() -> None:
-    twin = Twin(GPS, ALWAYS_ASLEEP)
-    reports = [from_the_surface(n * 10_000, n) for n in range(5)]
-    assert told(twin, *reports).place_cov[0] < 0.5**2
-    # The fix as it left the surface, which no packet had stated.
-    assert 3.0 < told(twin, *reports, from_below(120_000, 5, north_m=3.4)).north_m < 3.4
-    released = told(twin, from_the_surface(0, 0), (Docked(), 1000), (Released(3.0, 4.0), HOUR))
-    assert released.place_cov[0] == pytest.approx(1.0 + 6.0**2)
-
-
-def test_a_twin_whose_aMussel_states_where_it_is_takes_every_place() -> None:
-    truthful = replace(GPS, water=replace(GPS.water, is_ground_truth=True))
-    belief = told(Twin(truthful, ALWAYS_ASLEEP), *(from_below(n * HOUR, n) for n in range(10)))
-    assert belief.place_cov[0] < 0.5**2 / 5
+def test_a_fix_as_it_left_the_surface_which_no_packet_had_stated_is_weighed() -> None:
+    below = placed(120_000, 5, State.SLEEPING, 3.0, north_m=3.4)
+    assert 3.0 < told(Twin(GPS, ALWAYS_ASLEEP), *AFLOAT, below).north_m < 3.4
 
 
 @pytest.mark.parametrize("stated", [0.04, 0.5, 0.96])
