@@ -597,7 +597,6 @@ def test_a_resumed_flight_goes_on_in_the_hands_in_which_it_was(pool: Scenario) -
 
 def test_a_flight_by_hand_has_nobody_to_give_it_back_to(pool: Scenario) -> None:
     hand = open_flight(pool, RunSpec(command_sources=()))[0].supervisor.mission
-    assert isinstance(hand, FlightMission)
     assert hand.take_over() == "no mission plans in this flight: orders are taken without it"
     with pytest.raises(Refused, match="no mission to which to give the aPad back"):
         hand.give_back()

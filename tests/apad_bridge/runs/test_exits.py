@@ -7,13 +7,14 @@ import sys
 from dataclasses import replace
 from errno import ENOENT
 from pathlib import Path
+from typing import Any
 
 import pytest
 from journals import lines_in
 from rosbags.rosbag1 import Reader
 from scenario_files import POOL_FILE
 
-from apad_bridge.assembly.flight_config import flight_config
+from apad_bridge.assembly.flight_config import FlightConfig, flight_config
 from apad_bridge.commands.outcome import exit_of, report
 from apad_bridge.events.mission_events import MissionEnd
 from apad_bridge.events.run_events import EndReason
@@ -27,17 +28,10 @@ from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.clock import ClockLost, OnTimeReached, StopSign
+from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.vehicle.link_errors import PeerFailed
 
 FAILED = MissionEnd(EndReason.STRATEGY_FAILED, "failure of strategy 'x': ValueError: no")
-
-
-def code_of(summary: dict[str, object]) -> int:
-    return report("a", "greedy", RunDirectory(Path("run")), summary, as_json=True)
-
-
-def summary_of(end: MissionEnd) -> dict[str, object]:
-    return {"ended_by": str(end), "end_reason": end.reason.value}
 
 
 @pytest.mark.parametrize(
@@ -55,7 +49,8 @@ def summary_of(end: MissionEnd) -> dict[str, object]:
 def test_the_reason_decides_the_exit_code_and_not_its_text(
     end: MissionEnd, code: Exit, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert code_of(summary_of(end)) is code
+    summary = {"ended_by": str(end), "end_reason": end.reason.value}
+    assert report("a", "greedy", RunDirectory(Path("run")), summary, as_json=True) is code
 
 
 class ClockThatStops:
@@ -69,16 +64,22 @@ class ClockThatStops:
             raise ClockLost("the node of /apad1 did not say within 60 s that it has come to 6 s")
 
 
-def test_a_clock_that_is_lost_ends_the_mission_in_order_with_its_records(tmp_path: Path) -> None:
+def minute_in(folder: Path, **parts: Any) -> tuple[FlightConfig, FlightContext, Recorder]:
+    """A flight of a minute with its records in a folder."""
     scenario = replace(load(POOL_FILE), duration_s=60)
     scenario = replace(scenario, fleet=replace(scenario.fleet, hosting=Hosting.ONE_PROCESS))
-    config, directory = flight_config(scenario), RunDirectory(tmp_path)
-    recorder = Recorder(directory, scenario, config.ids)
-    journal_start(recorder, scenario, starts_of(scenario))
-    fleet = open_fleet(config, starts_of(scenario), tmp_path)
-    context = replace(in_process_context(config, fleet), pace=ClockThatStops())
-    with FlightProgress(scenario.name, 60_000, quiet=True) as progress:
+    config, starts = flight_config(scenario), starts_of(scenario)
+    recorder = Recorder(RunDirectory(folder), scenario, config.ids)
+    journal_start(recorder, scenario, starts)
+    context = in_process_context(config, open_fleet(config, starts, folder.parent))
+    return config, replace(context, **parts), recorder
+
+
+def test_a_clock_that_is_lost_ends_the_mission_in_order_with_its_records(tmp_path: Path) -> None:
+    config, context, recorder = minute_in(tmp_path, pace=ClockThatStops())
+    with FlightProgress("pool", 60_000, quiet=True) as progress:
         summary = fly(config, context, recorder, progress)
+    directory = RunDirectory(tmp_path)
     assert summary["ended_by"].startswith("loss of the clock: the node of /apad1 did not say")
     assert exit_of(EndReason(summary["end_reason"])) is Exit.PEER_FAILED
     assert json.loads(directory.summary.read_text()) == summary
@@ -106,14 +107,9 @@ class MessagesOfFlight:
 
 
 def test_a_directory_that_is_gone_is_told_at_the_next_tick_and_not_at_the_end(tmp_path: Path) -> None:
-    scenario = replace(load(POOL_FILE), duration_s=60)
-    scenario = replace(scenario, fleet=replace(scenario.fleet, hosting=Hosting.ONE_PROCESS))
     out = tmp_path / "run"
     out.mkdir()
-    config, progress = flight_config(scenario), MessagesOfFlight(out)
-    recorder = Recorder(RunDirectory(out), scenario, config.ids)
-    journal_start(recorder, scenario, starts_of(scenario))
-    context = in_process_context(config, open_fleet(config, starts_of(scenario), tmp_path))
+    (config, context, recorder), progress = minute_in(out), MessagesOfFlight(out)
     with pytest.raises(RecordsFailed, match="was deleted while the run flew"):
         fly(config, context, recorder, progress)
     recorder.close()

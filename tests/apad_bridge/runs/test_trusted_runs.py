@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -80,22 +81,31 @@ def test_a_run_that_was_begun_here_is_known_and_its_code_is_named(begun: RunDire
     assert code_of(begun) == ["mine.py:Mine", f"{PYTHON[0]} {begun.path.parent}/board.py"]
 
 
-def test_a_copy_a_moved_run_and_one_without_a_mark_are_not(begun: RunDirectory, state: Path) -> None:
-    shutil.copytree(begun.path, copy := begun.path.with_name("copy"))
-    assert not is_own(RunDirectory(copy))
-    begun.path.rename(moved := begun.path.with_name("moved"))
-    assert not is_own(RunDirectory(moved))
-    moved.rename(begun.path)
+def altered(file: str) -> Callable[[RunDirectory], Path]:
+    def alter(run: RunDirectory) -> Path:
+        (run.path / file).write_text((run.path / file).read_text() + "# altered\n")
+        return run.path
+
+    return alter
+
+
+def unmarked(run: RunDirectory) -> Path:
+    shutil.rmtree(run.path.parent / "state")
+    return run.path
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        pytest.param(lambda run: shutil.copytree(run.path, run.path.with_name("copy")), id="a copy"),
+        pytest.param(lambda run: run.path.rename(run.path.with_name("moved")), id="a moved one"),
+        pytest.param(unmarked, id="one without a mark"),
+        *(pytest.param(altered(it), id=it) for it in ("scenario.yaml", "collection/mine.py", "../board.py")),
+    ],
+)
+def test_what_was_changed_is_not_known(begun: RunDirectory, change: Callable[[RunDirectory], Path]) -> None:
     assert is_own(begun)
-    shutil.rmtree(state)
-    assert not is_own(begun)
-
-
-@pytest.mark.parametrize("altered", ["scenario.yaml", "collection/mine.py", "../board.py"])
-def test_an_altered_run_is_not(begun: RunDirectory, altered: str) -> None:
-    with (begun.path / altered).open("a") as file:
-        file.write("# altered\n")
-    assert not is_own(begun)
+    assert not is_own(RunDirectory(change(begun)))
 
 
 def test_a_prepared_fleet_with_other_firmware_is_not(begun: RunDirectory, tmp_path: Path) -> None:

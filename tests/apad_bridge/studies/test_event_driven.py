@@ -303,7 +303,6 @@ class Killed:
             RunSpec(ResumePoint(MissionMs(0), journaled(state), 1, None), learned),
         )
         resumed.port._distance_m = supervisor.port._distance_m
-        assert isinstance(resumed.mission, EnergyExchange)
         supervisor.mission = ticks._mission = resumed.mission
         supervisor.port = resumed.port
 

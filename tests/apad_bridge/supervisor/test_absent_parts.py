@@ -15,7 +15,6 @@ from apad_bridge.events.sound_events import PlaceFixed
 from apad_bridge.mission.breakdown import NeverStandsDown
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.facts import Ping, RangeHeard, Send
-from apad_bridge.mission.flight_mission import FlightMission
 from apad_bridge.mission.orders import PingAgent
 from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.runs.start_state import restore_allocation
@@ -51,7 +50,6 @@ def test_without_water_packets_arrive_at_once_and_strangers_are_counted() -> Non
 def test_a_supervisor_without_water_delays_no_packet_and_counts_a_ping() -> None:
     supervisor = flight_parts.supervisor(flight_config(POOL), RunSpec(calls=CallQueue()))
     assert [supervisor.send(it, MissionMs(0)) for it in (SOUND, WIFI)] == [[SOUND], [WIFI]]
-    assert isinstance(supervisor.mission, FlightMission)
     supervisor.mission.order(PingAgent(4))
     supervisor.receive(RangeHeard(MissionMs(0), 4, 12.0))
     assert not any(isinstance(it, Ping | PlaceFixed) for it in supervisor.advance(MissionMs(0)))

@@ -65,9 +65,7 @@ def flying(pool: Scenario, tmp_path: Path) -> Iterator[FlyingWithRoster]:
 def asked(
     flying: FlyingWithRoster, run_dir: Path, act: AMusselAct, agent: int = 3, fault: TimedFault | None = None
 ) -> Answer:
-    answer = flying.answered(lambda: ask(run_dir, AMusselRequest(act, "Anna", agent, fault)))
-    assert isinstance(answer, Answer)
-    return answer
+    return flying.answered(lambda: ask(run_dir, AMusselRequest(act, "Anna", agent, fault)))
 
 
 def test_a_permission_reaches_the_amussel_and_is_noted(flying: FlyingWithRoster, tmp_path: Path) -> None:
