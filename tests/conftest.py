@@ -4,6 +4,7 @@ Workers share the files out in an order in which no processor waits at the end.
 """
 
 import builtins
+import gc
 import signal
 import sys
 from collections.abc import Iterable, Iterator
@@ -20,6 +21,8 @@ settings.register_profile(
 )
 settings.register_profile("repeats", settings.get_profile("search"), derandomize=True)
 settings.register_profile("quick", settings.get_profile("repeats"), max_examples=15)
+# What is loaded to collect the tests stays to the end: Python's garbage collector need not walk through it again and again.
+gc.disable()
 settings.load_profile("repeats")
 
 # A shell's background job ignores SIGINT, and one under nohup SIGHUP: what is ignored is handed on to every child.
@@ -57,6 +60,11 @@ def pytest_configure(config: pytest.Config) -> None:
         config.pluginmanager.register(StartsNothing())
 
 
+def pytest_collection_finish() -> None:
+    gc.freeze()
+    gc.enable()
+
+
 class StartsNothing:
     """Leaves out what is marked `system`, and skips any other test at its first process, by the interpreter's audit events.
 
@@ -69,6 +77,11 @@ class StartsNothing:
 
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
         items[:] = [it for it in items if not it.get_closest_marker("system")]
+        for law in (getattr(it, "obj", None) for it in items):
+            # A law's own number of examples is for the whole suite.
+            own = getattr(law, "_hypothesis_internal_use_settings", None)
+            if own is not None and own.max_examples > settings().max_examples:
+                law._hypothesis_internal_use_settings = settings(own, max_examples=settings().max_examples)
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_protocol(self, item: pytest.Item) -> Iterator[None]:

@@ -10,7 +10,7 @@ from apad_bridge.events.run_events import EndReason
 from apad_bridge.runs.in_memory import fly_in_memory
 from apad_bridge.runs.script_in_memory import fly_script
 from apad_bridge.scenario.loader import load
-from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.schema import RandomStart, Scenario
 
 ROOT = Path(__file__).parents[3]
 EXAMPLES = ROOT / "launch_scripts/examples"
@@ -47,20 +47,24 @@ def test_a_script_s_flight_is_the_same_every_time(pool: Scenario) -> None:
 
 
 @pytest.mark.parametrize(
-    ("shipped", "duration_s", "least"), [("pool-12", 1200.0, 4), ("sound-12", 2950.0, 3)]
+    ("shipped", "duration_s", "least"), [("pool-12", 1600.0, 5), ("sound-12", 1000.0, 4)]
 )
 def test_the_paper_s_mission_as_a_script_does_what_the_mission_does(
     shipped: str, duration_s: float, least: int
 ) -> None:
+    """All need a charge soon: four are charged and released, and others docked."""
+
     def deeds(events: object) -> list[object]:
         assert isinstance(events, (list, tuple))
         return [it for it in events if it[1] in ("dock", "released")]
 
-    scenario = replace(load(ROOT / f"launch_scripts/scenarios/{shipped}.yaml"), duration_s=duration_s)
+    scenario = load(ROOT / f"launch_scripts/scenarios/{shipped}.yaml")
+    fleet = replace(scenario.fleet, start=RandomStart(charge=(0.5, 0.8)))
+    scenario = replace(scenario, duration_s=duration_s, fleet=fleet)
     figures, recorder = fly_in_memory(scenario)
     flight = fly_script(scenario, EXAMPLES / "energy_exchange.py")
     assert flight.ended_by == "mission time"
-    assert flight.state.services == figures["services"] > least
+    assert flight.state.services == figures["services"] >= least
     assert flight.state.cost_m == pytest.approx(figures["cost_m"], abs=1e-6)
     assert flight.state.planned_m == pytest.approx(figures["planned_m"], abs=1e-6)
     # Every dock closes and opens at the same second around the same aMussel.

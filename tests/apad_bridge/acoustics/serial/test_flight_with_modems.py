@@ -43,6 +43,8 @@ from firmware_model.states import State
 
 Make = Callable[..., Any]
 LONG_S = 600
+SPEED = 3
+"""Of mission time and of the modems' own."""
 
 
 def whole_boards(**changes: Any) -> Scenario:
@@ -65,7 +67,7 @@ def flying(
         flight_config(scenario),
         FlightContext(
             vehicle=InProcessVehicle(flight_parts.simulated_apad(scenario)),
-            pace=WallClock(1.0),
+            pace=WallClock(SPEED),
             world=World(
                 fleet_parts.fleet_of(
                     flight_config(scenario), host, dict.fromkeys(initial_states, 0), opened=opened
@@ -99,7 +101,7 @@ def status(agent_id: int) -> bytes:
 
 def test_a_physical_modem_brings_packets_for_both_sides(physical: Make, tmp_path: Path) -> None:
     """Modem 1 is the fleet's; modem 2 belongs to others in the same water."""
-    modems = physical(speed=1)
+    modems = physical(speed=SPEED)
     scenario = whole_boards()
     with (
         open_serial_lines(tmp_path, (), modems.path(1), 0, print) as serial_lines,
@@ -132,7 +134,7 @@ def test_a_physical_modem_brings_packets_for_both_sides(physical: Make, tmp_path
 
 def test_reports_and_commands_go_into_the_water_with_their_ids(physical: Make, tmp_path: Path) -> None:
     """One aMussel wakes every 3 s with a low battery: it reports by sound, and the mission permits it to surface."""
-    modems = physical(speed=1)
+    modems = physical(speed=SPEED)
     data = resolve(whole_boards())
     data["board"].update(boot_ms=500)
     cycle = {
