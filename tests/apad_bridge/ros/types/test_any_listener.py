@@ -16,8 +16,8 @@ from apad_bridge.events.graph_events import MessagesDropped
 from apad_bridge.ros.generation_a import link as link_a
 from apad_bridge.ros.generation_b import link as link_b
 from apad_bridge.ros.links.laboratory_topics import LaboratorySubscribers
-from apad_bridge.ros.links.vehicle_subscribers import POSE_FIELDS, VehicleSubscribers, NavSts
 from apad_bridge.ros.links.other_apads import OtherAPads
+from apad_bridge.ros.links.vehicle_subscribers import POSE_FIELDS, NavSts, VehicleSubscribers
 from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.ros.types.any_message import why_unfit
 from apad_bridge.scenario.lab_interface.lab_messages import MessageKind
