@@ -13,7 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from apad_bridge.runs.exits import Exit
-from apad_bridge.runs.terminal import PlainStream, hang_up
+from apad_bridge.runs.terminal import PlainStream
 from firmware_model.control_characters import shown
 
 
@@ -30,10 +30,8 @@ class Console(rich.console.Console):
         self._file = new
 
     def on_broken_pipe(self) -> None:
-        """In place of rich's, which ends the process at once and closes stdout, whichever of the two lost its reader."""
-        if not self.stderr:
-            raise  # rich calls this where it handles the error
-        hang_up()
+        """In place of rich's, which ends the process at once: a command whose result nobody reads fails as any other."""
+        raise  # rich calls this where it handles the error
 
     def render_str(self, text: str, **options: Any) -> Text:
         """Shows the control characters of a plain text before rich measures it."""

@@ -3,8 +3,8 @@
 Texts come from strategies, scripts, boards, ROS nodes and strangers' records. A terminal would obey an escape sequence in
 them, which moves the cursor, writes over other lines or sets its title. The command's stdout and stderr go through here.
 
-A reader of stderr that leaves, as `head` in `musselbed run ... 2>&1 | head`, is as a terminal that hangs up: a flight ends
-in order, with complete records. One of stdout makes the result worthless, so the command fails.
+A stderr that takes no more text, as with `musselbed run ... 2>&1 | head` or on a full disk, is as a terminal that hangs
+up: a flight ends in order, with complete records. Such a stdout makes the result worthless, so the command fails.
 """
 
 from __future__ import annotations
@@ -25,12 +25,7 @@ class PlainStream:
         """A console of ours (`rich_console.py`) writes its own control characters there."""
 
     def write(self, text: str) -> int:
-        try:
-            self.behind.write(shown(text))
-        except BrokenPipeError:
-            if self.behind is not sys.__stderr__:
-                raise
-            hang_up()
+        self.behind.write(shown(text))
         return len(text)
 
     def writelines(self, lines: list[str]) -> None:
@@ -40,10 +35,31 @@ class PlainStream:
         return getattr(self.behind, name)
 
 
-def hang_up() -> None:
-    """Nobody reads stderr any more: drops all further text there, and asks this process to end as SIGHUP does."""
-    discard(sys.stderr)
-    signal.raise_signal(signal.SIGHUP)
+class HangingUp:
+    """A stream that takes text without an error. Once it cannot, it drops all further text, and asks this process to end."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        try:
+            self._stream.write(text)
+        except OSError:
+            self._hang_up()
+        return len(text)
+
+    def flush(self) -> None:
+        try:
+            self._stream.flush()
+        except OSError:
+            self._hang_up()
+
+    def _hang_up(self) -> None:
+        discard(self._stream)
+        signal.raise_signal(signal.SIGHUP)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
 
 
 def discard(stream: TextIO) -> None:
@@ -53,4 +69,5 @@ def discard(stream: TextIO) -> None:
 
 def show_control_characters() -> None:
     """From now on this process's stdout and stderr show them."""
-    sys.stdout, sys.stderr = (cast(TextIO, PlainStream(it)) for it in (sys.stdout, sys.stderr))
+    behind = sys.stdout, cast(TextIO, HangingUp(sys.stderr))
+    sys.stdout, sys.stderr = (cast(TextIO, PlainStream(it)) for it in behind)

@@ -152,17 +152,18 @@ def test_a_reader_that_leaves_is_no_traceback(command: list[str]) -> None:
     assert (done.returncode, done.stderr) == (3, "")
 
 
-def test_a_reader_of_the_progress_that_leaves_ends_the_flight_in_order_and_closes_nothing_else(
-    tmp_path: Path,
+@pytest.mark.parametrize("progress", ["a reader that left", "a full disk"])
+def test_where_no_progress_can_be_shown_the_flight_ends_in_order_and_nothing_else_is_closed(
+    progress: str, tmp_path: Path
 ) -> None:
     reader, writer = os.pipe()
     os.close(reader)
-    with open(writer, "w") as left:
+    with open(writer, "w") as left, open("/dev/full", "w") as full:
         done = subprocess.run(
             [*MUSSELBED, "run", "pool-12", "--time", "asap", "--out", "flown"],
             cwd=tmp_path,
             stdout=subprocess.PIPE,
-            stderr=left,
+            stderr=full if progress == "a full disk" else left,
             text=True,
             timeout=60,
         )
