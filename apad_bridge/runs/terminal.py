@@ -36,7 +36,7 @@ class PlainStream:
 
 
 class HangingUp:
-    """A stream that takes text without an error. Once it cannot, it drops all further text, and asks this process to end."""
+    """A stream that raises nothing. Once it can take no text, it drops all of it, and asks this process to end."""
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
