@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import signal
+import sys
 from collections.abc import Iterator
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
@@ -18,7 +19,6 @@ from killing import kill_supervisor
 from programs import MUSSELBED, Begin, begun, done, ended_well, lines_of, wait_until
 from scenario_files import write_scenario
 
-from apad_bridge.ros.gateway.fleet_guard import SecondFleet, refuse_second_fleet
 from apad_bridge.ros.system.master import loopback_environment
 from apad_bridge.ros.types.messages import generated_folder
 from firmware_model.packets import StatusPacket
@@ -26,6 +26,11 @@ from firmware_model.packets.codec import MusselbedCodec
 from firmware_model.states import State
 
 pytestmark = pytest.mark.system
+SAME_NAME = """
+import sys
+from apad_bridge.ros.gateway.fleet_guard import refuse_second_fleet
+refuse_second_fleet("/musselbed_1", [101], sys.argv[1])
+"""
 
 
 @dataclass(frozen=True)
@@ -139,8 +144,8 @@ def test_a_second_fleet_with_an_id_of_the_first_does_not_start_and_the_later_of_
             other = write_scenario(tmp_path / "other.yaml", flown.scenario, fleet={"first_id": first_id})
             second = begin(*MUSSELBED, "fleet", other, "--time", "wall", "--out", out, env=flown.shell)
             assert words in ended_well(second, 3)[1]
-        with pytest.raises(SecondFleet, match="a node named /musselbed_1 runs on this master already"):
-            refuse_second_fleet("/musselbed_1", [101], flown.shell["ROS_MASTER_URI"])
+        same_name = done(sys.executable, "-c", SAME_NAME, flown.shell["ROS_MASTER_URI"], code=1)
+        assert "a node named /musselbed_1 runs on this master already" in same_name.stderr
         wait_until(lambda: flown.told(4) == [("retired", "/earlier")])
 
 
