@@ -139,11 +139,13 @@ def test_a_second_fleet_with_an_id_of_the_first_does_not_start_and_the_later_of_
             5: "node /musselbed_1 already has /amussel5/",
             101: "node /earlier simulates aMussel 105 already: two fleets on one",
         }
-        for first_id, words in refused.items():
-            out = tmp_path / str(first_id)
-            other = write_scenario(tmp_path / "other.yaml", flown.scenario, fleet={"first_id": first_id})
-            second = begin(*MUSSELBED, "fleet", other, "--time", "wall", "--out", out, env=flown.shell)
-            assert words in ended_well(second, 3)[1]
+        started = []
+        for it in refused:
+            other = write_scenario(tmp_path / f"{it}.yaml", flown.scenario, fleet={"first_id": it})
+            asked = ("fleet", other, "--time", "wall", "--out", tmp_path / str(it))
+            started.append(begin(*MUSSELBED, *asked, env=flown.shell))
+        for process, words in zip(started, refused.values(), strict=True):
+            assert words in ended_well(process, 3)[1]
         same_name = done(sys.executable, "-c", SAME_NAME, flown.shell["ROS_MASTER_URI"], code=1)
         assert "a node named /musselbed_1 runs on this master already" in same_name.stderr
         wait_until(lambda: flown.told(4) == [("retired", "/earlier")])
