@@ -111,36 +111,55 @@ def service(server: Server, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     made._close()
 
 
-def test_it_asks_for_the_type_once_and_keeps_its_connection(server: Server, service: Any) -> None:
-    for _ in range(3):
-        assert service.call() == TriggerResponse(False, "")
-    assert server.next(3) == ["request on 1", "request on 1", "request on 1"]
-    assert b"probe=1" in server.headers[0] and b"persistent=1" in server.headers[1]
+def calls(server: Server, service: Any) -> None:
+    assert service.call() == TriggerResponse(False, "")
 
 
-def test_a_connection_that_ended_is_opened_again_by_the_kept_address(server: Server, service: Any) -> None:
-    service.connect()
-    server.cut()
-    assert server.next(1) == ["end of 1"]
-    service.call()
-    assert server.next(1) == ["request on 2"]
-
-
-def test_a_call_without_an_answer_ends_its_connection_before_the_next_request_goes_out(
-    server: Server, service: Any
-) -> None:
-    service.connect()
+def calls_in_vain(server: Server, service: Any) -> None:
+    """The server does not answer within its time."""
     server.answers.clear()
-    for number in (1, 2):
-        begun_s = time.monotonic()
-        with pytest.raises(WATCHDOG.NotTaken, match="no answer") as not_taken:
-            service.call()
-        assert not_taken.value.is_late
-        assert WATCHDOG.TAKEN_S * 0.9 < time.monotonic() - begun_s < WATCHDOG.TAKEN_S + 5.0
-        assert server.next(2) == [f"request on {number}", f"end of {number}"]
+    begun_s = time.monotonic()
+    with pytest.raises(WATCHDOG.NotTaken, match="no answer") as not_taken:
+        service.call()
+    assert not_taken.value.is_late
+    assert WATCHDOG.TAKEN_S * 0.9 < time.monotonic() - begun_s < WATCHDOG.TAKEN_S + 5.0
     server.answers.set()
-    service.call()
-    assert server.next(1) == ["request on 3"]
+
+
+def connects(server: Server, service: Any) -> None:
+    service.connect()
+
+
+def is_cut(server: Server, service: Any) -> None:
+    server.cut()
+
+
+@pytest.mark.parametrize(
+    "steps",
+    [
+        pytest.param([(calls, ["request on 1"])] * 3, id="it keeps its connection"),
+        pytest.param(
+            [(connects, []), (is_cut, ["end of 1"]), (calls, ["request on 2"])],
+            id="a connection that ended is opened again by the kept address",
+        ),
+        pytest.param(
+            [
+                *((connects, []), (calls_in_vain, ["request on 1", "end of 1"])),
+                *((calls_in_vain, ["request on 2", "end of 2"]), (calls, ["request on 3"])),
+            ],
+            id="a call without an answer ends its connection before the next request goes out",
+        ),
+    ],
+)
+def test_what_a_server_sees(
+    server: Server, service: Any, steps: list[tuple[Callable[[Server, Any], None], list[str]]]
+) -> None:
+    """It is asked for its type once, by a connection of its own."""
+    for act, seen in steps:
+        act(server, service)
+        assert server.next(len(seen)) == seen
+    probe, *others = server.headers
+    assert b"probe=1" in probe and all(b"persistent=1" in it for it in others)
 
 
 def test_a_server_that_does_not_even_shake_hands_gets_no_request() -> None:

@@ -174,22 +174,18 @@ def test_a_go_to_of_a_dead_server_that_comes_no_nearer_has_failed() -> None:
 @pytest.mark.parametrize("answers", [True, False])
 def test_a_higher_dock_that_falls_silent_with_a_lower_ones_release_is_still_closed(answers: bool) -> None:
     bench = Faulty(Generation.A, Fault.COUNTS_DOCKS)
-    stack = bench.link
-    stack.tells_docks = answers
+    bench.link.tells_docks = answers
     for n, agent_id in enumerate((7, 8, 9), start=1):
         bench.done(CloseDock(n, 0, agent_id))
     bench.done(OpenDock(4, 0, 7))
     bench.done(replace(AWAY, command_id=5))
     bench.run(20)
-    assert bench.port.docked == ((1, 8), (2, 9))
-    assert carried(bench.facts, 9)[-1] == pytest.approx(stack.vehicle._apad.dock_position(2), abs=1e-6)
-    assert isinstance(bench.done(OpenDock(6, 2, 9)), PrimitiveSucceeded)
-    assert stack.vehicle.held == ["amussel8"]
-    assert (
-        stack.core.dropped["silence on position_static of an aMussel that the aPad holds: dead reckoning"]
-        == 1
-    )
-    assert "the bench asks" in ROWS["counts_docks"]
+    vehicle = bench.link.vehicle
+    assert bench.port.docked == ((1, 8), (2, 9)) and "the bench asks" in ROWS["counts_docks"]
+    assert carried(bench.facts, 9)[-1] == pytest.approx(vehicle._apad.dock_position(2), abs=1e-6)
+    assert isinstance(bench.done(OpenDock(6, 2, 9)), PrimitiveSucceeded) and vehicle.held == ["amussel8"]
+    silent = "silence on position_static of an aMussel that the aPad holds: dead reckoning"
+    assert bench.link.core.dropped[silent] == 1
 
 
 def test_what_a_crashed_server_held_is_let_go_after_a_silence() -> None:
@@ -203,16 +199,12 @@ def test_what_a_crashed_server_held_is_let_go_after_a_silence() -> None:
     assert bench.link.core.dropped["silence on position_static, taken for a release without an order"] == 1
 
 
-def foreign(north_m: float) -> GoalOrder:
-    return GoalOrder("another's-1", GO_TO, north_m, EAST_M)
-
-
 def crossed(ours: Primitive, others_m: float, *, is_real: bool, then_s: int = 90) -> tuple[Faulty, float]:
     """The bench `then_s` after another client's go-to, by so much to the north, crossed our order; and how far it went."""
     bench = Faulty(Generation.A, takes_back=not is_real)
     bench.give(ours)
     bench.run(3)
-    bench.link.take(foreign(NORTH_M + others_m), bench.now_ms)
+    bench.link.take(GoalOrder("another's-1", GO_TO, NORTH_M + others_m, EAST_M), bench.now_ms)
     north_m = [bench.run(1) or bench.link.vehicle.pose.north_m - NORTH_M for _ in range(then_s)]
     return bench, max(north_m, key=abs, default=0.0)
 
@@ -282,12 +274,9 @@ def test_a_vehicle_that_blocks_takes_no_call_for_the_27_s_in_which_its_servo_tur
 def test_a_vehicle_that_wanders_is_told_again() -> None:
     bench = Faulty(Generation.B, Fault.WANDERS, drift_m_s=(0.3, 0.0))
     bench.give(Hold(1, NORTH_M, EAST_M))
-    farthest_m = 0.0
-    for _ in range(120):
-        bench.run(1)
-        farthest_m = max(farthest_m, bench.link.vehicle.pose.north_m - NORTH_M)
+    ways_m = [bench.run(1) or bench.link.vehicle.pose.north_m - NORTH_M for _ in range(120)]
     # 10 s at most at 0.3 m/s beyond the 3 m.
-    assert 3.0 < farthest_m < 6.5
+    assert 3.0 < max(ways_m) < 6.5
     assert bench.link.core.dropped["the aPad did not hold its position, and got the hold again"] >= 3
 
 
