@@ -3,41 +3,36 @@
 from __future__ import annotations
 
 import math
-import threading
-from collections.abc import Iterator
-from xmlrpc.server import SimpleXMLRPCServer
+from collections.abc import Sequence
 
 import pytest
 
-from apad_bridge.doctor.finding import CheckStatus
+from apad_bridge.doctor.finding import CheckStatus, Finding
 from apad_bridge.doctor.origin_check import ReportedPlace, check_origin
 from apad_bridge.scenario.schema import Origin
+from tests.apad_bridge.doctor.test_graph_checks import answering
 
 BIOGRAD = Origin(latitude_deg=43.9330937, longitude_deg=15.4443468)
 
 
-class Parameters(dict[str, object]):
-    uri = ""
+Parameters = dict[str, object]
 
 
 @pytest.fixture
-def parameters() -> Iterator[Parameters]:
-    known = Parameters()
-    with SimpleXMLRPCServer(("127.0.0.1", 0), logRequests=False) as server:
-        server.register_function(lambda _, name: [1, "", name in known], "hasParam")
-        server.register_function(lambda _, name: [1, "", known[name]], "getParam")
-        known.uri = f"http://127.0.0.1:{server.server_address[1]}/"
-        serving = threading.Thread(target=server.serve_forever, args=(0.01,))
-        serving.start()
-        yield known
-        server.shutdown()
-        serving.join()
+def parameters() -> Parameters:
+    return {}
+
+
+def found_of(parameters: Parameters, apad: str, told: Sequence[ReportedPlace] = ()) -> Finding:
+    has, get = (lambda _, name: [1, "", name in parameters]), (lambda _, name: [1, "", parameters[name]])
+    with answering(hasParam=has, getParam=get) as uri:
+        return check_origin(uri, apad, BIOGRAD, list(told))
 
 
 @pytest.mark.parametrize("namespace", ["/bay/apad1", "/bay", ""])
 def test_the_same_origin_is_found_in_its_namespace_or_above(parameters: Parameters, namespace: str) -> None:
     parameters |= {f"{namespace}/LocalOriginLat": 43.933094, f"{namespace}/LocalOriginLon": 15.444347}
-    found = check_origin(parameters.uri, "/bay/apad1", BIOGRAD)
+    found = found_of(parameters, "/bay/apad1")
     assert found.status is CheckStatus.OK and "43.9330940, 15.4443470, as the scenario does" in found.found
 
 
@@ -48,7 +43,7 @@ def test_another_origin_is_said_with_its_distance_and_its_mend(parameters: Param
         "/apad1/LocalOriginLon": 15.4443468,
         "/LocalOriginLat": 0,
     }
-    found = check_origin(parameters.uri, "/apad1", BIOGRAD)
+    found = found_of(parameters, "/apad1")
     assert found.status is CheckStatus.FAIL and "1111 m from the scenario's" in found.found
     assert "latitude_deg: 43.9430937, longitude_deg: 15.4443468" in str(found)
 
@@ -56,11 +51,11 @@ def test_another_origin_is_said_with_its_distance_and_its_mend(parameters: Param
 @pytest.mark.parametrize("wrong", ["north", [43.9], 91.0])
 def test_what_is_no_place_is_said(parameters: Parameters, wrong: object) -> None:
     parameters |= {"/apad1/LocalOriginLat": wrong, "/apad1/LocalOriginLon": 15.4}
-    assert check_origin(parameters.uri, "/apad1", BIOGRAD).status is CheckStatus.FAIL
+    assert found_of(parameters, "/apad1").status is CheckStatus.FAIL
 
 
 def test_without_parameters_nothing_is_claimed(parameters: Parameters) -> None:
-    found = check_origin(parameters.uri, "/apad1", BIOGRAD)
+    found = found_of(parameters, "/apad1")
     assert found.status is CheckStatus.CANNOT_TELL and "/apad1/LocalOriginLat is not set" in found.found
 
 
@@ -95,12 +90,12 @@ NORTH_DEG = 100 / 111_111
 def test_places_that_the_positions_name_are_compared(
     parameters: Parameters, told: ReportedPlace, status: CheckStatus, words: str
 ) -> None:
-    found = check_origin(parameters.uri, "/apad1", BIOGRAD, [told])
+    found = found_of(parameters, "/apad1", [told])
     assert found.status is status and words in found.found
 
 
 def test_positions_are_compared_even_where_the_parameters_agree(parameters: Parameters) -> None:
     parameters |= {"/LocalOriginLat": BIOGRAD.latitude_deg, "/LocalOriginLon": BIOGRAD.longitude_deg}
     elsewhere = ReportedPlace("its positions' origin", 43.9420937, 15.4443468)
-    assert check_origin(parameters.uri, "/apad1", BIOGRAD).status is CheckStatus.OK
-    assert check_origin(parameters.uri, "/apad1", BIOGRAD, [elsewhere]).status is CheckStatus.FAIL
+    assert found_of(parameters, "/apad1").status is CheckStatus.OK
+    assert found_of(parameters, "/apad1", [elsewhere]).status is CheckStatus.FAIL

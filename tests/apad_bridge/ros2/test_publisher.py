@@ -19,23 +19,20 @@ import pytest
 from apad_bridge.ros2 import ros2_process
 
 
-class Publisher:
-    def __init__(self, kind: Any, topic: str, profile: Any) -> None:
-        self.kind, self.topic, self.profile = kind, topic, profile
-        self.published: list[bytes] = []
-
-    def publish(self, data: bytes) -> None:
-        self.published.append(data)
-
-
 class Node:
+    """Keeps its publishers, with what they published."""
+
     def __init__(self, name: str, **options: Any) -> None:
         self.name, self.options = name, options
-        self.made: list[Publisher] = []
+        self.made: list[Any] = []
 
-    def create_publisher(self, kind: Any, topic: str, profile: Any) -> Publisher:
-        self.made.append(Publisher(kind, topic, profile))
-        return self.made[-1]
+    def create_publisher(self, kind: Any, topic: str, profile: Any) -> Any:
+        published: list[bytes] = []
+        made = SimpleNamespace(
+            kind=kind, topic=topic, profile=profile, published=published, publish=published.append
+        )
+        self.made.append(made)
+        return made
 
 
 @pytest.fixture
@@ -127,14 +124,11 @@ def test_a_type_that_the_wheels_lack_is_made_once_by_its_name(
 ) -> None:
     made: list[tuple[str, str]] = []
 
-    class Named:
-        def __init__(self, kind: str, hexadecimal: str) -> None:
-            made.append((kind, hexadecimal))
+    def named(kind: str, hexadecimal: str) -> Any:
+        made.append((kind, hexadecimal))
+        return SimpleNamespace(message_class=lambda: bytes)
 
-        def message_class(self) -> type:
-            return bytes
-
-    monkeypatch.setattr(program, "_NamedType", Named)
+    monkeypatch.setattr(program, "_NamedType", named)
     kind = "lacking_msgs/Frames"
     program._run(io.BytesIO(announced(0, "/tf", 0, kind) + announced(1, "/tf_static", 1, kind)), "node")
     assert [it.kind for it in nodes[0].made] == [bytes, bytes]
