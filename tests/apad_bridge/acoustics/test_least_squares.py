@@ -27,22 +27,37 @@ def test_exact_ranges_give_the_exact_place(north_m: float, east_m: float, depth_
     assert found.residuals_m == pytest.approx([0] * 4, abs=1e-5)
 
 
-def test_dilution_by_hand() -> None:
-    """The place is amid four anchors at its depth: every unit vector is (+-1, +-1)/sqrt 2, so J^T J = 2 I and HDOP is 1."""
-    flat = SQUARE.copy()
-    flat[:, 2] = 5.0
-    found = solve(flat, ranges_to((50, 50, 5), flat), np.full(4, 0.2), 5.0, (40.0, 45.0))
-    assert found.hdop == pytest.approx(1.0)
-    assert found.covariance == pytest.approx((0.02, 0, 0.02), abs=1e-9)
+FLAT = np.array([(0.0, 0.0, 5.0), (0.0, 100.0, 5.0), (100.0, 0.0, 5.0), (100.0, 100.0, 5.0)])
+CORNER = np.array([(0.0, 0.0, 2.0), (30.0, 40.0, 2.0)])
 
 
-def test_two_anchors_at_a_right_angle_by_hand() -> None:
-    """Each range fixes one axis: HDOP is sqrt 2, and each variance is that of its own range."""
-    anchors = np.array([(0.0, 0.0, 2.0), (30.0, 40.0, 2.0)])
-    found = solve(anchors, ranges_to((30, 0, 2), anchors), np.array([0.1, 0.3]), 2.0, (28.0, 3.0))
-    assert (found.north_m, found.east_m) == pytest.approx((30, 0), abs=1e-6)
-    assert found.hdop == pytest.approx(2**0.5)
-    assert found.covariance == pytest.approx((0.01, 0, 0.09), abs=1e-9)
+@pytest.mark.parametrize(
+    ("anchors", "place", "deviations_m", "near_m", "hdop", "covariance"),
+    [
+        # Amid four anchors at its depth every unit vector is (+-1, +-1)/sqrt 2, so J^T J = 2 I and HDOP is 1.
+        pytest.param(
+            *(FLAT, (50, 50, 5), [0.2] * 4, (40.0, 45.0), 1.0, (0.02, 0, 0.02)),
+            id="amid four anchors",
+        ),
+        # Each range fixes one axis: HDOP is sqrt 2, and each variance is that of its own range.
+        pytest.param(
+            *(CORNER, (30, 0, 2), [0.1, 0.3], (28.0, 3.0), 2**0.5, (0.01, 0, 0.09)),
+            id="two anchors at a right angle",
+        ),
+    ],
+)
+def test_dilution_by_hand(
+    anchors: np.ndarray,
+    place: tuple[float, float, float],
+    deviations_m: list[float],
+    near_m: tuple[float, float],
+    hdop: float,
+    covariance: tuple[float, float, float],
+) -> None:
+    found = solve(anchors, ranges_to(place, anchors), np.array(deviations_m), place[2], near_m)
+    assert (found.north_m, found.east_m) == pytest.approx(place[:2], abs=1e-6)
+    assert found.hdop == pytest.approx(hdop)
+    assert found.covariance == pytest.approx(covariance, abs=1e-9)
 
 
 def test_a_better_range_counts_for_more() -> None:
@@ -60,10 +75,8 @@ def test_the_covariance_is_that_of_many_draws() -> None:
     draw = np.random.default_rng(4)
     true = (20.0, 70.0, 8.0)
     deviations = np.array([0.5, 0.5, 0.3, 0.8])
-    founds = []
-    for _ in range(2000):
-        noisy = ranges_to(true, SQUARE) + draw.normal(0, deviations)
-        founds.append(solve(SQUARE, noisy, deviations, 8.0, (50.0, 50.0)))
+    noisy = (ranges_to(true, SQUARE) + draw.normal(0, deviations) for _ in range(2000))
+    founds = [solve(SQUARE, it, deviations, 8.0, (50.0, 50.0)) for it in noisy]
     north, cross, east = founds[0].covariance
     places = np.array([(it.north_m, it.east_m) for it in founds])
     spread = np.cov(places.T)

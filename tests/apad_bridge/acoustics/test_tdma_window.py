@@ -2,7 +2,8 @@
 
 from itertools import pairwise
 
-from hypothesis import given
+import pytest
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from apad_bridge.acoustics.schedule import ALWAYS, TdmaWindow
@@ -10,22 +11,22 @@ from apad_bridge.acoustics.schedule import ALWAYS, TdmaWindow
 FRAME = TdmaWindow(300_000, 60_000)
 
 
-def test_by_hand() -> None:
-    assert FRAME.first_ms(0, 500) == 60_000 and FRAME.first_ms(59_999, 500) == 60_000
-    assert FRAME.first_ms(60_001, 500) == 60_001 and FRAME.first_ms(299_500, 500) == 299_500
-    assert FRAME.first_ms(299_501, 500) == 360_000 and FRAME.first_ms(310_000, 500) == 360_000
-
-
-def test_where_there_is_no_choice_it_is_now() -> None:
-    assert TdmaWindow(300_000, 300_000).first_ms(7, 500) == 7
-    assert ALWAYS.first_ms(7, 500) == 7
-    assert FRAME.first_ms(7, 999_999) == 60_000
+@pytest.mark.parametrize(
+    ("window", "now_ms", "lasting_ms", "first_ms"),
+    [
+        *((FRAME, 0, 500, 60_000), (FRAME, 59_999, 500, 60_000), (FRAME, 60_001, 500, 60_001)),
+        *((FRAME, 299_500, 500, 299_500), (FRAME, 299_501, 500, 360_000), (FRAME, 310_000, 500, 360_000)),
+        # Where there is no choice it is now, or as soon as the timeslots are over.
+        *((TdmaWindow(300_000, 300_000), 7, 500, 7), (ALWAYS, 7, 500, 7), (FRAME, 7, 999_999, 60_000)),
+    ],
+)
+def test_by_hand(window: TdmaWindow, now_ms: int, lasting_ms: int, first_ms: int) -> None:
+    assert window.first_ms(now_ms, lasting_ms) == first_ms
 
 
 @given(st.integers(2, 60), st.integers(1, 59), st.integers(0, 500), st.integers(1, 60))
 def test_it_is_the_first_such_time(frame_ms: int, taken_ms: int, now_ms: int, lasting_ms: int) -> None:
-    if taken_ms >= frame_ms or lasting_ms > frame_ms - taken_ms:
-        return
+    assume(lasting_ms <= frame_ms - taken_ms)
     found = TdmaWindow(frame_ms, taken_ms).first_ms(now_ms, lasting_ms)
     tries = range(now_ms, now_ms + 2 * frame_ms + 1)
     assert found == next(
@@ -46,8 +47,7 @@ def test_the_turns_of_several_apads_never_meet(
     """What fits into a turn lies in one frame's turn, outside the timeslots and outside everybody else's turn."""
     taken_ms = min(taken_ms, frame_ms - 1)
     lasting_ms = (frame_ms - taken_ms) // count
-    if lasting_ms == 0:
-        return
+    assume(lasting_ms > 0)
     spans = []
     for which in range(1, count + 1):
         begins_ms = TdmaWindow(frame_ms, taken_ms, (which, count)).first_ms(
