@@ -23,24 +23,26 @@ def message(publisher: str, data: bytes, *, is_latched: bool) -> rospy.AnyMsg:
     return made
 
 
-def test_what_comes_once_and_before_the_clock_is_handed_on_with_its_first_time(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """Of each publisher of a topic: /tf_static has several. What comes again is dropped until the clock is there."""
-    now_s = [0]
+@pytest.fixture
+def now_s(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """The graph's time, as the only element."""
+    time = [0]
     monkeypatch.setattr(graph_listener, "start_node", lambda *_, **__: None)
-    monkeypatch.setattr(rospy.Time, "now", lambda: rospy.Time(now_s[0]))
+    monkeypatch.setattr(rospy.Time, "now", lambda: rospy.Time(time[0]))
+    return time
+
+
+def test_what_comes_once_and_before_the_clock_is_handed_on_with_its_first_time(now_s: list[int]) -> None:
+    """Of each publisher of a topic: /tf_static has several. What comes again is dropped until the clock is there."""
     listener = GraphListener((), "listener")
-    listener._put(message("/one", b"old", is_latched=True), "/tf_static")
-    listener._put(message("/one", b"new", is_latched=True), "/tf_static")
-    listener._put(message("/two", b"its own", is_latched=True), "/tf_static")
+    for publisher, data in (("/one", b"old"), ("/one", b"new"), ("/two", b"its own")):
+        listener._put(message(publisher, data, is_latched=True), "/tf_static")
     listener._put(message("/one", b"lost", is_latched=False), "/pose")
     assert listener.take(0.0) == []
     now_s[0] = 7
-    listener._put(message("/one", b"first", is_latched=False), "/pose")
-    listener._put(message("/one", b"second", is_latched=False), "/pose")
-    heard = [(it.connection.topic, it.data, it.stamp_ns) for it in listener.take(1.0)]
-    assert heard == [
+    for data in (b"first", b"second"):
+        listener._put(message("/one", data, is_latched=False), "/pose")
+    assert [(it.connection.topic, it.data, it.stamp_ns) for it in listener.take(1.0)] == [
         ("/tf_static", b"new", 7 * 10**9),
         ("/tf_static", b"its own", 7 * 10**9),
         ("/pose", b"first", 7 * 10**9),
@@ -48,14 +50,10 @@ def test_what_comes_once_and_before_the_clock_is_handed_on_with_its_first_time(
     ]
 
 
-def test_a_topic_that_rospy_itself_reads_by_its_class_is_handed_on_as_bytes(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_topic_that_rospy_itself_reads_by_its_class_is_handed_on_as_bytes(now_s: list[int]) -> None:
     """/clock under use_sim_time: rospy has one connection a topic, and gives each subscriber the first one's class."""
-    monkeypatch.setattr(graph_listener, "start_node", lambda *_, **__: None)
-    monkeypatch.setattr(rospy.Time, "now", lambda: rospy.Time(7))
-    listener = GraphListener((), "listener")
-    clock = Clock(rospy.Time(1, 2))
+    now_s[0] = 7
+    listener, clock = GraphListener((), "listener"), Clock(rospy.Time(1, 2))
     clock._connection_header = {
         "callerid": "/clock_node",
         "md5sum": Clock._md5sum,

@@ -6,7 +6,9 @@ import queue
 import socket
 import struct
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, suppress
+from types import SimpleNamespace
 
 import pytest
 
@@ -22,62 +24,45 @@ def handled() -> queue.Queue[bytes]:
     return queue.Queue()
 
 
-class Clock:
+@pytest.fixture
+def clock() -> SimpleNamespace:
     """Stands still until a test moves it: so no handshake is too slow because this machine is."""
-
-    now_s = 0.0
-
-    def __call__(self) -> float:
-        return self.now_s
+    return SimpleNamespace(now_s=0.0)
 
 
 @pytest.fixture
-def clock() -> Clock:
-    return Clock()
-
-
-@pytest.fixture
-def connect(handled: queue.Queue[bytes], clock: Clock) -> Iterator[object]:
+def connect(handled: queue.Queue[bytes], clock: SimpleNamespace) -> Iterator[Callable[..., socket.socket]]:
     """Connects to a server that accepts as rospy does and reads what it is handed."""
 
     def handler(sock: socket.socket, _: object) -> None:
-        # Blocks for ever, as rospy's does, if the handshake is not whole.
-        data = b""
-        while len(data) < len(WHOLE):
-            data += sock.recv(4096)
-        handled.put(data)
+        # Blocks, as rospy's does, if the handshake is not whole.
+        handled.put(sock.recv(len(WHOLE), socket.MSG_WAITALL))
         sock.close()
 
-    handshakes = Handshakes(handler, HANDSHAKE_S, clock)
-    listener = socket.create_server(("127.0.0.1", 0))
-    opened: list[socket.socket] = []
+    handshakes = Handshakes(handler, HANDSHAKE_S, lambda: clock.now_s)
 
     def accept() -> None:
-        while True:
-            try:
+        with suppress(OSError):
+            while True:
                 handshakes.take(*listener.accept())
-            except OSError:
-                return
 
-    threading.Thread(target=accept, daemon=True).start()
+    with ExitStack() as stack:
+        listener = stack.enter_context(socket.create_server(("127.0.0.1", 0)))
+        threading.Thread(target=accept, daemon=True).start()
 
-    def open_one(data: bytes = b"") -> socket.socket:
-        sock = socket.create_connection(listener.getsockname(), PATIENCE_S)
-        opened.append(sock)
-        sock.sendall(data)
-        return sock
+        def open_one(data: bytes = b"") -> socket.socket:
+            sock = stack.enter_context(socket.create_connection(listener.getsockname(), PATIENCE_S))
+            sock.sendall(data)
+            return sock
 
-    yield open_one
-    for sock in [*opened, listener]:
-        sock.close()
+        yield open_one
 
 
 def was_closed(sock: socket.socket) -> bool:
     """True if the other end closes it in time, or resets it because something in it was not read."""
-    try:
+    with suppress(ConnectionResetError):
         return sock.recv(1) == b""
-    except ConnectionResetError:
-        return True
+    return True
 
 
 def test_silent_and_torn_connections_keep_nobody_out_and_are_closed(connect, handled, clock) -> None:  # type: ignore[no-untyped-def]

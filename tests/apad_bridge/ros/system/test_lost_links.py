@@ -10,6 +10,8 @@ import subprocess
 import sys
 import threading
 from pathlib import Path
+from types import SimpleNamespace
+from unittest.mock import MagicMock
 from xmlrpc.server import SimpleXMLRPCServer
 
 import pytest
@@ -27,28 +29,16 @@ SOON_S = 0.2
 PATIENCE_S = 60.0
 
 
-class FarSocket:
-    """A socket whose peer is on another machine, and which keeps its options."""
-
-    def __init__(self, peer: str) -> None:
-        self.options: dict[tuple[int, int], int] = {}
-        self._peer = peer
-
-    def getpeername(self) -> tuple[str, int]:
-        return self._peer, 11311
-
-    def setsockopt(self, level: int, name: int, value: int) -> None:
-        self.options[level, name] = value
-
-
 @pytest.mark.parametrize(("peer", "ends"), [("10.0.200.1", True), ("127.0.0.1", False), ("::1", False)])
 def test_a_connection_to_another_machine_ends_after_3_s_without_an_acknowledgement(
     peer: str, ends: bool
 ) -> None:
-    sock = FarSocket(peer)
-    end_when_unacknowledged(sock)  # type: ignore[arg-type]
+    sock = MagicMock()
+    sock.getpeername.return_value = peer, 11311
+    end_when_unacknowledged(sock)
+    options = {it.args[:2]: it.args[2] for it in sock.setsockopt.call_args_list}
     wanted = 1000 * UNACKNOWLEDGED_S if ends else None
-    assert sock.options.get((socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT)) == wanted
+    assert options.get((socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT)) == wanted
 
 
 def test_a_connection_that_has_ended_is_left(capsys: pytest.CaptureFixture[str]) -> None:
@@ -93,20 +83,16 @@ def test_rospy_s_clients_on_other_machines_are_bounded_and_those_here_are_as_the
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     called: list[tuple[str, float | None]] = []
-
-    class Transport:
-        socket = socket.socket()
-
     monkeypatch.setattr(
         lost_links, "_connect", lambda it, address, port, endpoint, timeout: called.append((address, timeout))
     )
     monkeypatch.setattr(lost_links, "is_local_address", lambda address: address == "127.0.0.1")
     asks_after_s = []
     calls = [("127.0.0.1", None), ("10.0.200.1", None), ("127.0.0.1", 60.0), ("10.0.200.1", 60.0)]
-    for address, timeout in calls:
-        lost_links._connect_within(Transport(), address, 1, "/a", timeout)
-        asks_after_s.append(Transport.socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPIDLE))
-    Transport.socket.close()
+    with socket.socket() as sock:
+        for address, timeout in calls:
+            lost_links._connect_within(SimpleNamespace(socket=sock), address, 1, "/a", timeout)
+            asks_after_s.append(sock.getsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPIDLE))
     assert called == [calls[0], ("10.0.200.1", UNACKNOWLEDGED_S), *calls[2:]]
     # A fleet whose link was cut for six seconds was not heard for a minute after them.
     *_, before_s, subscription_s = asks_after_s
