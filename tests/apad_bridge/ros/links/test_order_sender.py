@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import socket
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from queue import SimpleQueue
 from types import SimpleNamespace
 from typing import Any
@@ -25,21 +25,25 @@ class Reader:
     """A connection to a node. The kernel counts what the other end has not read, as TCP what is not acknowledged."""
 
     endpoint_id: str
-    socket: socket.socket | None
+    socket: socket.socket
     other_end: socket.socket
 
     def read(self) -> None:
         self.other_end.settimeout(LONGEST_S)
         assert self.other_end.recv(100) == b"cancel"
 
+    def close(self) -> None:
+        for end in (self.socket, self.other_end):
+            end.close()
 
-@dataclass
+
 class Topic:
     """A publisher with these readers."""
 
-    resolved_name: str = "/apad/cancel"
-    type: str = "actionlib_msgs/GoalID"
-    readers: dict[str, Reader] = field(default_factory=dict)
+    resolved_name, type = "/apad/cancel", "actionlib_msgs/GoalID"
+
+    def __init__(self, names: tuple[str, ...]) -> None:
+        self.readers = {name: Reader(name, *socket.socketpair()) for name in names}
 
     @property
     def impl(self) -> Any:
@@ -47,8 +51,7 @@ class Topic:
 
     def publish(self, data: bytes) -> None:
         for it in self.readers.values():
-            if it.socket is not None:
-                it.socket.send(data)
+            it.socket.send(data)
 
     def unregister(self) -> None:
         pass
@@ -56,12 +59,10 @@ class Topic:
 
 class Bench:
     def __init__(self, monkeypatch: pytest.MonkeyPatch, obeyer: str, readers: tuple[str, ...]) -> None:
-        self.topic = Topic()
+        self.topic = Topic(readers)
         monkeypatch.setattr(rospy, "get_name", lambda: OURS)
         monkeypatch.setattr(order_sender, "never_blocking_publisher", lambda *_: self.topic)
         monkeypatch.setattr(order_sender, "name_again", lambda *_: None)
-        for name in readers:
-            self.topic.readers[name] = Reader(name, *socket.socketpair())
         self.sender = OrderSender(lambda order: True)
         self.line = self.sender.add_topic("cancels", "/apad/cancel", None, lambda: obeyer)
         self.sender.begin()
@@ -81,9 +82,7 @@ def bench(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> It
     yield bench
     bench.sender.close()
     for it in bench.topic.readers.values():
-        it.other_end.close()
-        if it.socket is not None:
-            it.socket.close()
+        it.close()
 
 
 @pytest.mark.parametrize(
@@ -120,9 +119,9 @@ def test_a_server_whose_connection_ends_has_not_taken_the_stop(bench: Bench) -> 
     bench.topic.readers[OBSERVER].read()
     assert bench.answers.empty()
     server = bench.topic.readers[SERVER]
-    bench.topic.readers = {it: reader for it, reader in bench.topic.readers.items() if it != SERVER}
+    bench.topic.readers = bench.topic.readers.copy()
+    del bench.topic.readers[SERVER]
     assert bench.answer() == LOST and bench.line.readers() == []
     bench.off()
     assert bench.answer() == "nobody reads /apad/cancel"
-    for end in (server.socket, server.other_end):
-        end.close()
+    server.close()
