@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import pytest
 
@@ -20,20 +21,26 @@ def test_a_hash_is_the_one_of_ros_2(kind: str, hexadecimal: str) -> None:
     assert hash_of(kind) == hexadecimal
 
 
-def test_a_message_is_little_endian_after_a_header_of_four_bytes() -> None:
-    clock = make("rosgraph_msgs/Clock", clock=make("builtin_interfaces/Time", sec=258, nanosec=3))
-    assert serialized("rosgraph_msgs/Clock", clock).hex() == "00010000" + "02010000" + "03000000"
-    text = make("std_msgs/String", data="ab")
-    assert serialized("std_msgs/String", text).hex() == "00010000" + "03000000" + "616200"
+@pytest.mark.parametrize(
+    ("kind", "fields", "hexadecimal"),
+    [
+        (
+            *("rosgraph_msgs/Clock", {"clock": make("builtin_interfaces/Time", sec=258, nanosec=3)}),
+            "00010000" + "02010000" + "03000000",
+        ),
+        ("std_msgs/String", {"data": "ab"}, "00010000" + "03000000" + "616200"),
+    ],
+)
+def test_a_message_is_little_endian_after_a_header_of_four_bytes(
+    kind: str, fields: dict[str, Any], hexadecimal: str
+) -> None:
+    assert serialized(kind, make(kind, **fields)).hex() == hexadecimal
 
 
 def test_fields_that_are_not_given_are_0_or_empty() -> None:
-    battery = make("sensor_msgs/BatteryState", voltage=4.0)
+    battery, again = (make("sensor_msgs/BatteryState", **it) for it in ({"voltage": 4.0}, {}))
     assert (battery.voltage, battery.current, battery.present, battery.location) == (4.0, 0.0, False, "")
-    assert (battery.header.frame_id, battery.header.stamp.sec) == ("", 0)
+    assert (battery.header.frame_id, battery.header.stamp.sec, again.voltage) == ("", 0, 0.0)
     assert (battery.cell_voltage.dtype, len(battery.cell_voltage)) == ("float32", 0)
-    assert make("sensor_msgs/BatteryState").voltage == 0.0
-    fix = make("sensor_msgs/NavSatFix", altitude=math.nan)
-    assert fix.position_covariance.tolist() == [0.0] * 9
-    assert make("tf2_msgs/TFMessage").transforms == []
-    assert make("sensor_msgs/JointState").name == []
+    assert make("sensor_msgs/NavSatFix", altitude=math.nan).position_covariance.tolist() == [0.0] * 9
+    assert (make("tf2_msgs/TFMessage").transforms, make("sensor_msgs/JointState").name) == ([], [])

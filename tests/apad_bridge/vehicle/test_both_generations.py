@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import pytest
 from scenario_files import POOL_FILE
@@ -66,23 +67,36 @@ def test_percent_becomes_a_fraction_and_a_voltage(
     assert core.advance(1_000) == [BatteryReported(1_000, voltage_v, fraction)]
 
 
-def test_of_poses_only_the_newest_is_told_and_an_overtaken_one_is_counted(core: Core) -> None:
-    core.receive(PoseReported(100, 2.1, 3.1, 0.0), 100)
-    core.receive(PoseReported(900, 4.0, 5.0, 0.5), 1_000)
-    core.receive(PoseReported(800, 2.1, 3.1, 0.0), 1_000)
-    assert core.advance(1_000) == [PoseReported(900, 4.0, 5.0, 0.5)]
-    assert core.dropped == {"position: a newer one overtook it": 1}
-
-
-def test_what_is_stamped_later_waits_for_its_time_but_stateRef_counts_at_once(core: Core) -> None:
-    core.receive(PoseReported(1_500, 4.0, 5.0, 0.0), 1_000)
-    core.receive(StateRefReceived(2_000), 1_000)  # from a node that is ahead
-    assert core.readings.state_ms == 2_000 and core.advance(1_000) == []
-    assert core.advance(2_000) == [PoseReported(1_500, 4.0, 5.0, 0.0)]
-
-
-def test_a_cores_time_never_goes_back(core: Core) -> None:
-    core.advance(1_000)
+@pytest.mark.parametrize(
+    ("received", "told", "dropped"),
+    [
+        pytest.param(
+            [
+                (100, PoseReported(100, 2.1, 3.1, 0.0)),
+                (1_000, PoseReported(900, 4.0, 5.0, 0.5)),
+                (1_000, PoseReported(800, 2.1, 3.1, 0.0)),
+            ],
+            {1_000: [PoseReported(900, 4.0, 5.0, 0.5)]},
+            {"position: a newer one overtook it": 1},
+            id="of poses only the newest is told, and an overtaken one is counted",
+        ),
+        # The second is from a node that is ahead.
+        pytest.param(
+            [(1_000, PoseReported(1_500, 4.0, 5.0, 0.0)), (1_000, StateRefReceived(2_000))],
+            {1_000: [], 2_000: [PoseReported(1_500, 4.0, 5.0, 0.0)]},
+            {},
+            id="what is stamped later waits for its time",
+        ),
+    ],
+)
+def test_poses_are_told_in_their_time(
+    core: Core, received: list[tuple[int, Any]], told: dict[int, list[PoseReported]], dropped: dict[str, int]
+) -> None:
+    for at_ms, message in received:
+        core.receive(message, at_ms)
+    ahead = [it.at_ms for _, it in received if isinstance(it, StateRefReceived)]
+    assert not ahead or core.readings.state_ms == ahead[0], "stateRef counts at once"
+    assert {at_ms: core.advance(at_ms) for at_ms in told} == told and core.dropped == dropped
     with pytest.raises(ValueError, match="time went back"):
         core.advance(999)
 

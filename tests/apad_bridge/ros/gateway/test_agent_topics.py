@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import queue
 from collections.abc import Iterator
+from contextlib import suppress
 from types import SimpleNamespace
 from typing import Any
 
@@ -33,13 +34,11 @@ class Master:
     def get_rostime(self) -> genpy.Time:
         return to_ros(self.now_ms)
 
-    @property
-    def stands_silent(self) -> bool:
-        try:
-            self.positions.get(timeout=LONG_S)
-        except queue.Empty:
-            return True
-        return False
+    def comes(self, patience_s: float = PATIENCE_S) -> Any:
+        """The next position; None where none comes in time."""
+        with suppress(queue.Empty):
+            return self.positions.get(timeout=patience_s)
+        return None
 
 
 @pytest.fixture
@@ -57,28 +56,25 @@ def topics(master: Master) -> Iterator[AgentTopics]:
     topics.close()
 
 
-def test_a_position_comes_ten_times_a_second_of_the_masters_time(master: Master, topics: AgentTopics) -> None:
-    topics.show(1000, {7: AgentReport(1.0, 2.0, 3.0, 0.5)})
-    assert master.positions.get(timeout=PATIENCE_S).position.depth == 3.0
-    assert master.stands_silent, "while its time stands, as on a clock that is slower than the wall's"
-    for _ in range(20):
-        master.now_ms += 100
-        repeated = master.positions.get(timeout=PATIENCE_S)
-    assert repeated.header.stamp == to_ros(1000)
-    master.now_ms += 99
-    assert master.stands_silent
+LEAPS: dict[str, list[tuple[int, bool]]] = {
+    # The master's time, by its last, and if it is silent after the one position that has come.
+    "it comes ten times a second of the master's time": [*[(100, False)] * 19, (100, True)],
+    # At a high speed /clock comes in steps of up to a second; the same report ten times at once says nothing more.
+    "a clock that leaps brings one position a leap": [(5_000, True), (60_000, True)],
+    "a clock that began anew brings one, and goes on": [(-40_000, True), (100, False)],
+}
 
 
-def test_a_clock_that_leaps_brings_one_position_a_leap(master: Master, topics: AgentTopics) -> None:
-    """At a high speed /clock comes in steps of up to a second; the same report ten times at once says nothing more."""
+@pytest.mark.parametrize("leaps", LEAPS.values(), ids=LEAPS)
+def test_the_same_position_comes_again_with_its_stamp(
+    master: Master, topics: AgentTopics, leaps: list[tuple[int, bool]]
+) -> None:
+    """None comes while the master's time stands, as on a clock that is slower than the wall's, or for 99 ms of it."""
     topics.show(1000, {7: AgentReport(1.0, 2.0, 3.0, 0.5)})
-    master.positions.get(timeout=PATIENCE_S)
-    for leap_ms in (5_000, 60_000):
+    assert master.comes().position.depth == 3.0 and master.comes(LONG_S) is None
+    for leap_ms, is_silent in leaps:
         master.now_ms += leap_ms
-        master.positions.get(timeout=PATIENCE_S)
-        assert master.stands_silent
-    master.now_ms = 10_000
-    master.positions.get(timeout=PATIENCE_S)
-    assert master.stands_silent, "a clock that began anew"
-    master.now_ms += 100
-    master.positions.get(timeout=PATIENCE_S)
+        assert master.comes().header.stamp == to_ros(1000)
+        assert not is_silent or master.comes(LONG_S) is None
+    master.now_ms += 99
+    assert master.comes(LONG_S) is None
