@@ -15,7 +15,7 @@ import pytest
 
 from apad_bridge.ros2 import ros2_process
 from apad_bridge.ros2.ros2_process import Ros2Gone, Ros2Process, environment
-from apad_bridge.ros2.topics import TopicMessage
+from apad_bridge.ros2.topics import Publication
 
 TEXT, CLOCK = "std_msgs/String", "rosgraph_msgs/Clock"
 
@@ -61,7 +61,7 @@ def record(link: socket.socket) -> tuple[int, bytes]:
 def test_a_topic_is_announced_once_and_has_a_number() -> None:
     with closing(Ros2Process("musselbed_apad1")) as ros2:
         far = Started.newest.input
-        ros2.publish(TopicMessage("/a", TEXT, b"first", 100))
+        ros2.publish(Publication("/a", TEXT, b"first", 100))
         number, told = record(far)
         assert number == 0xFFFFFFFF
         assert json.loads(told) == {
@@ -72,9 +72,9 @@ def test_a_topic_is_announced_once_and_has_a_number() -> None:
             "hexadecimal": "df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18",
         }
         assert record(far) == (0, b"first")
-        ros2.publish(TopicMessage("/b", CLOCK, b""))
+        ros2.publish(Publication("/b", CLOCK, b""))
         assert (json.loads(record(far)[1])["number"], far.recv(8)) == (1, bytes([1, 0, 0, 0, 0, 0, 0, 0]))
-        ros2.publish(TopicMessage("/a", TEXT, b"second", 100))
+        ros2.publish(Publication("/a", TEXT, b"second", 100))
         assert record(far) == (0, b"second")
 
 
@@ -100,45 +100,43 @@ def test_one_that_does_not_come_up_is_ended(says: bytes, monkeypatch: pytest.Mon
     assert Started.newest.calls == ["wait", "kill", "wait"]
 
 
-def test_one_that_has_ended_takes_nothing() -> None:
+@pytest.mark.parametrize(
+    ("has_ended", "why"), [(True, r".*Broken pipe"), (False, "timed out")], ids=["ended", "stands still"]
+)
+def test_one_that_takes_nothing_holds_nobody_up_for_ever(
+    monkeypatch: pytest.MonkeyPatch, has_ended: bool, why: str
+) -> None:
+    monkeypatch.setattr(ros2_process, "_TAKES_S", 60 if has_ended else 0.01)
     with closing(Ros2Process("node")) as ros2:
-        Started.newest.input.shutdown(socket.SHUT_RD)
-        with pytest.raises(Ros2Gone, match=r"takes nothing any more: .*Broken pipe"):
-            ros2.publish(TopicMessage("/a", TEXT, b"data"))
+        if has_ended:
+            Started.newest.input.shutdown(socket.SHUT_RD)
+        with pytest.raises(Ros2Gone, match=rf"takes nothing any more: {why}"):
+            ros2.publish(Publication("/a", TEXT, bytes(1 << 24)))
 
 
-def test_one_that_stands_still_holds_nobody_up_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ros2_process, "_TAKES_S", 0.01)
-    with (
-        closing(Ros2Process("node")) as ros2,
-        pytest.raises(Ros2Gone, match="takes nothing any more: timed out"),
-    ):
-        ros2.publish(TopicMessage("/a", TEXT, bytes(1 << 24)))
-
-
-def test_another_ros_and_another_middleware_stay_outside() -> None:
-    outer = {
-        "PATH": "/bin",
-        "LD_LIBRARY_PATH": "/opt/ros/jazzy/lib",
-        "AMENT_PREFIX_PATH": "/opt/ros/jazzy",
-        "RMW_IMPLEMENTATION": "rmw_zenoh_cpp",
-        "ROS_DOMAIN_ID": "7",
-    }
-    assert environment(outer) == {
-        "PATH": "/bin",
-        "ROS_DOMAIN_ID": "7",
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-        "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp",
-    }
+FAST = {"RMW_IMPLEMENTATION": "rmw_fastrtps_cpp"}
+JAZZY = {"LD_LIBRARY_PATH": "/opt/ros/jazzy/lib", "AMENT_PREFIX_PATH": "/opt/ros/jazzy"}
+HERE = {"PATH": "/bin", "ROS_DOMAIN_ID": "7"}
 
 
 @pytest.mark.parametrize(
-    "asked",
+    ("outer", "inner"),
     [
-        {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"},
-        {"ROS_LOCALHOST_ONLY": "0"},
-        {"ROS_STATIC_PEERS": "192.0.2.1"},
+        # Another ROS and another middleware stay outside.
+        (
+            HERE | JAZZY | {"RMW_IMPLEMENTATION": "rmw_zenoh_cpp"},
+            HERE | {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"},
+        ),
+        # A person chooses who sees it.
+        *(
+            (asked, asked)
+            for asked in (
+                {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"},
+                {"ROS_LOCALHOST_ONLY": "0"},
+                {"ROS_STATIC_PEERS": "192.0.2.1"},
+            )
+        ),
     ],
 )
-def test_a_person_chooses_who_sees_it(asked: dict[str, str]) -> None:
-    assert environment(asked) == {**asked, "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp"}
+def test_its_environment(outer: dict[str, str], inner: dict[str, str]) -> None:
+    assert environment(outer) == inner | FAST

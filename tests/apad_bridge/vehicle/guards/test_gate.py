@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 from stack_benches import FAULTS, Bench, LinkToA, is_safe, moved, place_of, real_limits, truly
 from wire_observer import SIDE_M, TICK_MS
 
-from apad_bridge.events.event import Event
 from apad_bridge.events.guard_events import (
     DangerOver,
     Drifting,
@@ -174,7 +173,8 @@ class Guarded:
         answer = act(self)
         facts = answer if isinstance(answer, list) else []
         failed = [f"{it.command_id} failed" for it in facts if isinstance(it, CommandFailed)]
-        lines = [line_of(it) for it in self.gate.take_events() if not isinstance(it, Drifting)]
+        events = [it for it in self.gate.take_events() if not isinstance(it, Drifting)]
+        lines = [LINES.get(type(it), lambda it: it.kind)(it) for it in events]
         orders = [order_text(it) for it in self.wire.out]
         return "; ".join(
             [*orders, *failed, *lines, *([answer] if isinstance(answer, str) and answer else [])]
@@ -184,25 +184,19 @@ class Guarded:
 Act = Callable[[Guarded], Any]
 
 
+LINES: dict[type, Callable[[Any], str]] = {
+    StopChanged: lambda it: f"{it.number} {it.mode} {it.state}",
+    OrderRefused: lambda it: f"refused: {it.guard}",
+    GuardReacted: lambda it: f"{it.kind}: {it.cause}",
+    DangerOver: lambda it: f"{it.kind}: {it.cause}",
+    PilotTold: lambda it: f"{it.kind}: {it.steers}",
+    OthersCommanded: lambda it: f"{it.kind}: {it.client}",
+}
+
+
 def order_text(order: VehicleCommand) -> str:
-    match order:
-        case GoTo(_, north_m, east_m) | Hold(_, north_m, east_m):
-            pre_empts = "!" * (isinstance(order, Hold) and order.pre_empts)
-            return f"{type(order).__name__}{pre_empts} ({north_m:g}, {east_m:g})"
-    return type(order).__name__
-
-
-def line_of(event: Event) -> str:
-    match event:
-        case StopChanged():
-            return f"{event.number} {event.mode} {event.state}"
-        case OrderRefused():
-            return f"refused: {event.guard}"
-        case GuardReacted() | DangerOver():
-            return f"{event.kind}: {event.cause}"
-        case PilotTold() | OthersCommanded():
-            return f"{event.kind}: {event.steers if isinstance(event, PilotTold) else event.client}"
-    return event.kind
+    place = f" ({order.north_m:g}, {order.east_m:g})" if isinstance(order, GoTo | Hold) else ""
+    return type(order).__name__ + "!" * (isinstance(order, Hold) and order.pre_empts) + place
 
 
 # What a person, the mission or the vehicle does, step by step.
@@ -247,13 +241,11 @@ def why_not(number: int | None = None) -> Act:
 
 
 def between(after_ms: int, *facts: Callable[[int], LinkFact]) -> Act:
-    """A look so long after the last tick, between two."""
-
-    def look(it: Guarded) -> None:
-        it.wire.facts += [fact(it.now_ms + after_ms) for fact in facts]
-        it.vehicle.look_between(it.now_ms + after_ms)
-
-    return look
+    """A look so long after the last tick, between two, at which the link tells of these."""
+    return lambda it: (
+        it.wire.facts.extend(fact(it.now_ms + after_ms) for fact in facts),
+        it.vehicle.look_between(it.now_ms + after_ms),
+    )
 
 
 def goes_back_in(it: Guarded) -> None:
@@ -592,15 +584,11 @@ def test_a_charge_that_was_told_more_than_30_s_ago_is_not_known(at_ms: int, frac
 
 
 def test_a_sensor_that_says_nothing_is_left_once_refuses_no_leg() -> None:
-    gate = Gate(
-        [BatteryForHome((0.0, 0.0), 0.2, lambda begin, end, at_ms: 0.001 * math.dist(begin, end))],
-        PositionWatch(LIMITS),
-    )
-    leg = GoTo(1, 10.0, 0.0, 0.5, 1.0)
-    refused = []
-    for at_s, fraction in enumerate((0.9, 0.0, 0.89, 0.0, 0.0, 0.0, 0.0), start=1):
-        gate.observe([PoseReported(1000 * at_s, 0.0, 0.0, 0.0), BatteryReported(1000 * at_s, 12.0, fraction)])
-        refused.append(gate.refusal(leg, 1000 * at_s) is not None)
+    home = BatteryForHome((0.0, 0.0), 0.2, lambda begin, end, at_ms: 0.001 * math.dist(begin, end))
+    gate, refused = Gate([home], PositionWatch(LIMITS)), []
+    for at_ms, fraction in zip(range(1000, 8000, 1000), (0.9, 0.0, 0.89, 0.0, 0.0, 0.0, 0.0), strict=True):
+        gate.observe([PoseReported(at_ms, 0.0, 0.0, 0.0), BatteryReported(at_ms, 12.0, fraction)])
+        refused.append(gate.refusal(GoTo(1, 10.0, 0.0, 0.5, 1.0), at_ms) is not None)
     assert refused == [False] * 6 + [True]
 
 
