@@ -71,14 +71,13 @@ TICKS = st.lists(
 
 
 def tick(it: RangingService, fleet: HoldLast, now_ms: int, agent_id: int, what: object) -> list[object]:
-    actions: list[object] = []
+    heard: list[object] = []
     if what == "moved":
         it.moved(agent_id, now_ms)
     elif isinstance(what, tuple):
-        north_m, east_m = what
-        fact = RangeHeard(now_ms, agent_id, dist((north_m, east_m, KEEL_M), MUSSELS_M[agent_id]))
-        actions += it.hear(fact, PoseReported(now_ms, north_m, east_m, 0.0), fleet, now_ms)
-    return [*actions, *it.advance(fleet.all(), now_ms)]
+        fact = RangeHeard(now_ms, agent_id, dist((*what, KEEL_M), MUSSELS_M[agent_id]))
+        heard = [*it.hear(fact, PoseReported(now_ms, *what, 0.0), fleet, now_ms)]
+    return [*heard, *it.advance(fleet.all(), now_ms)]
 
 
 @settings(deadline=None, max_examples=60)
@@ -105,10 +104,10 @@ def test_a_full_state_and_the_updates_since_are_all_that_was_learned(
     # Half an hour later nothing is scheduled in either. Only the dead one still awaits its answers.
     now_ms += 1_800_000
     for agent_id in IDS:
-        actions = [tick(it, beliefs(), now_ms, agent_id, (60.0, 0.0)) for it in (killed, resumed)]
-        assert [action for action in actions[0] if getattr(action, "kind", None) != "unanswered"] == actions[
-            1
-        ]
+        of_killed, of_resumed = (
+            tick(it, beliefs(), now_ms, agent_id, (60.0, 0.0)) for it in (killed, resumed)
+        )
+        assert [it for it in of_killed if getattr(it, "kind", None) != "unanswered"] == of_resumed
 
 
 def test_without_anything_new_there_are_no_updates() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 
@@ -20,17 +21,22 @@ from apad_bridge.doctor.finding import (
 )
 
 
-def test_a_line_holds_status_what_was_found_and_the_mend() -> None:
-    assert fail("full\nup", "make room", check="disk").line() == "FAIL disk: full up -> make room"
-    assert ok("9 MB free", check="disk").line() == "OK   disk: 9 MB free"
-    assert cannot_tell("hidden", "look", check="disk").line() == "CANNOT TELL disk: hidden -> look"
+@pytest.mark.parametrize(
+    ("finding", "line"),
+    [
+        (fail("full\nup", "make room", check="disk"), "FAIL disk: full up -> make room"),
+        (ok("9 MB free", check="disk"), "OK   disk: 9 MB free"),
+        (cannot_tell("hidden", "look", check="disk"), "CANNOT TELL disk: hidden -> look"),
+    ],
+)
+def test_a_line_holds_status_what_was_found_and_the_mend(finding: Finding, line: str) -> None:
+    assert finding.line() == line
 
 
-def test_trouble_without_a_mend_is_no_finding() -> None:
+@pytest.mark.parametrize("finding", [(CheckStatus.WARN, "full"), (CheckStatus.OK, "empty", "fill it")])
+def test_trouble_without_a_mend_is_no_finding_nor_a_mend_without_trouble(finding: tuple[Any, ...]) -> None:
     with pytest.raises(ValueError, match="disk"):
-        Finding("disk", CheckStatus.WARN, "full")
-    with pytest.raises(ValueError, match="disk"):
-        Finding("disk", CheckStatus.OK, "empty", "fill it")
+        Finding("disk", *finding)
 
 
 def test_a_check_that_breaks_keeps_what_it_had_found() -> None:

@@ -169,12 +169,10 @@ def test_a_server_that_does_not_even_shake_hands_gets_no_request() -> None:
         with pytest.raises(WATCHDOG.NotTaken) as not_taken:
             service.call()
         assert not not_taken.value.is_late
-        with listener.accept()[0] as connection, contextlib.suppress(ConnectionError):
-            got = b""
-            while piece := connection.recv(4096):
-                got += piece
-            (size,) = _LENGTH.unpack(got[:4])
-            assert len(got) == 4 + size, "more than a handshake"
+        with listener.accept()[0] as connection, connection.makefile("rb") as stream:
+            (size,) = _LENGTH.unpack(stream.read(4))
+            with contextlib.suppress(ConnectionError):
+                assert len(stream.read(size)) == size and stream.read() == b"", "more than a handshake"
 
 
 def test_what_the_aPad_does_not_offer_or_no_longer_serves_is_told(server: Server, service: Any) -> None:
@@ -275,15 +273,14 @@ class Second:
 
 @pytest.fixture
 def second(monkeypatch: pytest.MonkeyPatch) -> Iterator[Second]:
+    ended, heard = threading.Event(), queue.Queue[float]()
     monkeypatch.setattr(WATCHDOG, "RENEWED_S", 0.3)
-    ended = threading.Event()
     monkeypatch.setattr(WATCHDOG.rospy, "is_shutdown", ended.is_set)
     monkeypatch.setattr(
         WATCHDOG,
         "_proxy",
         lambda port: SimpleNamespace(requestTopic=lambda *_: (1, "", ["TCPROS", "127.0.0.1", int(port)])),
     )
-    heard: queue.Queue[float] = queue.Queue()
     made = WATCHDOG.SecondSubscription("/heartbeat", Float32, lambda it: heard.put(it.data))
     thread = threading.Thread(target=made.run)
     thread.start()

@@ -28,13 +28,6 @@ SOON_S = 10.0
 TOPIC = "/apad1/position"
 
 
-def accepted(listener: socket.socket) -> socket.socket | None:
-    """The next connection; None when it is closed."""
-    with suppress(OSError):
-        return listener.accept()[0]
-    return None
-
-
 class Publisher:
     """One node on another machine, as its sockets show it: XML-RPC for the address, TCPROS for the messages."""
 
@@ -56,13 +49,15 @@ class Publisher:
         return 1, "", ["TCPROS", *self._listener.getsockname()]
 
     def _accept(self) -> None:
-        while (sock := accepted(self._listener)) is not None:
-            asked = read_ros_handshake_header(sock, io.BytesIO(), 4096)
-            assert asked["callerid"] != rospy.get_name()  # or a rospy publisher would end the first
-            assert (asked["topic"], asked["md5sum"], asked["tcp_nodelay"]) == (self._topic, "*", "1")
-            header = {"md5sum": NavSts._md5sum, "type": NavSts._type, "callerid": "/nav"}
-            sock.sendall(encode_ros_handshake_header(header))
-            self.handshakes.put(sock)
+        header = {"md5sum": NavSts._md5sum, "type": NavSts._type, "callerid": "/nav"}
+        with suppress(OSError):
+            while True:
+                sock, _ = self._listener.accept()
+                asked = read_ros_handshake_header(sock, io.BytesIO(), 4096)
+                assert asked["callerid"] != rospy.get_name()  # or a rospy publisher would end the first
+                assert (asked["topic"], asked["md5sum"], asked["tcp_nodelay"]) == (self._topic, "*", "1")
+                sock.sendall(encode_ros_handshake_header(header))
+                self.handshakes.put(sock)
 
     def close(self) -> None:
         self._server.shutdown()
@@ -160,12 +155,11 @@ def test_a_silent_publisher_is_asked_as_soon_as_over_the_first_connection(publis
     publisher.handshakes.get(timeout=SOON_S).sendall(framed(position(0)))
     got.get(timeout=SOON_S)
     second = connections._open[publisher.uri]
+    keeps = (socket.TCP_KEEPIDLE, socket.TCP_KEEPINTVL, socket.TCP_KEEPCNT)
     with socket.socket() as first:
         notice_end(first)
-        for option in (socket.TCP_KEEPIDLE, socket.TCP_KEEPINTVL, socket.TCP_KEEPCNT):
-            asked, told = (it.getsockopt(socket.IPPROTO_TCP, option) for it in (first, second))
-            assert asked == told
-    assert second.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE)
+        asked, told = ([it.getsockopt(socket.IPPROTO_TCP, keep) for keep in keeps] for it in (first, second))
+    assert asked == told and second.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE)
     connections.close()
 
 
