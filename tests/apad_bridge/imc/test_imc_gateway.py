@@ -106,14 +106,10 @@ def test_the_systems_are_announced_where_the_journal_says_that_they_are(
     flown: Path, shown: tuple[ImcGateway, list[bytes]], codec: Codec
 ) -> None:
     frame = LocalFrame.about(load(flown / "scenario.yaml").area.origin)
-    newest: dict[int, dict[str, Any]] = {}
     apad, amussels = apad_and_amussels(shown[0])
-    for line in lines_in(flown / "journal.jsonl"):
-        if line["kind"] == "belief":
-            newest[amussels + line["id"]] = line
-        elif line["kind"] == "apad":
-            newest[apad] = line
-            docked = {amussels + it for it in line["docks"] if it >= 0}
+    lines = [it for it in lines_in(flown / "journal.jsonl") if it["kind"] in ("belief", "apad")]
+    newest = {amussels + it["id"] if it["kind"] == "belief" else apad: it for it in lines}
+    docked = {amussels + it for it in newest[apad]["docks"] if it >= 0}
     said = by_kind([codec.read(it) for it in shown[1]])
     assert {src for src, _ in said} == newest.keys() and len(newest) == 7
     for src, line in newest.items():

@@ -113,15 +113,17 @@ def test_a_physical_modem_brings_packets_for_both_sides(physical: Make, tmp_path
                 kind == "modem" and "address 1" in it.get("what", "") for _, kind, it in facts_of(recorder)
             )
         )
+
+        def sends(direction: PacketDirection, agent_id: int, data: bytes) -> None:
+            packet = Framing.HEADER.encode(RoutedPacket(direction, agent_id, data))
+            elsewhere.write(b"$B%02d" % len(packet) + packet)
+            assert elsewhere.read_until(b"\r\n") == b"$B%02d\r\n" % len(packet)
+
         # A real aMussel reports through modem 2, and a command permits a simulated one to surface.
-        report_bytes = Framing.HEADER.encode(RoutedPacket(PacketDirection.FROM_AMUSSEL, 4, status(4)))
-        elsewhere.write(b"$B%02d" % len(report_bytes) + report_bytes)
-        assert elsewhere.read_until(b"\r\n") == b"$B%02d\r\n" % len(report_bytes)
+        sends(PacketDirection.FROM_AMUSSEL, 4, status(4))
         until(lambda: flight.supervisor.beliefs.get(4) is not None)
         permission = MusselbedCodec().encode(CommandPacket(Kind.PERMISSION, 5))
-        command_bytes = Framing.HEADER.encode(RoutedPacket(PacketDirection.TO_AMUSSEL, 5, permission))
-        elsewhere.write(b"$B%02d" % len(command_bytes) + command_bytes)
-        assert elsewhere.read_until(b"\r\n") == b"$B%02d\r\n" % len(command_bytes)
+        sends(PacketDirection.TO_AMUSSEL, 5, permission)
         wire = [it.hex() if isinstance(it, bytes) else it for it in to_wire(SoundArrived(permission))]
         until(
             lambda: any(

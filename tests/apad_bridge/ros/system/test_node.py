@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import queue
 import select
 import subprocess
 import sys
@@ -81,26 +82,18 @@ def test_an_end_that_another_orders_waits_for_the_flight_and_no_longer(
     after: list[Callable[[str], None]] = []
     monkeypatch.setattr(rospy.core, "add_preshutdown_hook", hooks.append)
     monkeypatch.setattr(rospy.core, "add_shutdown_hook", after.append)
-    end, told, stopped = OrderedEnd(PATIENCE_S), list[str](), threading.Event()
-
-    def stop(why: str) -> None:
-        told.append(why)
-        stopped.set()
-
+    end, told = OrderedEnd(PATIENCE_S), queue.Queue[str]()
     (hook,) = hooks
     hook("the flight is over")  # our own end of the node: it waits for nothing
-    assert told == [] and after == []
+    assert told.empty() and after == []
     ordering = threading.Thread(target=hook, args=("a person's kill",))
-    if not is_told_first:
-        end.stop_by(stop)
-    ordering.start()
-    if is_told_first:
-        end.stop_by(stop)
-    assert stopped.wait(PATIENCE_S) and told == ["a person's kill"]
+    for act in (ordering.start, lambda: end.stop_by(told.put))[:: 1 if is_told_first else -1]:
+        act()
+    assert told.get(timeout=PATIENCE_S) == "a person's kill"
     assert ordering.is_alive() and after == [], "the topics are open until the flight is over"
     leaving = threading.Thread(target=end.close)
     leaving.start()
     ordering.join(PATIENCE_S)
     after[0]("rospy has left")
     leaving.join(PATIENCE_S)
-    assert not ordering.is_alive() and not leaving.is_alive()
+    assert not ordering.is_alive() and not leaving.is_alive() and told.empty()
