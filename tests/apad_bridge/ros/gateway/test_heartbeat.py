@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from types import SimpleNamespace
+from unittest.mock import MagicMock
 
 import pytest
 
@@ -15,25 +17,23 @@ from apad_bridge.vehicle.guards.stops import Latch, Stops
 
 
 @pytest.mark.parametrize(
-    ("heard_ms", "now_ms", "age_s"),
+    ("heard_ms", "is_off", "number"),
     [
-        (None, 5_000, None),
-        (4_600, 5_000, 0.4),
-        (5_100, 5_000, 0.0),
-        (2_000, 5_000, 3.0),
-        (1_999, 5_000, None),
+        # It is the position's age, and ends with a stale one.
+        *(
+            (None, False, None),
+            (4_600, False, 0.4),
+            (5_100, False, 0.0),
+            (2_000, False, 3.0),
+            (1_999, False, None),
+        ),
+        # An OFF in force is told whatever the position: a vehicle without thrust is where the watchdog has to leave it, and
+        # a lossy link brings no position.
+        *((None, True, OFF), (1_000, True, OFF), (4_900, True, OFF)),
     ],
 )
-def test_it_is_the_position_s_age_and_ends_with_a_stale_one(
-    heard_ms: int | None, now_ms: int, age_s: float | None
-) -> None:
-    assert number_of(heard_ms, now_ms, is_off=False) == age_s
-
-
-@pytest.mark.parametrize("heard_ms", [None, 1_000, 4_900])
-def test_an_off_in_force_is_told_whatever_the_position(heard_ms: int | None) -> None:
-    """A vehicle without thrust is where the watchdog has to leave it, and a lossy link brings no position."""
-    assert number_of(heard_ms, 5_000, is_off=True) == OFF
+def test_the_heartbeat_s_number(heard_ms: int | None, is_off: bool, number: float | None) -> None:
+    assert number_of(heard_ms, 5_000, is_off=is_off) == number
 
 
 @pytest.mark.parametrize(
@@ -49,18 +49,15 @@ def test_a_bench_beside_another_of_the_same_vehicle_does_not_begin(
 ) -> None:
     """The node's own registration is no other bench, nor is that of a supervisor whom it follows under the same name."""
     graph = SimpleNamespace(living_publishers=lambda topic: living if topic == "/musselbed/heartbeat" else [])
-    if not refused:
-        heart(monkeypatch, lambda uri: graph)
-        return
-    with pytest.raises(SecondFleet, match=r"^/musselbed_101 publishes /musselbed/heartbeat: .*end that run"):
+    second = pytest.raises(
+        SecondFleet, match=r"^/musselbed_101 publishes /musselbed/heartbeat: .*end that run"
+    )
+    with second if refused else nullcontext():
         heart(monkeypatch, lambda uri: graph)
 
 
 def test_a_master_that_does_not_answer_is_told_of_elsewhere(monkeypatch: pytest.MonkeyPatch) -> None:
-    def silent(uri: str) -> object:
-        raise Unreachable("no answer")
-
-    heart(monkeypatch, silent)
+    heart(monkeypatch, MagicMock(side_effect=Unreachable("no answer")))
 
 
 def heart(monkeypatch: pytest.MonkeyPatch, read: object) -> Heartbeat:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from typing import Any
+from unittest.mock import MagicMock
 
 import pytest
 
@@ -17,8 +18,7 @@ from apad_bridge.scenario.lab_interface.lab_messages import (
     MessageKind,
 )
 from apad_bridge.supervisor.packet_relay import PacketRelay, whole_flight
-from apad_bridge.vehicle.commands import DockClosed, DockOpened, VehicleCommand
-from apad_bridge.vehicle.vehicle_link import Cleared, LinkFact
+from apad_bridge.vehicle.commands import DockClosed, DockOpened
 from firmware_model.packets import CommandPacket, Kind
 from firmware_model.packets.codec import load_codec
 
@@ -39,21 +39,6 @@ class Topics:
 
     def publish(self, what: MessageKind, agent_id: int, now_ms: int, **more: Any) -> None:
         self.published.append((what, agent_id, *more.values()))
-
-    def close(self) -> None:
-        pass
-
-
-class Vehicle:
-    def __init__(self) -> None:
-        self.facts: list[LinkFact] = []
-        self.alerts: list[DockReport] = []
-
-    def advance(self, now_ms: int) -> list[LinkFact]:
-        return self.facts
-
-    def command(self, cleared: Cleared[VehicleCommand], now_ms: int) -> None:
-        pass
 
     def close(self) -> None:
         pass
@@ -80,18 +65,18 @@ def relay_of(laboratory: Laboratory) -> PacketRelay:
 def test_docks_by_others_reach_a_vehicle_that_needs_them_and_its_own_are_told(
     laboratory: Laboratory, topics: Topics, takes_alerts: bool
 ) -> None:
-    vehicle = Vehicle()
-    link = LaboratoryLink(laboratory, vehicle, vehicle.alerts.append if takes_alerts else None)
+    facts, alerts = [DockClosed(1_000, 2, 3), DockOpened(1_000, 1, 4)], list[DockReport]()
+    vehicle = MagicMock(advance=lambda now_ms: facts)
+    link = LaboratoryLink(laboratory, vehicle, alerts.append if takes_alerts else None)
     topics.to_receive = [DockReport(1_000, None, 2, True)]
-    vehicle.facts = [DockClosed(1_000, 2, 3), DockOpened(1_000, 1, 4)]
-    assert link.advance(1_000) == vehicle.facts
-    assert vehicle.alerts == [DockReport(1_000, None, 2, True)] * takes_alerts
+    assert link.advance(1_000) == facts
+    assert alerts == [DockReport(1_000, None, 2, True)] * takes_alerts
     assert laboratory.ignored.total() == (not takes_alerts)
     assert topics.published == [(MessageKind.DOCKED, 3, 2), (MessageKind.RELEASED, 4, 1)]
 
 
 def test_words_and_packets_become_what_aMussels_hear(laboratory: Laboratory, topics: Topics) -> None:
-    link = LaboratoryLink(laboratory, Vehicle(), None)
+    link = LaboratoryLink(laboratory, MagicMock(advance=lambda now_ms: []), None)
     relay = relay_of(laboratory)
     topics.to_receive = [
         ClearanceMessage(MessageKind.PERMISSION, 3),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from unittest.mock import MagicMock
+
 import pytest
 
 from apad_bridge.assembly.stacks import stacks
@@ -22,25 +24,17 @@ OF_A = Graph(
 )
 
 
-@pytest.fixture
-def answers(monkeypatch: pytest.MonkeyPatch) -> list[Graph | Unreachable]:
-    """What the master answers to one question after the other; the last answer is repeated."""
-    told: list[Graph | Unreachable] = []
-
-    def read(uri: str) -> Graph:
-        answer = told.pop(0) if len(told) > 1 else told[0]
-        if isinstance(answer, Unreachable):
-            raise answer
-        return answer
-
+def of_answers(monkeypatch: pytest.MonkeyPatch, *answers: Graph | Unreachable) -> MagicMock:
+    """The master's answers, to one question after the other."""
+    read = MagicMock(side_effect=answers)
     monkeypatch.setattr(vehicles.Graph, "read", read)
-    return told
+    return read
 
 
-def test_a_master_that_answers_late_is_asked_again(answers: list[Graph | Unreachable]) -> None:
-    answers += [SILENT, EMPTY, SILENT, OF_A]
+def test_a_master_that_answers_late_is_asked_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    read = of_answers(monkeypatch, SILENT, EMPTY, SILENT, OF_A)
     assert live_generation("apad1", 60.0) is stacks()[0].generation
-    assert answers == [OF_A]
+    assert read.call_count == 4
 
 
 @pytest.mark.parametrize(
@@ -48,8 +42,8 @@ def test_a_master_that_answers_late_is_asked_again(answers: list[Graph | Unreach
     [(SILENT, "no answer within 2 s"), (EMPTY, "/apad1 is not there after 0.2 s: no subscriber on")],
 )
 def test_what_never_comes_is_told_when_the_time_is_over(
-    answers: list[Graph | Unreachable], answer: Graph | Unreachable, told: str
+    monkeypatch: pytest.MonkeyPatch, answer: Graph | Unreachable, told: str
 ) -> None:
-    answers.append(answer)
+    of_answers(monkeypatch, *[answer] * 10_000)
     with pytest.raises(VehicleNotReady, match=told):
         live_generation("apad1", 0.2)

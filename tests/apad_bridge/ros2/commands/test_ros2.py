@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import MagicMock
 
 import pytest
 
@@ -64,9 +65,7 @@ def test_it_tells_its_node(
 def test_a_process_that_is_gone_is_a_peer_that_failed(
     installed: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def serve(*_: object) -> None:
-        raise Ros2Gone("it is gone")
-
+    serve = MagicMock(side_effect=Ros2Gone("it is gone"))
     monkeypatch.setattr("apad_bridge.ros2.ros2_process.serve", serve)
     assert main(["ros2", str(installed)]) == 3
     assert capsys.readouterr().err == "musselbed ros2: it is gone\n"

@@ -79,8 +79,7 @@ def flown(scenario: Scenario, gain: float) -> tuple[list[str], float]:
 @pytest.mark.parametrize("gain", [0.15, 0.33])
 def test_it_flies_within_its_guards_as_fast_as_the_published_controller_goes(gain: float) -> None:
     causes, fastest_m_s = flown(load(SCENARIOS / "published-a.yaml"), gain)
-    assert fastest_m_s > 3.0
-    assert causes == []
+    assert causes == [] and fastest_m_s > 3.0
 
 
 def test_by_the_limits_of_a_real_apad_it_is_stopped() -> None:
