@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from queue import SimpleQueue
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import MagicMock
 
 import pytest
 import rospy
@@ -37,31 +38,14 @@ class Reader:
             end.close()
 
 
-class Topic:
-    """A publisher with these readers."""
-
-    resolved_name, type = "/apad/cancel", "actionlib_msgs/GoalID"
-
-    def __init__(self, names: tuple[str, ...]) -> None:
-        self.readers = {name: Reader(name, *socket.socketpair()) for name in names}
-
-    @property
-    def impl(self) -> Any:
-        return SimpleNamespace(connections=list(self.readers.values()))
-
-    def publish(self, data: bytes) -> None:
-        for it in self.readers.values():
-            it.socket.send(data)
-
-    def unregister(self) -> None:
-        pass
-
-
 class Bench:
     def __init__(self, monkeypatch: pytest.MonkeyPatch, obeyer: str, readers: tuple[str, ...]) -> None:
-        self.topic = Topic(readers)
+        self.readers = {name: Reader(name, *socket.socketpair()) for name in readers}
+        topic: Any = MagicMock(resolved_name="/apad/cancel", type="actionlib_msgs/GoalID")
+        topic.publish = lambda data: [it.socket.send(data) for it in self.readers.values()]
+        type(topic.impl).connections = property(lambda _: list(self.readers.values()))
         monkeypatch.setattr(rospy, "get_name", lambda: OURS)
-        monkeypatch.setattr(order_sender, "never_blocking_publisher", lambda *_: self.topic)
+        monkeypatch.setattr(order_sender, "never_blocking_publisher", lambda *_: topic)
         monkeypatch.setattr(order_sender, "name_again", lambda *_: None)
         self.sender = OrderSender(lambda order: True)
         self.line = self.sender.add_topic("cancels", "/apad/cancel", None, lambda: obeyer)
@@ -81,7 +65,7 @@ def bench(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> It
     bench = Bench(monkeypatch, *request.param)
     yield bench
     bench.sender.close()
-    for it in bench.topic.readers.values():
+    for it in bench.readers.values():
         it.close()
 
 
@@ -109,18 +93,18 @@ def bench(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> It
 )
 def test_a_stop_is_good_when_who_obeys_has_it(bench: Bench, reader: str, answer: str | None) -> None:
     bench.off()
-    bench.topic.readers[reader].read()
+    bench.readers[reader].read()
     assert bench.answer() == answer
 
 
 @pytest.mark.parametrize("bench", [(SERVER, (OURS, OBSERVER, SERVER))], indirect=True)
 def test_a_server_whose_connection_ends_has_not_taken_the_stop(bench: Bench) -> None:
     bench.off()
-    bench.topic.readers[OBSERVER].read()
+    bench.readers[OBSERVER].read()
     assert bench.answers.empty()
-    server = bench.topic.readers[SERVER]
-    bench.topic.readers = bench.topic.readers.copy()
-    del bench.topic.readers[SERVER]
+    server = bench.readers[SERVER]
+    bench.readers = bench.readers.copy()
+    del bench.readers[SERVER]
     assert bench.answer() == LOST and bench.line.readers() == []
     bench.off()
     assert bench.answer() == "nobody reads /apad/cancel"

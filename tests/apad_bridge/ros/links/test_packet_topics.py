@@ -41,22 +41,15 @@ class Graph:
         self._takers: dict[str, tuple[Any, tuple[Any, ...]]] = {}
 
     def Publisher(self, topic: str, kind: Any, queue_size: int) -> Any:
-        return SimpleNamespace(
-            publish=lambda message: self.published.append((topic, message)),
-            unregister=lambda: self._unregister(topic),
-        )
+        return self._registered(topic, publish=lambda message: self.published.append((topic, message)))
 
     def Subscriber(self, topic: str, kind: Any, take: Any, *args: Any, **_: Any) -> Any:
         self._takers[topic] = take, args
-        return SimpleNamespace(unregister=lambda: self._unregister(topic))
+        return self._registered(topic)
 
-    def _unregister(self, topic: str) -> None:
-        self.before_unregistering()
-        self.unregistered.put(topic)
-
-    @property
-    def subscribed(self) -> set[str]:
-        return set(self._takers)
+    def _registered(self, topic: str, **methods: Any) -> Any:
+        left = (lambda: self.before_unregistering(), lambda: self.unregistered.put(topic))
+        return SimpleNamespace(unregister=lambda: [step() for step in left], **methods)
 
     def deliver(self, topic: str, **fields: Any) -> None:
         take, args = self._takers[topic]

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -15,41 +15,23 @@ POSITION = (3, "http://far:1/", "i", "TCPROS", "/amussel3/position", True, "")
 SAID = (2, "/musselbed_fleet_5", "o", "TCPROS", "/musselbed/said", True, "")
 
 
-class Graph:
-    """The connections of this node, the clock, and the times at which everything was registered."""
-
-    def __init__(self) -> None:
-        self.connections = [HEARD, SAID]
-        self.subscriptions = ["/musselbed/heard"]
-        self.now_s = 0.0
-        self.registered_s: list[float] = []
-        self.named_s: list[float] = []
-        """The times at which the master was asked to name `said` to its readers again."""
-
-    def get_publications(self) -> list[tuple[str, str]]:
-        return [("/musselbed/said", "std_msgs/String")]
-
-    def has_subscription(self, topic: str) -> bool:
-        return topic in self.subscriptions
-
-    def get_pub_sub_info(self) -> list[tuple[object, ...]]:
-        return list(self.connections)
+Graph = Any
+"""The connections of this node, the clock, and the times at which everything was registered, or `said` named again."""
 
 
 @pytest.fixture
-def graph(monkeypatch: pytest.MonkeyPatch) -> Iterator[Graph]:
-    found = Graph()
-
-    def register(watch: MasterWatch) -> int:
-        found.registered_s.append(found.now_s)
-        return 2
-
+def graph(monkeypatch: pytest.MonkeyPatch) -> Graph:
+    found: Any = SimpleNamespace(connections=[HEARD, SAID], subscriptions=["/musselbed/heard"], now_s=0.0)
+    found.registered_s, found.named_s = [], []
+    found.get_publications = lambda: [("/musselbed/said", "std_msgs/String")]
+    found.has_subscription = lambda topic: topic in found.subscriptions
+    found.get_pub_sub_info = lambda: list(found.connections)
     monkeypatch.setattr(master_watch, "get_topic_manager", lambda: found)
     monkeypatch.setattr(master_watch, "time", SimpleNamespace(monotonic=lambda: found.now_s))
     monkeypatch.setattr(master_watch, "call_for_reply", lambda *_: (1, "", "http://here:1/"))
-    monkeypatch.setattr(MasterWatch, "_register_again", register)
+    monkeypatch.setattr(MasterWatch, "_register_again", lambda _: found.registered_s.append(found.now_s) or 2)
     monkeypatch.setattr(master_watch, "name_again", lambda topic, kind: found.named_s.append(found.now_s))
-    yield found
+    return found
 
 
 def look_for(graph: Graph, watch: MasterWatch, seconds: int) -> None:
