@@ -13,23 +13,8 @@ import pytest
 ros_pace = pytest.importorskip("apad_bridge.ros.system.ros_pace")
 
 
-class Topic:
-    """Stands in for rospy's Publisher and Subscriber: keeps published messages, and lets a test deliver others."""
-
-    def __init__(self, name: str, kind: Any, take: Any = None, **options: Any) -> None:
-        self.name, self.take, self.options = name, take, options
-        self.published_ms: list[int] = []
-        self.is_open = True
-        self.readers = 0
-
-    def get_num_connections(self) -> int:
-        return self.readers
-
-    def publish(self, message: Any) -> None:
-        self.published_ms.append(ros_pace.to_ms(message.clock))
-
-    def unregister(self) -> None:
-        self.is_open = False
+Topic = Any
+"""Stands in for rospy's Publisher and Subscriber: keeps published messages, and lets a test deliver others."""
 
 
 class Vehicle:
@@ -64,9 +49,14 @@ class Vehicle:
 def topics(monkeypatch: pytest.MonkeyPatch) -> list[Topic]:
     made: list[Topic] = []
 
-    def make(*arguments: Any, **options: Any) -> Topic:
-        made.append(Topic(*arguments, **options))
-        return made[-1]
+    def make(name: str, kind: Any, take: Any = None, **options: Any) -> Topic:
+        topic: Topic = SimpleNamespace(name=name, take=take, options=options, is_open=True, readers=0)
+        topic.published_ms = []
+        topic.publish = lambda message: topic.published_ms.append(ros_pace.to_ms(message.clock))
+        topic.get_num_connections = lambda: topic.readers
+        topic.unregister = lambda: setattr(topic, "is_open", False)
+        made.append(topic)
+        return topic
 
     monkeypatch.setattr(ros_pace.rospy, "Publisher", make)
     monkeypatch.setattr(ros_pace.rospy, "Subscriber", make)
