@@ -6,7 +6,7 @@ import os
 import pty
 import threading
 import tty
-from contextlib import closing
+from contextlib import closing, suppress
 from pathlib import Path
 
 import pytest
@@ -30,16 +30,12 @@ class Modem:
 
     def _run(self) -> None:
         heard = b""
-        while True:
-            try:
+        with suppress(OSError):
+            while not heard.endswith(b"bye"):
                 heard += os.read(self._end, 64)
-            except OSError:
-                return
-            if heard.endswith(b"bye"):
-                return
-            if heard in self._answers:
-                os.write(self._end, self._answers[heard])
-                heard = b""
+                if answer := self._answers.get(heard):
+                    os.write(self._end, answer)
+                    heard = b""
 
     def close(self) -> None:
         os.write(self._here, b"bye")

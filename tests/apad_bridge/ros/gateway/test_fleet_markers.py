@@ -54,17 +54,7 @@ class APad:
         self.now_ms, self.presences = 0, Presences([7, 8], 3.0)
 
     def hear(self, agent_id: int, north_m: float = 10.0) -> None:
-        packet = StatusPacket(
-            agent_id=agent_id,
-            sequence=0,
-            agent_ms=30 * self.now_ms,
-            state=State.ACTIVE,
-            north_m=north_m,
-            east_m=20.0,
-            depth_m=3.0,
-            primary=0.75,
-            secondary=1.0,
-        )
+        packet = StatusPacket(agent_id, 0, State.ACTIVE, 0.75, 1.0, north_m, 20.0, 3.0, 30 * self.now_ms)
         assert self.beliefs.hear(packet, self.now_ms) is None
 
     def tick(self, *, is_connected: bool = True) -> dict[int, set[str]]:

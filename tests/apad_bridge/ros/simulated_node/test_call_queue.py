@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import socket
 import threading
+from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import ExitStack
+from functools import partial
 from types import SimpleNamespace
+from unittest.mock import MagicMock
 
 from apad_bridge.ros.generation_b.server import ServiceCallQueue
 
@@ -13,53 +16,30 @@ PATIENCE_S = 30.0
 
 
 def test_a_call_whose_connection_closes_while_it_waits_never_runs_and_the_others_run_in_their_order() -> None:
-    blocks, ran, began = threading.Event(), list[str](), threading.Semaphore(0)
-    blocks.set()
-
-    def blocked() -> bool:
-        began.release()  # a call asks when it has its place
-        return blocks.is_set()
-
-    calls = ServiceCallQueue(blocked)
-    with ExitStack() as stack:
-        threads, ours = [], {}
-        for name in ("first", "closed", "last"):
-            ours[name], theirs = (stack.enter_context(it) for it in socket.socketpair())
-
-            def call(name: str = name, theirs: socket.socket = theirs) -> None:
-                calls.run(SimpleNamespace(socket=theirs), lambda: ran.append(name))
-
-            threads.append(threading.Thread(target=call, daemon=True))
-            threads[-1].start()
-            if name == "first":
-                assert began.acquire(timeout=PATIENCE_S)
-            while len(calls._waiting) < len(threads):
-                threads[-1].join(0.01)
-        ours["closed"].close()
+    ran, asks = list[str](), MagicMock(return_value=True)
+    calls = ServiceCallQueue(asks)
+    with ExitStack() as stack, ThreadPoolExecutor() as pool:
+        ends = {it: [*map(stack.enter_context, socket.socketpair())] for it in ("first", "closed", "last")}
+        running = []
+        for name, (_, theirs) in ends.items():
+            running.append(pool.submit(calls.run, SimpleNamespace(socket=theirs), partial(ran.append, name)))
+            while len(calls._waiting) < len(running) or not asks.called:  # a call asks when it has its place
+                wait(running, 0.01)
+        ends["closed"][0].close()
         assert ran == []
-        blocks.clear()
+        asks.return_value = False
         calls.look()
-        for thread in threads:
-            thread.join(PATIENCE_S)
-            assert not thread.is_alive()
+        assert not wait(running, PATIENCE_S).not_done
     assert ran == ["first", "last"]
 
 
 def test_a_call_that_never_ends_keeps_nobody_waiting() -> None:
     calls, ends, hangs = ServiceCallQueue(lambda: False), threading.Event(), threading.Event()
-
-    def hang() -> None:
-        calls.let_next()
-        hangs.set()
-        ends.wait(PATIENCE_S)
-
     ours, theirs = socket.socketpair()
-    with ours, theirs:
+    with ours, theirs, ThreadPoolExecutor() as pool:
         transport, ran = SimpleNamespace(socket=theirs), list[str]()
-        thread = threading.Thread(target=calls.run, args=(transport, hang), daemon=True)
-        thread.start()
+        pool.submit(calls.run, transport, lambda: (calls.let_next(), hangs.set(), ends.wait(PATIENCE_S)))
         assert hangs.wait(PATIENCE_S)
         calls.run(transport, lambda: ran.append("next"))
         assert ran == ["next"]
         ends.set()
-        thread.join(PATIENCE_S)
