@@ -61,25 +61,6 @@ def test_moments_by_mode_are_those_of_the_chain() -> None:
     assert load.expected[1] == pytest.approx(8.5 * 0.06, rel=1e-5)
 
 
-def test_a_mode_is_entered_from_where_the_rows_say() -> None:
-    """Rows are [from][to]: a transposed matrix would swap the modes left and the modes entered."""
-    leaves = ((0.0, 1.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-    load = Load.known(Mode.ASLEEP).choose(ChargeChoice(leaves, None, 0.0))
-    assert [row[0] for row in load.by_mode] == [0.0, 1.0, 0.0]
-
-
-def test_time_that_passes_unheard_moves_the_probabilities_of_the_modes() -> None:
-    load = Load.known(Mode.HIGH_LOAD)
-    shares = [load.by_mode[Mode.HIGH_LOAD][0]]
-    for hour in range(1, 30):
-        load = propagated(load, (hour - 1) * HOUR, hour * HOUR, spending(PER_MIN, None), HOUR, chain)
-        shares.append(load.by_mode[Mode.HIGH_LOAD][0])
-    assert shares == sorted(shares, reverse=True)
-    values, vectors = np.linalg.eig(np.array(ROWS).T)
-    stationary = np.real(vectors[:, np.argmax(np.real(values))])
-    assert [row[0] for row in load.by_mode] == pytest.approx(list(stationary / stationary.sum()), abs=1e-6)
-
-
 def test_cuts_do_not_show() -> None:
     whole = propagated(Load.known(Mode.ASLEEP), 0, 7 * HOUR + 5, spending(PER_MIN, None), HOUR, chain)
     cut = Load.known(Mode.ASLEEP)

@@ -41,13 +41,3 @@ def test_one_false_witness_of_three_neither_makes_a_docking_nor_takes_one_away()
     }
     # The vehicle says that a dock holds it. So where it is held one other may be false, and where it is not the vehicle is.
     assert counted == {(True, True), (True, False), (False, True), (True, None), (None, True)}
-
-
-def test_the_doubt_tells_what_each_witness_says() -> None:
-    assert doubt(heard(State.FLOATING), None) == (
-        "the vehicle reports it in a dock, the aMussel is not heard in it: its charge is not counted"
-    )
-    assert doubt(heard(State.EMPTY), False) == (
-        "the vehicle reports it in a dock, the aMussel reports EMPTY, and the docks' service names others: "
-        "its charge is not counted"
-    )

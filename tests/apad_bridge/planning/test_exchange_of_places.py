@@ -88,11 +88,6 @@ def test_every_place_stays_somebody_s(
     assert sorted(it[1:] for it in exchanged) == sorted(it[1:] for it in homes)
 
 
-def test_two_exchange_their_places() -> None:
-    homes = ((1, 1.0, 0.0), (2, 2.0, 0.0), (3, 3.0, 0.0))
-    assert with_exchanged_homes(homes, [(1, 3)]) == ((1, 3.0, 0.0), (2, 2.0, 0.0), (3, 1.0, 0.0))
-
-
 PLACES = st.dictionaries(
     st.integers(1, 6), st.tuples(st.integers(-9, 9), st.integers(-9, 9)), min_size=1, max_size=6
 )

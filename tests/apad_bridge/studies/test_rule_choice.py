@@ -165,15 +165,9 @@ def test_a_scenario_s_study_prints_the_lines_of_the_rule_that_it_recommends(
     sentence = printed[printed.index("Recommended: ") : printed.index("\nmission:")]
     assert choice["rule"] in sentence and f"<p>{escape(sentence)}</p>" in page
     assert [yaml.safe_load(unescape(it)) for it in re.findall("<pre>(.*?)</pre>", page, re.DOTALL)] == [lines]
-    uptimes = {
-        it["strategy"]: it["columns"]["uptime_paper_mean"]["mean"] for it in told["settings"][0]["strategies"]
-    }
-    better, other = sorted(PAPERS, key=lambda it: -uptimes[it])
-    assert uptimes[better] > uptimes[other] and told["baseline"] == better
-    means, differences = page.split(f"<h3>Minus {better}</h3>")
+    compared = re.findall("<th>([^<]+)</th>", page.split(f"<h3>Minus {told['baseline']}</h3>")[1])
     # Ten rules are too many for a page's width; none is left out of the tables that are below each other.
-    compared = re.findall("<th>([^<]+)</th>", differences)
-    assert sorted(compared) == sorted({AS_IT_IS, *PAPERS, *RULES} - {better}) and means.count("<table>") > 1
+    assert sorted(compared) == sorted({AS_IT_IS, *PAPERS, *RULES} - {told["baseline"]})
     scenario["mission"] |= lines["mission"]
     file.write_text(yaml.safe_dump(scenario))
     assert load(file).mission.collection == "core"

@@ -112,33 +112,6 @@ def test_with_50_ppm_and_no_beacon_as_many_collide_as_predicted(seed: int) -> No
     assert collided == predicted_collisions(flown, PPM_50) and len(collided) > 50
 
 
-def test_the_expected_number_of_collisions_is_that_of_the_triangle() -> None:
-    """Drifts are uniform within +-b, so the gain of one clock on another in t is triangular with half width w = 2 b t, and
-    exceeds x with probability (1 - x / w)^2 / 2. Packets n timeslots apart meet while the gain lies within a packet's
-    length of n timeslots. The mean number of meetings over 200 fleets agrees within four standard errors."""
-    expected = 0.0
-    for apart in range(1, AGENTS):
-        for hour in range(1, HOURS + 1):
-            half_ms = 2 * 50e-6 * (hour * 3_600_000 + 120_000)
-            near_ms, far_ms = (apart * SLOT_MS + it for it in (-PACKET_MS, PACKET_MS))
-            share = [max(0.0, 1 - it / half_ms) ** 2 / 2 for it in (near_ms, far_ms)]
-            expected += (AGENTS - apart) * (share[0] - share[1])
-    met = []
-    for seed in range(200):
-        drifts = [drift_of(seed, agent_id, PPM_50) for agent_id in range(1, AGENTS + 1)]
-        count = 0
-        for hour in range(1, HOURS + 1):
-            t_ms = hour * 3_600_000 + 120_000
-            at_ms = [n * SLOT_MS - t_ms * drift / 1e9 for n, drift in enumerate(drifts)]
-            count += sum(
-                abs(one - other) < PACKET_MS for n, one in enumerate(at_ms) for other in at_ms[n + 1 :]
-            )
-        met.append(count)
-    mean = sum(met) / len(met)
-    error = sqrt(sum((it - mean) ** 2 for it in met) / (len(met) - 1) / len(met))
-    assert mean == pytest.approx(expected, abs=4 * error)
-
-
 @pytest.mark.parametrize("loss", [0.1, 0.5, 0.9])
 def test_what_is_delivered_under_loss(loss: float, tmp_path: Path) -> None:
     """480 packets: within 3.3 standard deviations of the expected share, which one run in a thousand leaves."""
