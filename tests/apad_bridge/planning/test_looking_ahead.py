@@ -279,12 +279,42 @@ def test_the_core_is_by_load_without_heavy_overload() -> None:
         assert (CORE.plan(situation, 4) != by_load.plan(situation, 4)) is is_heavy
 
 
-def test_in_heavy_overload_the_core_refuses_the_empty_while_enough_are_alive() -> None:
-    empty = [swimming(k, k, 0, 0.0) for k in range(1, 6)]
-    alive = [swimming(k, k, 0, 0.9) for k in (11, 12, 13)]
-    assert collected(empty, alive) == []
-    assert collected(empty, alive[:2]) == [5]  # the nearest to those that are alive
-    assert collected(empty, [*alive[:2], replace(alive[2], dock_index=1)]) == []
+EMPTY = [swimming(k, k, 0, 0.0) for k in range(1, 6)]
+ALIVE = [swimming(k, k, 0, 0.9) for k in (11, 12, 13)]
+SERVED = {"is_served": True}
+NEAR = [replace(swimming(k, 50 + k, 50, 0.5), **SERVED) for k in (1, 2, 3)]
+APART = [replace(swimming(10 + k, 40 * k, -40 * k, 0.5), **SERVED) for k in range(4)]
+CHARGED = [replace(it, charge=0.9) for it in NEAR]
+FRESH = [replace(it, charge=charge, is_served=False) for it, charge in zip(APART, (0.58, 0.57), strict=False)]
+LATE_S = 20 / MODEL.drain_per_s
+
+
+def left_out(count: int) -> list[Candidate]:
+    """Empty ones, of which the first waits for long."""
+    return [swimming(k, k, 0, 0.0, LATE_S if k == 1 else 0.0) for k in range(1, 1 + count)]
+
+
+@pytest.mark.parametrize(
+    ("candidates", "others", "chosen"),
+    [
+        pytest.param(EMPTY, ALIVE, [], id="the empty are refused while enough are alive"),
+        pytest.param(EMPTY, ALIVE[:2], [5], id="else the nearest to those that are alive is collected"),
+        pytest.param(
+            EMPTY, [*ALIVE[:2], replace(ALIVE[2], dock_index=1)], [], id="one that is docked is alive, too"
+        ),
+        # And not aMussel 10, at the aPad's own place.
+        pytest.param([*NEAR, *APART], [], [1], id="the core is those near to each other"),
+        pytest.param(APART, CHARGED, [], id="nobody of the core waits"),
+        # If it is on the fast part of the curve.
+        pytest.param(FRESH, [*CHARGED, *APART[2:]], [11], id="one that was never served is collected"),
+        pytest.param(left_out(4), ALIVE, [1], id="one that was left out for long is served"),
+        pytest.param(left_out(9), ALIVE, [], id="after a time that grows with the overload"),
+    ],
+)
+def test_whom_the_core_collects_in_heavy_overload(
+    candidates: list[Candidate], others: list[Candidate], chosen: list[int]
+) -> None:
+    assert collected(candidates, others) == chosen
 
 
 @settings(max_examples=200, deadline=None)
@@ -310,29 +340,6 @@ def test_a_pool_is_refused_for_a_while_if_all_are_empty_and_enough_are_alive() -
 
     assert refused([0.0] * 5, 3)
     assert not refused([0.0] * 5, 2) and not refused([0.0] * 4 + [0.25], 3) and not refused([0.0], 3)
-
-
-def test_in_heavy_overload_the_core_is_those_near_to_each_other() -> None:
-    served = {"is_served": True}
-    near = [replace(swimming(k, 50 + k, 50, 0.5), **served) for k in (1, 2, 3)]
-    apart = [replace(swimming(10 + k, 40 * k, -40 * k, 0.5), **served) for k in range(4)]
-    assert collected([*near, *apart], []) == [1]  # and not aMussel 10, at the aPad's own place
-    # Nobody of the core waits: one that was never served is, if it is on the fast part of the curve.
-    charged = [replace(it, charge=0.9) for it in near]
-    assert collected(apart, charged) == []
-    fresh = [replace(apart[0], charge=0.58, is_served=False), replace(apart[1], charge=0.57, is_served=False)]
-    assert collected(fresh, [*charged, *apart[2:]]) == [11]
-
-
-def test_the_core_serves_one_that_was_left_out_after_a_time_that_grows_with_the_overload() -> None:
-    alive = [swimming(k, k, 0, 0.9) for k in (11, 12, 13)]
-    late_s = 20 / MODEL.drain_per_s
-
-    def first(left_out: int) -> list[int]:
-        empty = [swimming(k, k, 0, 0.0, late_s if k == 1 else 0.0) for k in range(1, 1 + left_out)]
-        return collected(empty, alive)
-
-    assert first(4) == [1] and first(9) == []
 
 
 @pytest.mark.parametrize("name", (*LOOKING_AHEAD, "core"))

@@ -167,23 +167,3 @@ def test_the_command_reads_a_time_as_people_write_it(
     capsys.readouterr()
     assert main(["branch", str(run), "--at", "860"]) == 2
     assert "nothing changes: give --strategy, --set or --lose-apad" in capsys.readouterr().err
-
-
-def test_a_run_begun_here_branches_with_its_own_strategy_and_a_copy_with_trust_alone(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
-    (tmp_path / "mine.py").write_text(
-        "from apad_bridge.planning.strategies.paper_strategies import Greedy as Mine\n"
-    )
-    mission = resolve(load(POOL_FILE))["mission"]
-    mine = flown(tmp_path, mission={**mission, "collection": f"{tmp_path}/mine.py:Mine"})
-    changes = ["--at", "100", "--set", "charge_to=0.85", "--json"]
-    assert main(["branch", str(mine), *changes]) == 0
-    copytree(mine, tmp_path / "copy")
-    capsys.readouterr()
-    assert main(["branch", str(tmp_path / "copy"), *changes]) == 2
-    assert (
-        "mission.collection: strategy mine.py:Mine is code in a file: add --trust" in capsys.readouterr().err
-    )
-    assert main(["branch", str(tmp_path / "copy"), *changes, "--trust"]) == 0

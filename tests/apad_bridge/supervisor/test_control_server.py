@@ -258,22 +258,32 @@ def test_only_this_user_may_connect_and_the_socket_goes_with_its_supervisor(
     assert flying.phase is not Phase.COMMANDED
 
 
+@pytest.mark.parametrize(
+    ("left", "told"),
+    [
+        pytest.param([], "is no run: name the directory", id="no run"),
+        pytest.param(["scenario.yaml"], "no supervisor of", id="nobody flies it"),
+        # What a killed supervisor leaves.
+        pytest.param(["scenario.yaml", SOCKET_NAME], "continue with: musselbed resume ", id="killed"),
+        pytest.param(["scenario.yaml", SOCKET_NAME, "summary.json"], "it has ended", id="ended"),
+    ],
+)
 def test_without_a_supervisor_the_command_says_what_can_be_done(
-    run_dir: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    left: list[str],
+    told: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in left:
+        if name == SOCKET_NAME:
+            with socket.socket(socket.AF_UNIX) as killed:
+                killed.bind(SOCKET_NAME)
+        else:
+            (tmp_path / name).write_text("{}")
     assert main.main(["stop", str(tmp_path)]) == 2
-    assert "is no run: name the directory" in capsys.readouterr().err
-    assert main.main(["stop", str(run_dir)]) == 2
-    assert "no supervisor of" in capsys.readouterr().err
-    # What a killed supervisor leaves.
-    with socket.socket(socket.AF_UNIX) as left, monkeypatch.context() as there:
-        there.chdir(run_dir)
-        left.bind(SOCKET_NAME)
-    assert main.main(["stop", str(run_dir)]) == 2
-    assert f"continue with: musselbed resume {run_dir}" in capsys.readouterr().err
-    (run_dir / "summary.json").write_text("{}")
-    assert main.main(["stop", str(run_dir)]) == 2
-    assert "it has ended" in capsys.readouterr().err
+    assert told in capsys.readouterr().err
 
 
 def test_a_dead_supervisors_socket_is_replaced_and_its_own_removed(run_dir: Path, pool: Scenario) -> None:

@@ -141,29 +141,21 @@ def test_a_line_of_the_file() -> None:
     }
 
 
-def test_the_file_keeps_a_sample_once_and_goes_on_behind_a_torn_line(tmp_path: Path) -> None:
+def test_the_file_keeps_a_sample_once_and_goes_on_behind_a_torn_or_damaged_line(tmp_path: Path) -> None:
     path = tmp_path / "samples.jsonl"
     file = SampleFile(path, TimeScale(30))
     assert not path.exists()
-    file.append(7, [placed(0), placed(1)])
-    file.append(7, [placed(1)])
-    file.append(8, [placed(0)])
+    for agent_id, sequences in ((7, (0, 1)), (7, (1,)), (8, (0,))):
+        file.append(agent_id, [placed(it) for it in sequences])
     assert [(it["id"], it["sequence"]) for it in read(path)] == [(7, 0), (7, 1), (8, 0)]
     file.close()
-    path.write_bytes(path.read_bytes()[:-5])
+    path.write_bytes(b'{"id":7,"sequ\n{"id":7,"sequence":"1"}\n' + path.read_bytes()[:-5])
     again = SampleFile(path, TimeScale(30))
-    assert again.kept == {7: {0, 1}}
+    assert (again.kept, again.unreadable) == ({7: {0, 1}}, 2)
     again.append(8, [placed(0)])
     again.close()
-    assert [(it["id"], it["sequence"]) for it in read(path)] == [(7, 0), (7, 1), (8, 0)]
-
-
-def test_a_damaged_line_is_counted(tmp_path: Path) -> None:
-    path = tmp_path / "samples.jsonl"
-    path.write_text('{"id":7,"sequence":0}\n{"id":7,"sequ\n{"id":7,"sequence":"1"}\n')
-    file = SampleFile(path, TimeScale(30))
-    assert (file.kept, file.unreadable) == ({7: {0}}, 2)
-    file.close()
+    assert path.read_text().splitlines()[-1].startswith('{"id":8')
+    assert SampleFile(path, TimeScale(30)).kept == {7: {0, 1}, 8: {0}}
 
 
 def read(path: Path) -> list[dict[str, object]]:
