@@ -306,24 +306,24 @@ def test_one_that_does_not_end_in_time_is_killed(
     assert Flown(ended.summaries, told) == flown and progress.messages == ["up"]
 
 
-def test_records_that_grow_put_the_kill_off_up_to_a_bound(tmp_path: Path) -> None:
-    now_s = 0.0
-    end = OrderlyEnd(tmp_path, 10.0, lambda: now_s)
-    overdue: list[float] = []
-    for second in range(70):
-        now_s = float(second)
-        (tmp_path / "journal.jsonl").write_text("." * second)
-        if end.is_overdue():
-            overdue.append(now_s)
-    assert overdue[0] == 61.0
-    now_s, quiet = 0.0, OrderlyEnd(tmp_path, 10.0, lambda: now_s)
-    now_s = 9.0
-    assert not quiet.is_overdue()
-    (tmp_path / "run.bag").write_text("a bag")
-    now_s = 18.0
-    assert not quiet.is_overdue()
-    now_s = 28.5
-    assert quiet.is_overdue()
+@pytest.mark.parametrize(
+    ("grows_at", "overdue_s"),
+    [
+        pytest.param({}, 11, id="nothing is written"),
+        pytest.param({9: "run.bag"}, 20, id="records that grow put the kill off"),
+        pytest.param(dict.fromkeys(range(70), "journal.jsonl"), 61, id="up to a bound"),
+    ],
+)
+def test_a_supervisor_that_does_not_end_is_killed(
+    tmp_path: Path, grows_at: dict[int, str], overdue_s: int
+) -> None:
+    now_s = 0
+    end = OrderlyEnd(tmp_path, 10.0, lambda: float(now_s))
+    while not end.is_overdue():
+        now_s += 1
+        if now_s in grows_at:
+            (tmp_path / grows_at[now_s]).write_text("." * now_s)
+    assert now_s == overdue_s
 
 
 RESUMED = """
