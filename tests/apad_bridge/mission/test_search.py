@@ -106,12 +106,8 @@ def test_a_search_ends_after_its_time() -> None:
     assert world.carry_out() is Progress.GOES_ON
 
 
-@pytest.fixture
-def world() -> World:
-    return World((6.0, 0.0))
-
-
-def test_a_report_from_elsewhere_moves_the_search_there(world: World) -> None:
+def test_a_report_from_elsewhere_moves_the_search_there_and_one_that_sinks_ends_it() -> None:
+    world = World((6.0, 0.0))
     world.begin()
     world.carry_out()
     world.now_ms += 1
@@ -120,30 +116,25 @@ def test_a_report_from_elsewhere_moves_the_search_there(world: World) -> None:
     world.carry_out()
     assert world.run() is Progress.ENDED
     assert (world.tried[-1], len(world.tried)) == ((6.2, 0.0), 3)
+    sinking = World((6.0, 0.0))
+    sinking.begin()
+    sinking.hear((0.0, 0.0), State.SINKING)
+    assert sinking.run() is Progress.NOT_FOUND
 
 
-def test_one_that_is_known_to_sink_is_not_searched_for(world: World) -> None:
-    world.begin()
-    world.hear((0.0, 0.0), State.SINKING)
-    assert world.run() is Progress.NOT_FOUND
-
-
-def test_a_search_that_cannot_go_on_ends_with_its_go_to(world: World) -> None:
+@pytest.mark.parametrize("pre_empted", [False, True])
+def test_a_search_that_cannot_go_on_ends_with_its_go_to(pre_empted: bool) -> None:
+    world = World((6.0, 0.0))
     world.begin()
     world.carry_out()
     failed = PrimitiveFailed(world.now_ms, world.order().command_id, "stalled")
-    assert world.routine.receive(failed, world.now_ms) is Progress.ENDED
+    if pre_empted:
+        assert world.routine.pre_empt()
+    else:
+        assert world.routine.receive(failed, world.now_ms) is Progress.ENDED
     assert not world.routine.is_on_search
-    assert world.routine.receive(failed, world.now_ms) is Progress.NOT_OURS
-
-
-def test_a_pre_empted_search_takes_no_further_step(world: World) -> None:
-    world.begin()
-    world.carry_out()
-    go_to = world.order()
-    assert world.routine.pre_empt()
-    ended = PrimitiveSucceeded(world.now_ms, go_to.command_id)
-    assert world.routine.receive(ended, world.now_ms) is Progress.NOT_OURS
+    succeeded = PrimitiveSucceeded(world.now_ms, failed.primitive_id)
+    assert [world.routine.receive(it, world.now_ms) for it in (failed, succeeded)] == [Progress.NOT_OURS] * 2
     assert world.book.take_orders() == []
 
 

@@ -225,15 +225,6 @@ def test_an_aPad_that_stands_down_is_followed_by_the_others_agreement(tmp_path: 
     assert opened.runner.handed_on_count == 4
 
 
-def test_of_two_aPads_neither_takes_over_from_one_that_is_silent(tmp_path: Path) -> None:
-    opened = agreeing(
-        tmp_path, third=False, battery=1.0, duration_s=1200, silences=[{"apad": "apad2", "from_s": 0}]
-    )
-    docked = fly_watched(opened)
-    assert docked == {"apad1": set(), "apad2": set(NEEDY)}
-    assert opened.runner.moves == []
-
-
 def test_two_take_over_from_a_third_that_falls_silent_and_leave_what_it_has_docked(tmp_path: Path) -> None:
     """It falls silent on its way. It leaves the aMussels to them within a lease, and they dock none that it holds."""
     silences = [{"apad": "apad2", "from_s": 30}]
