@@ -98,24 +98,20 @@ def stack() -> Iterator[ExitStack]:
         yield stack
 
 
-def test_a_large_fleet_that_boots_one_after_the_other_loses_nobody(stack: ExitStack) -> None:
+@pytest.mark.parametrize("silent", [None, FLEET[3]], ids=["one after the other", "one stays silent"])
+def test_who_answers_late_is_waited_for_and_who_stays_silent_is_killed(
+    stack: ExitStack, silent: int | None
+) -> None:
     """The last one answers long after the watchdog's patience with one agent, but all the while others did."""
-    fleet = Fleet(stack, lambda agent_id, asked: asked == agent_id)
 
+    def answers_now(agent_id: int, asked: int) -> bool:
+        return asked == agent_id if silent is None else agent_id != silent and asked == 1
+
+    fleet = Fleet(stack, answers_now)
     outcomes = fleet.ask()
-
     assert list(outcomes) == list(FLEET)
+    if silent is not None:
+        reason = f"no answer within {PATIENCE * TIMEOUT_S:g} s: killed by the watchdog"
+        assert outcomes.pop(silent) == Death(ResetCause.WATCHDOG, reason)
     assert all(isinstance(it, WindowAnswered) for it in outcomes.values())
-    assert fleet.nursery.killed == []
-
-
-def test_an_agent_that_stays_silent_when_all_others_have_answered_is_killed(stack: ExitStack) -> None:
-    silent = FLEET[3]
-    fleet = Fleet(stack, lambda agent_id, asked: agent_id != silent and asked == 1)
-
-    outcomes = fleet.ask()
-
-    reason = f"no answer within {PATIENCE * TIMEOUT_S:g} s: killed by the watchdog"
-    assert outcomes.pop(silent) == Death(ResetCause.WATCHDOG, reason)
-    assert all(isinstance(it, WindowAnswered) for it in outcomes.values())
-    assert fleet.nursery.killed == [silent]
+    assert fleet.nursery.killed == ([] if silent is None else [silent])

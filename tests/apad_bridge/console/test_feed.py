@@ -3,6 +3,7 @@
 import json
 import os
 import socket
+from contextlib import closing
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -39,25 +40,20 @@ def test_however_many_pages_open_the_supervisor_is_asked_once_a_poll(run_dir: Pa
         os.close(descriptor)
         supervisor.listen(256)
         supervisor.setblocking(False)
-        feed = Feed(run_dir)
-        try:
+        with closing(Feed(run_dir)) as feed:
             assert feed.poll()["supervisor"]
             asked = waiting(supervisor)
             for _ in range(100):
                 assert feed.since((0, 0, 0, 0, 0))["supervisor"]
                 feed.page_data()
             assert (asked, waiting(supervisor)) == (2, 0)  # at its begin, and by the poll
-        finally:
-            feed.close()
     (run_dir / SOCKET_NAME).unlink()
-    feed = Feed(run_dir)
-    assert not feed.poll()["supervisor"] and not feed.since((0, 0, 0, 0, 0))["supervisor"]
-    feed.close()
+    with closing(Feed(run_dir)) as feed:
+        assert not feed.poll()["supervisor"] and not feed.since((0, 0, 0, 0, 0))["supervisor"]
 
 
 def test_an_end_that_is_written_after_the_sample_of_its_tick_is_told(run_dir: Path) -> None:
-    feed = Feed(run_dir)
-    try:
+    with closing(Feed(run_dir)) as feed:
         with (run_dir / "journal.jsonl").open("a") as journal:
             print('{"t":5000,"kind":"remark","by":"Anna","text":"gulls"}', file=journal, flush=True)
             assert feed.poll()["sample"]["t"] == 5000
@@ -74,13 +70,10 @@ def test_an_end_that_is_written_after_the_sample_of_its_tick_is_told(run_dir: Pa
         assert (told["ended_by"], told["sample"]["t"]) == ("a call", 5000)
         assert told["sample"]["events"] == [[5000, "news", "the mission ended: a call", None]]
         assert feed.poll()["sample"] is None
-    finally:
-        feed.close()
 
 
 def test_samples_that_are_uploaded_come_with_the_next_tick(run_dir: Path) -> None:
-    feed = Feed(run_dir)
-    try:
+    with closing(Feed(run_dir)) as feed:
         with (
             (run_dir / "journal.jsonl").open("a") as journal,
             (run_dir / "samples.jsonl").open("a") as samples,
@@ -92,8 +85,6 @@ def test_samples_that_are_uploaded_come_with_the_next_tick(run_dir: Path) -> Non
                 print(json.dumps({"t": at_ms, "kind": "tick"}), file=journal, flush=True)
                 assert feed.poll()["sample"]["measured"] == [[at_ms - 500, 3, 8.0, None, None, None]]
         assert len(feed.page_data()["measured"]) == 2
-    finally:
-        feed.close()
 
 
 def waiting(listener: socket.socket) -> int:
@@ -120,10 +111,7 @@ def test_a_page_says_whose_the_aPad_is(
     run_dir: Path, part: BenchPart, apad: APadKind, is_real: bool, takes_faults: bool
 ) -> None:
     RunOptions(part, apad, TimeSource.WALL, 1.0, OnDeath.WAIT).save(run_dir)
-    feed = Feed(run_dir)
-    try:
+    with closing(Feed(run_dir)) as feed:
         feed.poll()
         page = feed.page_data()
         assert (page["is_real"], bool(page["live"]["orders"]["faults"])) == (is_real, takes_faults)
-    finally:
-        feed.close()

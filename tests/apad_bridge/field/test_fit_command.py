@@ -73,14 +73,6 @@ def test_json_has_the_fit_the_residuals_and_the_block(logs: Path, capsys: pytest
     assert sum(segment["rows"] for segment in fit["segments"]) == fit["rows"]
 
 
-def test_more_segments_fit_better(logs: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    rmse = []
-    for segments in ("1", "2", "3"):
-        assert main(["fit", "battery", "charge.csv", "--segments", segments, "--json"]) == Exit.DONE
-        rmse.append(json.loads(capsys.readouterr().out)["fits"][0]["rmse"])
-    assert rmse[0] > 2 * rmse[1] > 2 * rmse[2]
-
-
 @pytest.mark.parametrize(
     ("words", "told"),
     [

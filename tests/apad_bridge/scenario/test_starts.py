@@ -264,12 +264,9 @@ def test_the_lowest_ids_of_any_file_fly(
         assert [start.agent_id for start in starts_of(fewer)] == sorted(ids)[:agents]
 
 
-def test_ids_from_first_id_on(tmp_path: Path) -> None:
+def test_ids_from_first_id_on_and_ids_with_drawn_starts(tmp_path: Path) -> None:
     assert with_gaps(tmp_path, first_id=7).fleet.ids == (7, 12, 24)
     assert list(with_gaps(tmp_path, range(4, 9), first_id=6).fleet.ids) == [6, 7, 8]
-
-
-def test_ids_with_gaps_and_drawn_starts(tmp_path: Path) -> None:
     drawn = with_gaps(tmp_path, start={"charge": [0.5, 0.9]}, agent_ids=[3, 7])
     assert [start.agent_id for start in starts_of(drawn)] == [3, 7]
 

@@ -230,12 +230,13 @@ def test_plans_and_costs_are_the_mission_s(pool: Scenario) -> None:
 def test_a_dock_that_is_taken_is_refused(pool: Scenario) -> None:
     def script(api: Api) -> None:
         assert api.collect(10, 1)
-        with pytest.raises(Refused, match="dock 1 holds aMussel 10"):
-            api.docking(True, 1, 4)
-        with pytest.raises(Refused, match="aMussel 10 is in dock 1 already"):
-            api.docking(True, 2, 10)
-        with pytest.raises(Refused, match="dock 1 holds aMussel 10, not 4"):
-            api.docking(False, 1, 4)
+        for order, told in (
+            ((True, 1, 4), "dock 1 holds aMussel 10"),
+            ((True, 2, 10), "aMussel 10 is in dock 1 already"),
+            ((False, 1, 4), "dock 1 holds aMussel 10, not 4"),
+        ):
+            with pytest.raises(Refused, match=told):
+                api.docking(*order)
 
     flies(pool, script)
 

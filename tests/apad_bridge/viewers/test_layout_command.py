@@ -62,15 +62,18 @@ def test_a_scenario_that_is_none(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert "none.yaml" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("namespace", ["bay/north", "/bay/north", "/bay/north/"])
-def test_a_namespace_however_it_is_written(namespace: str, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize(
+    ("namespace", "names"),
+    [
+        *((it, "bay/north/musselbed") for it in ("bay/north", "/bay/north", "/bay/north/")),
+        ("", "musselbed"),
+        ("/", "musselbed"),
+    ],
+)
+def test_a_namespace_however_it_is_written(
+    namespace: str, names: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(["layout", "rviz", POOL, "--namespace", namespace, "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
-    assert told["kind"] == "rviz" and "Marker Topic: /bay/north/musselbed/markers" in told["text"]
-    assert "Fixed Frame: bay/north/musselbed/enu\n" in told["text"]
-
-
-@pytest.mark.parametrize("namespace", ["", "/"])
-def test_no_namespace(namespace: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["layout", "rviz", POOL, "--namespace", namespace]) == 0
-    assert "Marker Topic: /musselbed/markers" in capsys.readouterr().out
+    assert told["kind"] == "rviz" and f"Marker Topic: /{names}/markers" in told["text"]
+    assert f"Fixed Frame: {names}/enu\n" in told["text"]

@@ -66,7 +66,8 @@ def test_a_vcd_tells_pins_motors_and_packets() -> None:
 def test_lines_for_people() -> None:
     bench = Bench(board(HOURLY, power()))
     bench.run(hours=1.1)
-    lines = [line(action) for action in bench.trace]
-    assert "  1:00:00.000  SLEEPING -ALARM_RANG-> SAMPLING" in lines
-    assert "  1:00:00.000      OXYGEN on" in lines
-    assert "  1:00:10.000      sample logged" in lines
+    assert {line(action) for action in bench.trace} >= {
+        "  1:00:00.000  SLEEPING -ALARM_RANG-> SAMPLING",
+        "  1:00:00.000      OXYGEN on",
+        "  1:00:10.000      sample logged",
+    }

@@ -103,14 +103,10 @@ def test_on_its_backup_battery_it_answers_and_that_battery_pays() -> None:
 
 
 def test_afloat_docked_and_released_it_does_not_answer_by_sound(bench: Bench) -> None:
-    bench.command(Kind.PERMISSION)
     refused = []
-    bench.run(minutes=2)
-    refused += bench.command(Kind.PING)
-    lives(bench, "rises 2min")
-    refused += bench.command(Kind.PING)
-    lives(bench, "falls 100ms")
-    refused += bench.command(Kind.PING)
+    for script in ("permission 2min", "rises 2min", "falls 100ms"):
+        lives(bench, script)
+        refused += bench.command(Kind.PING)
     assert [it.reason for it in refused if isinstance(it, Dropped)] == [
         f"{state} does not take PING_HEARD" for state in ("FLOATING", "CHARGING", "RELEASED")
     ]

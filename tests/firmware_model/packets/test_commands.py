@@ -147,16 +147,18 @@ def test_down_again_it_still_surfaces_when_it_is_permitted() -> None:
     assert bench.state is State.SURFACING
 
 
-@pytest.mark.parametrize("state", [State.SURFACING, State.FLOATING, State.RELEASED, State.HOVERING])
-def test_it_sinks_when_told_from_wherever_it_can(bench: Bench, state: State) -> None:
-    if state is State.HOVERING:
-        bench.command(Kind.HOVER)
-    else:
-        bench.command(Kind.PERMISSION)
-    if state is not State.SURFACING:
-        bench.run(minutes=2)
-    if state is State.RELEASED:
-        lives(bench, "rises 1min falls 100ms")
+@pytest.mark.parametrize(
+    ("state", "script"),
+    [
+        (State.SURFACING, "permission"),
+        (State.FLOATING, "permission 2min"),
+        (State.RELEASED, "permission 2min rises 1min falls 100ms"),
+        (State.HOVERING, "hover 2min"),
+    ],
+    ids=lambda it: it.name if isinstance(it, State) else "",
+)
+def test_it_sinks_when_told_from_wherever_it_can(bench: Bench, state: State, script: str) -> None:
+    lives(bench, script)
     assert bench.state is state
     bench.command(Kind.SINK)
     assert bench.state is State.SINKING
