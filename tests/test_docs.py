@@ -96,7 +96,12 @@ MOST_WORDS = {
 def test_a_page_is_right(page: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Its commands parse, its paths and links lead somewhere, its blocks are marked, and it is short."""
     text = page.read_text()
-    faults = [*faulty_links(page, text), *faulty_blocks(page)]
+    faults = list(faulty_links(page, text))
+    faults += [
+        f"{it}: mark the block: tests/shared/doc_blocks.py lists the marks"
+        for it in (blocks(page) if page in BLOCK_PAGES else ())
+        if not is_marked(it)
+    ]
     faults += [
         f"no such path: {it}"
         for it in found(rf"\b((?:{'|'.join(ROOMS)})/[\w./-]*\w)", text)
@@ -154,16 +159,6 @@ def anchors(page: Path) -> set[str]:
     """The anchors of a page's headings, as Git's web pages and Sphinx make them."""
     headings = re.findall(r"^#+ (.*)$", page.read_text(), re.MULTILINE)
     return {re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings}
-
-
-def faulty_blocks(page: Path) -> list[str]:
-    """Each block of code has a mark, or is an excerpt."""
-    how = "mark the block: tests/shared/doc_blocks.py lists the marks"
-    return [f"{it}: {how}" for it in blocks_of(page) if not is_marked(it)]
-
-
-def blocks_of(page: Path) -> list[Block]:
-    return blocks(page) if page in BLOCK_PAGES else []
 
 
 def is_marked(block: Block) -> bool:

@@ -47,46 +47,60 @@ told = partial(lines_of, kinds=(StateChanged, RunBuoyancy, FeedFrom, LogSample, 
 """The trace without the rails."""
 
 
-def test_a_short_wake_samples_for_ten_seconds_every_hour(bench: Bench) -> None:
-    assert told(bench.run(hours=2)) == [
-        "3600000 SLEEPING -ALARM_RANG-> SAMPLING",
-        "3610000 sample",
-        "3610000 SAMPLING -WAKE_OVER-> SLEEPING",
-        "7200000 SLEEPING -ALARM_RANG-> SAMPLING",
-        "7210000 sample",
-        "7210000 SAMPLING -WAKE_OVER-> SLEEPING",
-    ]
+STORIES = {
+    "a short wake samples for ten seconds every hour": (
+        HOURLY,
+        "2h",
+        [
+            "3600000 SLEEPING -ALARM_RANG-> SAMPLING",
+            "3610000 sample",
+            "3610000 SAMPLING -WAKE_OVER-> SLEEPING",
+            "7200000 SLEEPING -ALARM_RANG-> SAMPLING",
+            "7210000 sample",
+            "7210000 SAMPLING -WAKE_OVER-> SLEEPING",
+        ],
+    ),
+    "a long wake processes, awaits its slot and transmits": (
+        FIELD,
+        "90min",
+        [
+            "3600000 SLEEPING -ALARM_RANG-> SAMPLING",
+            "3610000 sample",
+            "3610000 SAMPLING -SAMPLES_TO_PROCESS-> PROCESSING",
+            "3670000 PROCESSING -PROCESSED-> AWAITING_SLOT",
+            # Frames of five minutes: the next one begins at 65 minutes.
+            "3900000 AWAITING_SLOT -SLOT_OPENED-> TRANSMITTING",
+            "3900000 send by MODEM_TRANSMITTING",
+            "3901000 TRANSMITTING -WAKE_OVER-> SLEEPING",
+        ],
+    ),
+    "one service with reports in the dock": (
+        HOURLY,
+        "permission 4min rises 1h falls 100ms release 3min",
+        [
+            "120000 SLEEPING -PERMISSION_HEARD-> SURFACING",
+            "120000 motors FLOAT",
+            "180000 SURFACING -SURFACE_REACHED-> FLOATING",
+            "360050 FLOATING -CHARGE_EDGE_ROSE-> CHARGING",
+            "3600000 CHARGING -ALARM_RANG-> REPORTING",
+            "3600000 send by WIFI",
+            "3610000 REPORTING -WAKE_OVER-> CHARGING",
+            "3960050 CHARGING -CHARGE_EDGE_FELL-> RELEASED",
+            "3960100 RELEASED -CLEAR_TO_SINK-> SINKING",
+            "3960100 motors SINK",
+            "4020100 SINKING -BOTTOM_REACHED-> ACTIVE",
+            "4080100 ACTIVE -WAKE_OVER-> SLEEPING",
+        ],
+    ),
+}
 
 
-def test_a_long_wake_processes_awaits_its_slot_and_transmits() -> None:
-    assert told(asleep(FIELD).run(hours=1.5)) == [
-        "3600000 SLEEPING -ALARM_RANG-> SAMPLING",
-        "3610000 sample",
-        "3610000 SAMPLING -SAMPLES_TO_PROCESS-> PROCESSING",
-        "3670000 PROCESSING -PROCESSED-> AWAITING_SLOT",
-        # Frames of five minutes: the next one begins at 65 minutes.
-        "3900000 AWAITING_SLOT -SLOT_OPENED-> TRANSMITTING",
-        "3900000 send by MODEM_TRANSMITTING",
-        "3901000 TRANSMITTING -WAKE_OVER-> SLEEPING",
-    ]
-
-
-def test_one_service_with_reports_in_the_dock(bench: Bench) -> None:
-    lives(bench, "permission 4min rises 1h falls 100ms release 3min")
-    assert told(bench.trace) == [
-        "120000 SLEEPING -PERMISSION_HEARD-> SURFACING",
-        "120000 motors FLOAT",
-        "180000 SURFACING -SURFACE_REACHED-> FLOATING",
-        "360050 FLOATING -CHARGE_EDGE_ROSE-> CHARGING",
-        "3600000 CHARGING -ALARM_RANG-> REPORTING",
-        "3600000 send by WIFI",
-        "3610000 REPORTING -WAKE_OVER-> CHARGING",
-        "3960050 CHARGING -CHARGE_EDGE_FELL-> RELEASED",
-        "3960100 RELEASED -CLEAR_TO_SINK-> SINKING",
-        "3960100 motors SINK",
-        "4020100 SINKING -BOTTOM_REACHED-> ACTIVE",
-        "4080100 ACTIVE -WAKE_OVER-> SLEEPING",
-    ]
+@pytest.mark.parametrize("name", STORIES)
+def test_a_story_of_a_board_that_sleeps(name: str) -> None:
+    cycle, script, lines = STORIES[name]
+    bench = asleep(cycle)
+    lives(bench, script)
+    assert told(bench.trace) == lines
 
 
 def test_it_hovers_by_a_motor_run_every_ten_minutes_and_sinks_when_told(bench: Bench) -> None:

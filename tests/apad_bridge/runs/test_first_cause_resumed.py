@@ -34,7 +34,7 @@ def test_the_first_cause_is_the_same_after_a_kill_at_any_tick() -> None:
     recorder.tick = tick  # type: ignore[method-assign]
     flight.run()
     lines = [{"t": at_ms, "kind": kind, **data} for at_ms, kind, data in facts_of(recorder)]
-    for until, reason in ticks:
+    for until, reason in dict.fromkeys(ticks):  # a tick without a new line is as the one before
         found = state_of(it for it in lines[:until] if it["kind"] == "primitive").first_failure
         assert (None if found is None else found.reason) == reason
     told = [reason for _, reason in ticks]

@@ -56,51 +56,50 @@ def test_a_packages_module_can_be_imported_by_itself(tmp_path: Path) -> None:
     assert answer(tmp_path, code) == "37000 36.0"
 
 
+MEND = ": mend that package or uninstall it"
+
+
+def lab(name: str, text: str, reason: str) -> tuple[list[tuple[str, str, str]], str]:
+    return [("lab", name, text)], f"the sensor {name} of lab 2.0 (lab:{name}) {reason}{MEND}"
+
+
 @pytest.mark.parametrize(
-    ("name", "text", "reason"),
+    ("brought", "line"),
     [
-        ("zinc", "import nowhere", "cannot be loaded: ModuleNotFoundError: No module named 'nowhere'"),
-        ("zinc", "raise SystemExit('one\\ntwo')", "cannot be loaded: SystemExit: one two"),
-        ("zinc", "", "cannot be loaded: AttributeError: module 'lab' has no attribute 'zinc'"),
-        ("zinc", "zinc = 4", "is no Sensor but a int"),
-        ("zinc", ROW.format("zinc", 1, None), "has no value of a calm bay"),
-        (
+        lab("zinc", "import nowhere", "cannot be loaded: ModuleNotFoundError: No module named 'nowhere'"),
+        lab("zinc", "raise SystemExit('one\\ntwo')", "cannot be loaded: SystemExit: one two"),
+        lab("zinc", "", "cannot be loaded: AttributeError: module 'lab' has no attribute 'zinc'"),
+        lab("zinc", "zinc = 4", "is no Sensor but a int"),
+        lab("zinc", ROW.format("zinc", 1, None), "has no value of a calm bay"),
+        lab(
             "zinc",
             ROW.format("iron", 1, 0.5) + "zinc = iron",
             "has the key 'iron_u', which must be its entry's name and a unit in small letters",
         ),
-        (
+        lab(
             "Zinc",
             ROW.format("Zinc", 1, 0.5),
             "has the key 'Zinc_u', which must be its entry's name and a unit in small letters",
         ),
-        ("oxygen", ROW.format("oxygen", 1, 0.5), "has the name of one of musselbed itself"),
+        lab("oxygen", ROW.format("oxygen", 1, 0.5), "has the name of one of musselbed itself"),
+        (
+            [("lab", "wifi", ROW.format("wifi", 1, 0.5))],
+            f"the sensor wifi of lab 2.0 has the name of another module of the board{MEND}",
+        ),
+        (
+            [(f"{it}_lab", "zinc", ROW.format("zinc", 1, 0.5)) for it in "ab"],
+            f"the sensor zinc of b_lab 2.0 (b_lab:zinc) has the name of one of a_lab 2.0{MEND}",
+        ),
     ],
+    ids=lambda it: it[-60:] if isinstance(it, str) else "",
 )
 def test_one_that_no_board_can_have_is_refused_in_a_line_with_its_package(
-    tmp_path: Path, name: str, text: str, reason: str
+    tmp_path: Path, brought: list[tuple[str, str, str]], line: str
 ) -> None:
-    bring(tmp_path, "lab", name, text)
-    assert answer(tmp_path, "import firmware_model.packets") == (
-        f"ImportError: the sensor {name} of lab 2.0 (lab:{name}) {reason}: mend that package or uninstall it"
-    )
-
-
-def test_one_with_the_name_of_another_module_of_the_board_is_refused(tmp_path: Path) -> None:
-    bring(tmp_path, "lab", "wifi", ROW.format("wifi", 1, 0.5))
-    assert answer(tmp_path, "import firmware_model.power.rails") == (
-        "ImportError: the sensor wifi of lab 2.0 has the name of another module of the board: "
-        "mend that package or uninstall it"
-    )
-
-
-def test_one_in_two_packages_is_refused_and_both_are_named(tmp_path: Path) -> None:
-    bring(tmp_path, "a_lab", "zinc", ROW.format("zinc", 1, 0.5))
-    bring(tmp_path, "b_lab", "zinc", ROW.format("zinc", 2, 0.5))
-    assert answer(tmp_path, "import firmware_model.sampling.sensors") == (
-        "ImportError: the sensor zinc of b_lab 2.0 (b_lab:zinc) has the name of one of a_lab 2.0: "
-        "mend that package or uninstall it"
-    )
+    for package, name, text in brought:
+        bring(tmp_path, package, name, text)
+    code = "import firmware_model.packets, firmware_model.power.rails"
+    assert answer(tmp_path, code) == f"ImportError: {line}"
 
 
 def test_nine_are_too_many(tmp_path: Path) -> None:
