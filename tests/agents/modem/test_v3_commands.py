@@ -111,8 +111,11 @@ STORIES: dict[str, tuple[ModemFirmware, list[Write], dict[str, bytes]]] = {
     # The makers' driver takes the letter after #XT for the state, E for on.
     "a timer's answer begins with its state": (
         ModemFirmware.V3,
-        [("near", b"$XTG", 100), ("near", b"$XTE", 200), ("near", b"$XTD", 300)],
-        {"near": b"#XTD00000000000000\r\n#XTE00000000000000\r\n#XTD%014d\r\n" % 100_000},
+        [("near", b"$XT" + it, 100 * n) for n, it in enumerate((b"G", b"E", b"G", b"C", b"D"), start=1)],
+        {
+            "near": b"#XTD00000000000000\r\n#XTE00000000000000\r\n#XTE%014d\r\n"
+            b"#XTE00000000000000\r\n#XTD%014d\r\n" % (100_000, 100_000)
+        },
     ),
 }
 
