@@ -60,7 +60,8 @@ def pytest_configure(config: pytest.Config) -> None:
         config.pluginmanager.register(StartsNothing())
 
 
-def pytest_collection_finish() -> None:
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtestloop() -> None:
     gc.freeze()
     gc.enable()
 
