@@ -11,7 +11,7 @@ from typing import Any
 import genpy
 import pytest
 
-from apad_bridge.ros.links.vehicle_subscribers import VehicleSubscribers, NavSts
+from apad_bridge.ros.links.vehicle_subscribers import NavSts, VehicleSubscribers
 from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.vehicle.commands import PoseReported
 from apad_bridge.vehicle.stack_messages import UNSTAMPED
