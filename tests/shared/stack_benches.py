@@ -79,9 +79,6 @@ AWAY_M = 8.0
 """The first go-to's least length: after 12 s at 0.5 m/s the vehicle is still under way."""
 ARRIVED_TICKS = 100
 
-Shift = Callable[[Pose, int], PoseReported | None]
-"""The pose that the vehicle publishes at a time: the truth, another one, or none."""
-
 
 def truly(pose: Pose, at_ms: int) -> PoseReported | None:
     return PoseReported(at_ms, pose.north_m, pose.east_m, pose.heading_rad)
@@ -137,6 +134,7 @@ class SimulatedLink:
 
     def __init__(self, flown: Scenario) -> None:
         self.observer, self.shift = Observer.of(flown), truly
+        """`shift` gives the pose that the vehicle publishes at a time: the truth, another one, or none."""
         self.never_ends = False
         self.is_lost = False
         """Orders do not arrive."""

@@ -78,11 +78,13 @@ def test_an_apad_is_checked_and_its_stop_and_docks_are_proven_and_one_bench_alon
     outside = write_scenario(
         tmp_path / "out.yaml", scenario, apad={"start_m": [70, 70]}, area={"fence": fence, "home_m": [70, 70]}
     )
-    elsewhere = findings(musselbed("preflight", outside, "--prove-stop", "--json", code=3, **there).stdout)
+    checks = begin(*MUSSELBED, "preflight", outside, "--prove-stop", "--json", **there)
+    despite = ("--apad", "ros", "--out", "run", "--despite", "fence")
+    refused = begin(*MUSSELBED, "run", outside, *despite, **there)
+    assert "never overridden" in ended_well(refused, 2)[1]
+    elsewhere = findings(ended_well(checks, 3)[0])
     assert elsewhere["/apad1 fence"]["status"] == "FAIL"
     assert elsewhere["/apad1 stop"]["found"].startswith("not tried")
-    despite = ("--apad", "ros", "--out", "run", "--despite", "fence")
-    assert "never overridden" in musselbed("run", outside, *despite, code=2, **there).stderr
 
     run = begin(*MUSSELBED, "run", scenario, *FLY, **there)
     # Its own checks are kept, with what the preflight before it had proven.
