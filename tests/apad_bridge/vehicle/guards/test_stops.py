@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from apad_bridge.events.event import Event
 from apad_bridge.events.guard_events import StopChanged, StopEnded, StopKind
-from apad_bridge.vehicle.commands import CommandFailed, GoTo, Hold, HoldWanted, OrderCut, Stop
+from apad_bridge.vehicle.commands import CommandFailed, Hold, HoldWanted, OrderCut
 from apad_bridge.vehicle.guards.guarded_vehicle import GuardedVehicle
 from apad_bridge.vehicle.guards.stops import NO_STOPS, Latch, Stops, StopsEnded, StopsState
 from tests.apad_bridge.vehicle.guards.test_gate import (
@@ -115,41 +115,16 @@ def crashed(*, off: bool = False, hands: bool = False, takes: bool = True) -> St
     return bench.restored
 
 
-@pytest.mark.parametrize(
-    ("how", "sent"),
-    [
-        ({"off": True}, [Stop]),
-        ({"hands": True}, [Stop]),
-        ({}, []),
-        ({"takes": False}, [Hold]),
-        ({"off": True, "takes": False}, [Stop]),
-    ],
-    ids=["off", "hands", "hold", "hold, not taken", "off, not taken"],
-)
-def test_a_resumed_run_sends_an_off_again_a_hold_that_was_not_taken_and_nothing_else(
-    how: dict[str, bool], sent: list[type]
-) -> None:
-    bench = resumed(crashed(**how))
-    bench.at(5.0, 5.0, ticks=4)
-    assert [type(it) for it in bench.wire.out[:1]] == sent
-    bench.wire.out = []
-    for order in (GoTo(1, 9.0, 5.0, 0.5, 0.5), Hold(2, 5.0, 5.0)):
-        bench.vehicle.command(order, bench.now_ms)
-    bench.at(5.0, 5.0, HoldWanted(bench.now_ms, 9.0, 5.0))
-    assert not any(isinstance(it, GoTo | Hold) for it in bench.wire.out)
-    bench.vehicle.allow_motion("Anna", bench.now_ms, ends=StopsEnded.PERSONS_HOLD)
-    assert bench.gate.awaits_person, "another order of a person is no word to continue after a crash"
-    bench.vehicle.allow_motion("Anna", bench.now_ms)
-    go = GoTo(3, 9.0, 5.0, 0.5, 0.5)
-    assert go in bench.command(go)
-
-
 def watchdog_says(*said: str) -> Act:
     return lambda it: [it.gate.hear_watchdog([word], it.now_ms) for word in said] and None
 
 
 def keeps_still(it: Guarded) -> str:
     return str(it.gate.stops.keeps_still)
+
+
+def awaits_person(it: Guarded) -> str:
+    return str(bool(it.gate.awaits_person))
 
 
 def started(crash: dict[str, bool] | None = None, **how: Any) -> Guarded:
@@ -159,6 +134,63 @@ def started(crash: dict[str, bool] | None = None, **how: Any) -> Guarded:
 OFF_AGAIN, HOLD_AGAIN = "Stop; 1 off ordered; 1 off sent", "Hold! (5, 5)"
 NOT_TAKEN: dict[str, Any] = {"crash": {"takes": False}}
 SCENES: dict[str, tuple[dict[str, Any], list[tuple[Act, str]]]] = {
+    # An OFF goes out again, and a hold that was not taken, and nothing else. Another order of a person is no word to
+    # continue after a crash.
+    "a resumed run after a person's off": (
+        {"crash": {"off": True}},
+        [
+            (at(5.0, ticks=4), "Stop"),
+            (go(1, 9.0), "refused: person"),
+            (orders(Hold(2, 5.0, 5.0)), ""),
+            (hears(HoldWanted, 9.0, 5.0), "1 failed; 2 failed"),
+            *((continues(ends=StopsEnded.PERSONS_HOLD), ""), (awaits_person, "True")),
+            *((continues(), "continued"), (go(3, 9.0), "GoTo (9, 5)")),
+        ],
+    ),
+    "a resumed run after a person's off for hands": (
+        {"crash": {"hands": True}},
+        [
+            (at(5.0, ticks=4), "Stop"),
+            (go(1, 9.0), "refused: person"),
+            (orders(Hold(2, 5.0, 5.0)), ""),
+            (hears(HoldWanted, 9.0, 5.0), "1 failed; 2 failed"),
+            *((continues(ends=StopsEnded.PERSONS_HOLD), ""), (awaits_person, "True")),
+            *((continues(), "continued"), (go(3, 9.0), "GoTo (9, 5)")),
+        ],
+    ),
+    "a resumed run after a person's hold": (
+        {"crash": {}},
+        [
+            (at(5.0, ticks=4), ""),
+            (go(1, 9.0), "refused: person"),
+            (orders(Hold(2, 5.0, 5.0)), ""),
+            (hears(HoldWanted, 9.0, 5.0), "1 failed"),
+            *((continues(ends=StopsEnded.PERSONS_HOLD), ""), (awaits_person, "True")),
+            *((continues(), "continued"), (go(3, 9.0), "GoTo (9, 5)")),
+        ],
+    ),
+    "a resumed run after a person's hold that was not taken": (
+        {"crash": {"takes": False}},
+        [
+            (at(5.0, ticks=4), "Hold! (5, 5); 1 hold taken; 1 hold obeyed; 1 hold at rest"),
+            (go(1, 9.0), "refused: person"),
+            (orders(Hold(2, 5.0, 5.0)), ""),
+            (hears(HoldWanted, 9.0, 5.0), "1 failed"),
+            *((continues(ends=StopsEnded.PERSONS_HOLD), ""), (awaits_person, "True")),
+            *((continues(), "continued"), (go(3, 9.0), "GoTo (9, 5)")),
+        ],
+    ),
+    "a resumed run after a person's off that was not taken": (
+        {"crash": {"off": True, "takes": False}},
+        [
+            (at(5.0, ticks=4), "Stop; 1 off taken; 1 off obeyed; 1 off at rest"),
+            (go(1, 9.0), "refused: person"),
+            (orders(Hold(2, 5.0, 5.0)), ""),
+            (hears(HoldWanted, 9.0, 5.0), "1 failed; 2 failed"),
+            *((continues(ends=StopsEnded.PERSONS_HOLD), ""), (awaits_person, "True")),
+            *((continues(), "continued"), (go(3, 9.0), "GoTo (9, 5)")),
+        ],
+    ),
     # A watchdog may have switched the hull off, and it drifts: a way back would be a motion that nobody ordered.
     "a hull 1 m off a hold that was not taken holds at the old place": (
         NOT_TAKEN,
