@@ -180,20 +180,25 @@ def test_after_its_end_a_run_goes_on_by_the_wall(
     assert (story.run.now_ms, story.run.state.ended_by) == (now_ms, "mission time" if has_ended else None)
 
 
-def test_stamps_are_mission_time_unless_it_runs_as_the_wall_does(begin: Callable[..., Any]) -> None:
-    for time, speed, has_wall_time in (
+@pytest.mark.parametrize(
+    ("time", "speed", "has_wall_time"),
+    [
         (TimeSource.ASAP, 1.0, False),
         (TimeSource.ROS, 1.0, False),
         (TimeSource.WALL, 10.0, False),
         (TimeSource.WALL, 1.0, True),
-    ):
-        story = begin(time, speed)
-        story.wall_ms = 1_700_000_090_000
-        story.belief(90_000, 7)
-        story.poll()
-        assert story.run.has_wall_time is has_wall_time
-        assert story.run.stamp_ms(60_000) == (1_700_000_060_000 if has_wall_time else 60_000)
-        assert story.run.stamp_ms(-1) == (1_699_999_999_999 if has_wall_time else 0)
+    ],
+)
+def test_stamps_are_mission_time_unless_it_runs_as_the_wall_does(
+    begin: Callable[..., Any], time: TimeSource, speed: float, has_wall_time: bool
+) -> None:
+    story = begin(time, speed)
+    story.wall_ms = 1_700_000_090_000
+    story.belief(90_000, 7)
+    story.poll()
+    stamps = (1_700_000_060_000, 1_699_999_999_999) if has_wall_time else (60_000, 0)
+    assert (story.run.stamp_ms(60_000), story.run.stamp_ms(-1)) == stamps
+    assert story.run.has_wall_time is has_wall_time
 
 
 def test_a_late_tick_sways_no_stamp_and_another_supervisor_shifts_them(begin: Callable[..., Any]) -> None:

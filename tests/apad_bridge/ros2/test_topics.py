@@ -252,27 +252,32 @@ def test_values_that_a_vehicle_does_not_tell(story: Any, state: Callable[[], dic
 
 
 def test_paths_come_when_they_change_and_are_kept(story: Any, pool: Any, read: Read) -> None:
+    """Each row has what is written, and the paths that come because of it."""
     topics = RunTopics(pool, story.run)
-
-    def paths() -> dict[str, list[tuple[float, ...]]]:
+    plan = {
+        "what": "collect",
+        "strategy": "greedy",
+        "costs": COSTS,
+        "beliefs": [],
+        "steps": [{"agent": 7, "dock": 0}],
+    }
+    begin, place = (0.0, 0.0, 0.0), (4.0, 3.0, 0.0)
+    told: list[tuple[Callable[[], object], dict[str, list[tuple[float, ...]]]]] = [
+        (lambda: story.apad(1000, 0.0, 0.0), {"path": [begin] * 2, "plan": []}),
+        (lambda: story.belief(2000, 7, north_m=3.0, east_m=4.0), {}),
+        (lambda: story.write(3000, "plan", **plan), {"plan": [begin, place]}),
+        (
+            lambda: story.apad(4000, 1.0, 0.0),
+            {"path": [begin, (0.0, 1.0, 0.0), (0.0, 1.0, 0.0)], "plan": [(0.0, 1.0, 0.0), place]},
+        ),
+    ]
+    for write, paths in told:
+        write()
         story.poll()
         kept = [it for it in topics.state() if it.kind == "nav_msgs/Path"]
         assert all(it.kept == 1 for it in kept)
-        return {it.topic: [vector(pose.pose.position) for pose in read(it).poses] for it in kept}
-
-    story.apad(1000, 0.0, 0.0)
-    assert paths() == {"/apad1/path": [(0.0, 0.0, 0.0)] * 2, "/apad1/plan": []}
-    story.belief(2000, 7, north_m=3.0, east_m=4.0)
-    assert paths() == {}
-    step = {"agent": 7, "dock": 0}
-    told = {"what": "collect", "strategy": "greedy", "costs": COSTS, "beliefs": []}
-    story.write(3000, "plan", steps=[step], **told)
-    assert paths() == {"/apad1/plan": [(0.0, 0.0, 0.0), (4.0, 3.0, 0.0)]}
-    story.apad(4000, 1.0, 0.0)
-    assert paths() == {
-        "/apad1/path": [(0.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 1.0, 0.0)],
-        "/apad1/plan": [(0.0, 1.0, 0.0), (4.0, 3.0, 0.0)],
-    }
+        came = {it.topic: [vector(pose.pose.position) for pose in read(it).poses] for it in kept}
+        assert came == {f"/apad1/{name}": places for name, places in paths.items()}
 
 
 def test_one_frame_is_fixed(story: Any, pool: Any, read: Read) -> None:
@@ -316,25 +321,29 @@ def test_the_clock_is_mission_time(story: Any, pool: Any, read: Read) -> None:
     assert (read(clock).clock.sec, read(clock).clock.nanosec) == (90, 250_000_000)
 
 
-def test_names_stand_below_the_runs_namespace(begin: Callable[..., Any], pool: Any) -> None:
+@pytest.mark.parametrize(
+    ("has_wall_time", "stamps"),
+    [(False, "stamps are mission time, by /clock"), (True, "stamps are the wall clock's")],
+)
+def test_names_stand_below_the_runs_namespace(
+    begin: Callable[..., Any], pool: Any, has_wall_time: bool, stamps: str
+) -> None:
     story = begin(namespace="lab/basin")
-    story.apad(1000, 0.0, 0.0)
-    story.belief(1000, 7)
-    story.truth(1000, 7)
+    for write in (
+        lambda: story.apad(1000, 0.0, 0.0),
+        lambda: story.belief(1000, 7),
+        lambda: story.truth(1000, 7),
+    ):
+        write()
     story.poll()
-    topics = RunTopics(pool, story.run)
-    assert topics.node == "musselbed_apad1"
-    assert topics.summary == "apad1 and 12 aMussels; stamps are mission time, by /clock"
+    topics, story.run.has_wall_time = RunTopics(pool, story.run), has_wall_time
+    assert (topics.node, topics.summary) == ("musselbed_apad1", f"apad1 and 12 aMussels; {stamps}")
     below = {
         *(f"amussel7/{leaf}" for leaf in ("battery_state", "fix", "belief/pose", "truth/pose")),
         *(f"apad1/{leaf}" for leaf in ("odometry", "fix", "battery_state", "path", "plan", "markers")),
     }
-    assert {it.topic for it in topics.state()} == {f"/lab/basin/{it}" for it in below} | {
-        "/tf",
-        "/diagnostics",
-    }
-    story.run.has_wall_time = True
-    assert topics.summary == "apad1 and 12 aMussels; stamps are the wall clock's"
+    names = {it.topic for it in topics.state()}
+    assert names == {f"/lab/basin/{it}" for it in below} | {"/tf", "/diagnostics"}
 
 
 def vector(it: Any) -> tuple[float, float, float]:
