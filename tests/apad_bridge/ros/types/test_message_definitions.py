@@ -99,17 +99,16 @@ def test_every_definition_is_generated(generated: Path) -> None:
 
 
 def test_a_wrong_definition_is_named_and_what_stood_there_stays(tmp_path: Path) -> None:
-    folder = tmp_path / "ros"
-    good = tmp_path / "good" / "some_msgs" / "msg"
-    good.mkdir(parents=True)
-    (good / "Fine.msg").write_text("uint8 value\n")
-    generate(folder, tmp_path / "good")
-    bad = tmp_path / "bad" / "some_msgs" / "msg"
-    bad.mkdir(parents=True)
-    (bad / "Broken.msg").write_text("no_such_msgs/Thing value\n")
+    for name, text in (
+        ("good/some_msgs/msg/Fine", "uint8 value\n"),
+        ("bad/some_msgs/msg/Broken", "no_such_msgs/Thing it\n"),
+    ):
+        (tmp_path / name).parent.mkdir(parents=True)
+        (tmp_path / f"{name}.msg").write_text(text)
+    generate(tmp_path / "ros", tmp_path / "good")
     with pytest.raises(GenerationFailed, match=r"some_msgs/msg/Broken\.msg: no_such_msgs/Thing"):
-        generate(folder, tmp_path / "bad")
-    assert (folder / "some_msgs" / "msg" / "_Fine.py").exists()
+        generate(tmp_path / "ros", tmp_path / "bad")
+    assert (tmp_path / "ros" / "some_msgs" / "msg" / "_Fine.py").exists()
 
 
 def test_missing_and_outdated_messages_say_how_to_mend_it(tmp_path: Path) -> None:
@@ -120,36 +119,38 @@ def test_missing_and_outdated_messages_say_how_to_mend_it(tmp_path: Path) -> Non
         use_generated_messages(tmp_path)
 
 
-def test_another_workspace_does_not_come_between(generated: Path, tmp_path: Path) -> None:
-    other = tmp_path / "auv_msgs"
-    other.mkdir()
-    (other / "__init__.py").write_text("raise RuntimeError('of another workspace')\n")
-    code = f"""
-sys.path.remove({str(generated)!r}); sys.path.insert(0, {str(tmp_path)!r})
-sys.path.append({str(generated)!r})
-from pathlib import Path
-from apad_bridge.ros.types.messages import use_generated_messages
-use_generated_messages(Path({str(generated)!r})); use_generated_messages(Path({str(generated)!r}))
-import auv_msgs.msg; print(auv_msgs.__file__, sys.path.count({str(generated)!r}))
-"""
-    place, times = in_a_fresh_interpreter(generated, _importing_from_here(code)).split()
-    assert Path(place).is_relative_to(generated) and times == "1"
-
-
-def test_an_earlier_import_from_elsewhere_is_an_error(generated: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("init", "code", "told"),
+    [
+        pytest.param(
+            "raise RuntimeError('of another workspace')\n",
+            "use_generated_messages(Path(ours)); use_generated_messages(Path(ours))\n"
+            "import auv_msgs.msg; print(Path(auv_msgs.__file__).is_relative_to(ours), sys.path.count(ours))",
+            "True 1\n",
+            id="another workspace does not come between",
+        ),
+        pytest.param(
+            "",
+            "import auv_msgs\n"
+            "try: use_generated_messages(Path(ours))\n"
+            "except MessagesUnusable as error: print(str(error).partition(' /')[0])",
+            "auv_msgs was already imported from\n",
+            id="an earlier import from elsewhere is an error",
+        ),
+    ],
+)
+def test_another_workspace_on_the_path(
+    generated: Path, tmp_path: Path, init: str, code: str, told: str
+) -> None:
     (tmp_path / "auv_msgs").mkdir()
-    (tmp_path / "auv_msgs" / "__init__.py").write_text("")
-    code = f"""
-sys.path.insert(0, {str(tmp_path)!r})
-import auv_msgs
-from pathlib import Path
-from apad_bridge.ros.types.messages import MessagesUnusable, use_generated_messages
-try: use_generated_messages(Path({str(generated)!r}))
-except MessagesUnusable as error: print(error)
-"""
-    assert "auv_msgs was already imported from" in in_a_fresh_interpreter(
-        generated, _importing_from_here(code)
+    (tmp_path / "auv_msgs" / "__init__.py").write_text(init)
+    begin = (
+        f"sys.path.insert(1, {str(Path(__file__).parents[4])!r}); ours = {str(generated)!r}\n"
+        f"sys.path.remove(ours); sys.path.insert(0, {str(tmp_path)!r}); sys.path.append(ours)\n"
+        "from pathlib import Path\n"
+        "from apad_bridge.ros.types.messages import MessagesUnusable, use_generated_messages\n"
     )
+    assert in_a_fresh_interpreter(generated, begin + code) == told
 
 
 def test_the_digest_notices_any_change(tmp_path: Path) -> None:
@@ -160,8 +161,3 @@ def test_the_digest_notices_any_change(tmp_path: Path) -> None:
         (folder / name).write_text(text)
         seen.add(definitions_digest(tmp_path))
     assert len(seen) == 3
-
-
-def _importing_from_here(code: str) -> str:
-    root = Path(__file__).parents[4]
-    return f"sys.path.insert(1, {str(root)!r})\n{code}"
