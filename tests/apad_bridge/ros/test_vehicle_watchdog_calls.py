@@ -32,8 +32,9 @@ class Listener:
         threading.Thread(target=self._accept, daemon=True).start()
 
     def close(self) -> None:
-        self._listener.close()
         self.cut()
+        for it in (self._listener, *self.connections):
+            it.close()
 
     def cut(self) -> None:
         """Ends every connection, as a node that starts again does."""
