@@ -8,6 +8,7 @@ import ast
 import sys
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import pytest
@@ -144,11 +145,6 @@ class Bench:
         self.say(agent_id, state, charge, *place)
         self.tick()
 
-    def suspect(self, agent_id: int, was_docked: bool) -> None:
-        self.told[agent_id] = replace(
-            self.told[agent_id], suspicion=Suspicion("its charge jumps", was_docked)
-        )
-
     def ok(self) -> None:
         """The primitive under way succeeds."""
         done = self.primitive
@@ -157,10 +153,6 @@ class Bench:
         if isinstance(done, CloseDock | OpenDock):
             (self.closes if isinstance(done, CloseDock) else self.opens)(done.dock_index, done.agent_id)
         self.take(self.mission.receive(PrimitiveSucceeded(self.now_ms, done.command_id), self.now_ms))
-
-    def miss(self) -> None:
-        """The docking under way finds nothing to catch."""
-        self.take(self.mission.receive(NothingCaught(self.now_ms, self.primitive.command_id), self.now_ms))
 
     def fail(self, reason: str) -> None:
         failed = PrimitiveFailed(self.now_ms, self.primitive.command_id, reason)
@@ -189,24 +181,9 @@ class Bench:
         self.ok()
         self.say(agent_id, "active", charge, *self.mission.pose)
 
-    def end(self) -> None:
-        self.take(self.mission.end(MissionEnd(EndReason.OPERATOR), self.now_ms))
-
-    def moved(self, north_m: float, east_m: float) -> None:
-        self.mission.moved(north_m, east_m)
-
-    def battery(self, charge: float) -> None:
-        self.mission.battery_heard(charge)
-
     def later(self, seconds: float) -> None:
         """Time passes without a tick."""
         self.now_ms += round(1000 * seconds)
-
-    def late(self) -> None:
-        """An answer to an older primitive than that under way comes."""
-        self.take(
-            self.mission.receive(PrimitiveSucceeded(self.now_ms, self.primitive.command_id - 1), self.now_ms)
-        )
 
     def docks(self, count: int) -> None:
         self.mission.set(dock_count=count)
@@ -222,9 +199,6 @@ class Bench:
         """Another supervisor goes on from the journal."""
         self.begin(journaled(self.mission.state), self.mission.pose)
 
-    def forget(self) -> None:
-        self.told.clear()
-
     def plan_by(self, collection: str = "cautious", **changes: Any) -> None:
         """The rules change in flight."""
         self.mission.change_planning(rules(registry.collection(collection), replace(self.config, **changes)))
@@ -236,19 +210,37 @@ class Bench:
             return ", ".join(
                 f"{it.kind.value} {it.agent_id} in {it.dock_index}" for it in self.mission.state.plan
             )
-        if not hasattr(self, name):
+        if not hasattr(self, name) and name not in MOVES:
             return str(getattr(self.mission.state, name))
         self.orders, before = [], self.mission.state.phase
         if name == "fail":
             self.fail(" ".join(words))
         else:
             given = dict(it.split("=") for it in words if "=" in it)
-            getattr(self, name)(
+            (partial(MOVES[name], self) if name in MOVES else getattr(self, name))(
                 *(value(it) for it in words if "=" not in it), **{k: value(v) for k, v in given.items()}
             )
         answer = [it for order in self.orders if (it := word(order)) is not None]
         after = self.mission.state.phase
         return "; ".join(answer + [f"[{after.value}]"] * (after is not before))
+
+
+MOVES: dict[str, Callable[..., object]] = {
+    "suspect": lambda bench, agent_id, was_docked: bench.told.update(
+        {agent_id: replace(bench.told[agent_id], suspicion=Suspicion("its charge jumps", was_docked))}
+    ),
+    "miss": lambda bench: bench.take(
+        bench.mission.receive(NothingCaught(bench.now_ms, bench.primitive.command_id), bench.now_ms)
+    ),
+    "late": lambda bench: bench.take(
+        bench.mission.receive(PrimitiveSucceeded(bench.now_ms, bench.primitive.command_id - 1), bench.now_ms)
+    ),
+    "end": lambda bench: bench.take(bench.mission.end(MissionEnd(EndReason.OPERATOR), bench.now_ms)),
+    "moved": lambda bench, *place_m: bench.mission.moved(*place_m),
+    "battery": lambda bench, charge: bench.mission.battery_heard(charge),
+    "forget": lambda bench: bench.told.clear(),
+}
+"""Moves of transcripts that are one call: `miss` is a docking that catches nothing, `late` an answer to an older primitive."""
 
 
 def value(text: str) -> Any:
