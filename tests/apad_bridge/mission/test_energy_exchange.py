@@ -240,7 +240,7 @@ MOVES: dict[str, Callable[..., object]] = {
     "battery": lambda bench, charge: bench.mission.battery_heard(charge),
     "forget": lambda bench: bench.told.clear(),
 }
-"""Moves of transcripts that are one call: `miss` is a docking that catches nothing, `late` an answer to an older primitive."""
+"""Moves that are one call: `miss` is a docking that catches nothing, and `late` an answer to an older primitive."""
 
 
 def value(text: str) -> Any:
