@@ -32,9 +32,10 @@ class Listener:
         threading.Thread(target=self._accept, daemon=True).start()
 
     def close(self) -> None:
+        with contextlib.suppress(OSError):  # it was closed before
+            self._listener.shutdown(socket.SHUT_RDWR)  # a thread that accepts would take one more
+        self._listener.close()
         self.cut()
-        for it in (self._listener, *self.connections):
-            it.close()
 
     def cut(self) -> None:
         """Ends every connection, as a node that starts again does."""
@@ -254,6 +255,11 @@ class Publisher(Listener):
             connection.sendall(_header(f"md5sum={Float32._md5sum}"))
             for it in self._numbers:
                 connection.sendall(_LENGTH.pack(4) + struct.pack("<f", it))
+
+    def close(self) -> None:
+        super().close()
+        for it in self.connections:
+            it.close()
 
 
 def master_of(*ports: int) -> Any:
