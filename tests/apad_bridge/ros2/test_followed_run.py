@@ -73,8 +73,11 @@ KNOWN: dict[str, tuple[list[Act], Callable[[Any], object], object]] = {
         pytest.approx((1.0, 0.5, 0.15)),
     ),
     # Due north: 2 m ahead in a second, a quarter turn to the left.
-    "the velocity is that of the newest heading": (
-        [lambda it: it.apad(3000, 6.0, 7.0, EAST_RAD), lambda it: it.apad(4000, 8.0, 7.0, 0.0)],
+    "the velocity is that of the last two places": (
+        [
+            lambda it: it.apad(1000, 5.0, 5.0, EAST_RAD + 0.3),
+            *(lambda it: it.apad(3000, 6.0, 7.0, EAST_RAD), lambda it: it.apad(4000, 8.0, 7.0, 0.0)),
+        ],
         velocity,
         pytest.approx((2.0, 0.0, EAST_RAD)),
     ),
