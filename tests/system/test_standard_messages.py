@@ -12,9 +12,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 from graphs import echoed, served_pool
 from layout_topics import TYPES, named_topics
-from programs import MUSSELBED, Begin, begun, done, ended_well, line_of, lines_of, wait_until
+from programs import MUSSELBED, Begin, begun, code_here, done, ended_well, line_of, lines_of, wait_until
 from rosbags.highlevel import AnyReader
 from scenario_files import POOL_FILE
 
@@ -221,6 +222,32 @@ def test_tf_has_every_frame_that_a_flight_or_its_bag_names(
             while root in parents:
                 root = parents[root]
             assert root == world, f"{topic} names {name}"
+
+
+def test_what_two_rosbags_recorded_becomes_one_bag(
+    environment: dict[str, str], tmp_path: Path, begin: Begin, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bags = [tmp_path / "apad.bag", tmp_path / "station.bag"]
+    topics = {"/diagnostics": "diagnostic_msgs/DiagnosticArray", "/musselbed/plan": "nav_msgs/Path"}
+    record = ("/usr/bin/rosbag", "record", "--limit", 50, *topics, "-O")
+    for it in [begin(*record, bag, env=environment) for bag in bags]:
+        ended_well(it)
+
+    def info(bag: Path) -> Any:
+        return yaml.safe_load(done("/usr/bin/rosbag", "info", "--yaml", bag, env=environment).stdout)
+
+    assert {it["topic"]: (it["type"], it["messages"]) for it in info(bags[0])["topics"]} == {
+        topic: (kind, 50) for topic, kind in topics.items()
+    }
+    out = tmp_path / "whole.bag"
+    assert code_here("logs", "merge", *bags, "--out", out, "--json") == 0
+    told = json.loads(capsys.readouterr().out)
+    (clock,) = told["clock"]
+    assert abs(clock["offset_s"]) < 0.5  # one machine, one clock
+    messages = told["messages"]
+    assert messages["both"] > 0
+    assert messages["merged"] == messages["first"] + messages["second"] - messages["both"]
+    assert info(out)["messages"] == messages["merged"]
 
 
 def test_layouts_name_topics_that_are_there(environment: dict[str, str]) -> None:
