@@ -1,4 +1,7 @@
-"""The settings of a running board, which its firmware reads from flash, changes and writes back."""
+"""The settings of a running board, which its firmware reads from flash, changes and writes back.
+
+`hardware/whole.py` keeps what outlives a reset.
+"""
 
 from __future__ import annotations
 

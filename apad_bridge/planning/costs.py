@@ -1,4 +1,6 @@
-"""The planner's cost modules: distance and energy, each with a scale factor (paper, sections III and IV-B).
+"""The cost modules of a plan: distance and energy, each with a scale factor (paper, sections III and IV-B).
+
+A finished plan is priced here. A strategy measures legs by `Situation.metres` (`candidates.py`).
 
 Distance is the Euclidean way from the aPad's place to each goal in turn; it stands for the thrusters' energy. Where the
 situation knows a current or a wind, its cost is that of the metres of calm water that take as much energy. Energy is the

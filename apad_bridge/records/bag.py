@@ -257,6 +257,8 @@ def repair_bag(path: Path) -> RepairedBag | None:
                 messages, last_ns = messages + 1, max(last_ns, stamp_ns)
     writer.close()
     torn_bytes = path.stat().st_size - whole_bytes
+    with fresh.open("rb") as file:
+        os.fsync(file.fileno())  # else a power cut after the renaming may leave neither bag
     os.replace(fresh, path)
     return RepairedBag(name=path.name, messages=messages, last_ms=last_ns // 1_000_000, torn_bytes=torn_bytes)
 

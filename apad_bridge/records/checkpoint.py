@@ -113,6 +113,7 @@ class Checkpoint:
         state = {"beliefs": self._beliefs.kept(), "ranging": ranging, "counts": self._written_counts}
         file.append({"t": now_ms, "format": FORMAT} | state)
         file.flush()
+        file.sync()  # a power cut after the renaming leaves the old record or this one
         os.replace(fresh, self._path)
         self._full_record_ms, self._rows_in_file = now_ms, 0
         return file

@@ -6,8 +6,8 @@ Simulated aPads' nodes and supervisors that follow it publish on /clock_reached 
 the slowest of them (`paced_clock.py`), so on a busy machine it is slower than `--speed`. Standard error names one that is
 waited for no more.
 
-The launch files start it beside the simulated aPad, and set /use_sim_time. `musselbed run` itself never publishes a clock
-on a master that it did not start, and this node refuses to when another one does already. SIGTERM or SIGINT ends it.
+The launch files start it beside the simulated aPad, and set /use_sim_time. `musselbed run` publishes a clock on its own
+master alone (`ros_pace.py`), and this node refuses to when another one does already. SIGTERM or SIGINT ends it.
 """
 
 from __future__ import annotations

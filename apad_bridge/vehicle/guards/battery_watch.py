@@ -1,4 +1,7 @@
-"""Watches the aPad's reported charge, and says which reading to believe: the guards and the mission ask the same watch."""
+"""Watches the aPad's reported charge, and says which reading to believe: the guards and the mission ask the same watch.
+
+`mission/going_home.py` sends the aPad home, `guards.py` refuses a leg, and `supervisor/supervisor.py` ends the mission.
+"""
 
 from __future__ import annotations
 

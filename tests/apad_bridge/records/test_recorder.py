@@ -364,7 +364,12 @@ def test_a_disk_that_takes_no_more_is_one_error_and_the_records_are_whole(record
     recorder.close()
     contents = read_journal(recorder._directory.journal)
     assert contents.dropped == 0 and contents.last_ms == 39_000
-    Reader(recorder._directory.path / "run.bag").open()
+    assert_readable(recorder._directory.path / "run.bag")
+
+
+def assert_readable(bag):
+    with Reader(bag):
+        pass
 
 
 @pytest.mark.parametrize("fate", ["deleted", "moved", "replaced"])
@@ -383,7 +388,7 @@ def test_a_directory_that_is_gone_is_noticed_at_the_next_tick_and_named(recorder
     recorder.close()
     if fate != "deleted":
         assert read_journal(moved / "journal.jsonl").last_ms == 39_000
-        Reader(moved / "run.bag").open()
+        assert_readable(moved / "run.bag")
 
 
 def test_a_summary_is_written_though_an_aMussel_is_on_no_chart(recorder, monkeypatch):

@@ -15,7 +15,7 @@ import pytest
 
 from apad_bridge.ros2 import ros2_process
 from apad_bridge.ros2.ros2_process import Ros2Gone, Ros2Process, environment
-from apad_bridge.ros2.topics import Publication
+from apad_bridge.ros2.topics import TopicMessage
 
 TEXT, CLOCK = "std_msgs/String", "rosgraph_msgs/Clock"
 
@@ -61,7 +61,7 @@ def record(link: socket.socket) -> tuple[int, bytes]:
 def test_a_topic_is_announced_once_and_has_a_number() -> None:
     with closing(Ros2Process("musselbed_apad1")) as ros2:
         far = Started.newest.input
-        ros2.publish(Publication("/a", TEXT, b"first", 100))
+        ros2.publish(TopicMessage("/a", TEXT, b"first", 100))
         number, told = record(far)
         assert number == 0xFFFFFFFF
         assert json.loads(told) == {
@@ -72,9 +72,9 @@ def test_a_topic_is_announced_once_and_has_a_number() -> None:
             "hexadecimal": "df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18",
         }
         assert record(far) == (0, b"first")
-        ros2.publish(Publication("/b", CLOCK, b""))
+        ros2.publish(TopicMessage("/b", CLOCK, b""))
         assert (json.loads(record(far)[1])["number"], far.recv(8)) == (1, bytes([1, 0, 0, 0, 0, 0, 0, 0]))
-        ros2.publish(Publication("/a", TEXT, b"second", 100))
+        ros2.publish(TopicMessage("/a", TEXT, b"second", 100))
         assert record(far) == (0, b"second")
 
 
@@ -111,7 +111,7 @@ def test_one_that_takes_nothing_holds_nobody_up_for_ever(
         if has_ended:
             Started.newest.input.shutdown(socket.SHUT_RD)
         with pytest.raises(Ros2Gone, match=rf"takes nothing any more: {why}"):
-            ros2.publish(Publication("/a", TEXT, bytes(1 << 24)))
+            ros2.publish(TopicMessage("/a", TEXT, bytes(1 << 24)))
 
 
 FAST = {"RMW_IMPLEMENTATION": "rmw_fastrtps_cpp"}
