@@ -1,6 +1,7 @@
 """Tests the API's calls in flights in memory: answers, orders, refusals, and the end of every wait."""
 
 import math
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -10,7 +11,7 @@ import pytest
 
 from apad_bridge.events.run_events import EndReason
 from apad_bridge.mission.script_values import Refused, Status, dock_index_of, dock_of
-from apad_bridge.runs.script_in_memory import ScriptFlight, fly_script
+from apad_bridge.runs.script_in_memory import fly_script
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scripting.api import Api, Behaviour
 
@@ -21,29 +22,32 @@ def flies(scenario: Scenario, script: Callable[[Api], object]) -> None:
     assert flight.error is None, flight.ended_by
 
 
+def flown(script: Callable[[Api], object]) -> Callable[[Scenario], None]:
+    """A test whose body is such a script of a flight in the pool."""
+    return lambda pool: flies(pool, script)
+
+
 def test_docks_count_from_1_in_the_api_and_from_0_on_the_wire() -> None:
-    assert [dock_index_of(dock, 4) for dock in (1, 2, 3, 4)] == [0, 1, 2, 3]
-    assert [dock_of(dock_index) for dock_index in range(4)] == [1, 2, 3, 4]
+    assert [(dock_index_of(dock, 4), dock_of(dock - 1)) for dock in (1, 2, 3, 4)] == [
+        *enumerate((1, 2, 3, 4))
+    ]
     for wrong in (0, 5, -1, True):
         with pytest.raises(Refused, match="the docks are 1 to 4"):
             dock_index_of(wrong, 4)
 
 
-def test_who_there_is_and_where(pool: Scenario) -> None:
+@flown
+def test_who_there_is_and_where(api: Api) -> None:
     """It drifts by at most half a centimetre a second."""
-
-    def script(api: Api) -> None:
-        api.sleep(5)
-        agent, here = api.agent(3), api.get_location(api.id_self)
-        assert (api.now(), api.agents(), api.beliefs()[3].agent_id) == (5.0, list(range(1, 13)), 3)
-        assert (agent.state, agent.dock, agent.age_s) == ("ACTIVE", None, 0.0)
-        assert api.battery(3) == agent.battery == api.belief(3).primary
-        assert (here.north_m, here.east_m) == pytest.approx((14, 10.5))
-        assert abs(api.home(3).north_m - agent.location.north_m) <= 0.025
-        assert (api.docks(), api.free_docks()) == (dict.fromkeys((1, 2, 3, 4)), [1, 2, 3, 4])
-        assert sorted(api.pool()) == [i for i in api.agents() if api.battery(i) <= 0.8]
-
-    flies(pool, script)
+    api.sleep(5)
+    agent, here = api.agent(3), api.get_location(api.id_self)
+    assert (api.now(), api.agents(), api.beliefs()[3].agent_id) == (5.0, list(range(1, 13)), 3)
+    assert (agent.state, agent.dock, agent.age_s) == ("ACTIVE", None, 0.0)
+    assert api.battery(3) == agent.battery == api.belief(3).primary
+    assert (here.north_m, here.east_m) == pytest.approx((14, 10.5))
+    assert abs(api.home(3).north_m - agent.location.north_m) <= 0.025
+    assert (api.docks(), api.free_docks()) == (dict.fromkeys((1, 2, 3, 4)), [1, 2, 3, 4])
+    assert sorted(api.pool()) == [i for i in api.agents() if api.battery(i) <= 0.8]
 
 
 def test_the_apads_battery_falls_by_its_load(pool: Scenario) -> None:
@@ -59,21 +63,19 @@ def test_the_apads_battery_falls_by_its_load(pool: Scenario) -> None:
     flies(replace(pool, apad=replace(pool.apad, battery=battery)), script)
 
 
-def test_a_go_to_runs_and_ends_and_another_pre_empts_it(pool: Scenario) -> None:
-    def script(api: Api) -> None:
-        assert api.goto_status() == 0
-        api.go_to_local(14.0, 15.5, speed=1.0, victory_radius=0.2)
-        assert api.goto_status(api.id_self) == 1 and api.wait_goto(timeout=2) is Status.RUNNING
-        assert api.wait_goto() is Status.DONE
-        assert abs(api.get_location(api.id_self).east_m - 15.5) <= 0.3
-        api.go_to_local(0.0, 0.0)
-        api.sleep(2)
-        api.go_to_local(14.0, 14.0)
-        api.wait_goto()
-        assert [(it.kind, it.status) for it in api.events("goto")] == [("goto", Status.DONE)] * 2
-        assert api.cost() > 5
-
-    flies(pool, script)
+@flown
+def test_a_go_to_runs_and_ends_and_another_pre_empts_it(api: Api) -> None:
+    assert api.goto_status() == 0
+    api.go_to_local(14.0, 15.5, speed=1.0, victory_radius=0.2)
+    assert api.goto_status(api.id_self) == 1 and api.wait_goto(timeout=2) is Status.RUNNING
+    assert api.wait_goto() is Status.DONE
+    assert abs(api.get_location(api.id_self).east_m - 15.5) <= 0.3
+    api.go_to_local(0.0, 0.0)
+    api.sleep(2)
+    api.go_to_local(14.0, 14.0)
+    api.wait_goto()
+    assert [(it.kind, it.status) for it in api.events("goto")] == [("goto", Status.DONE)] * 2
+    assert api.cost() > 5
 
 
 @pytest.mark.parametrize(
@@ -91,70 +93,49 @@ def test_a_go_to_by_degrees_or_to_a_location_is_the_same_place(pool: Scenario, a
     flies(pool, script)
 
 
-def test_collect_and_deploy_bring_one_up_and_home(pool: Scenario) -> None:
-    def script(api: Api) -> None:
-        home = api.get_location(5)
-        assert api.collect(5, 3) and (api.docks()[3], api.agent(5).dock) == (5, 3)
-        assert api.wait_until(lambda: api.agent(5).state == "CHARGING", timeout=30)
-        charge = api.battery(5)
-        api.sleep(30)
-        assert api.battery(5) > charge
-        assert api.deploy(5) and api.docks()[3] is None
-        assert api.wait_until(lambda: api.agent(5).state == "ACTIVE", timeout=30)
-        there = api.get_location(5)
-        assert abs(there.north_m - home.north_m) + abs(there.east_m - home.east_m) < 2
-        events = [(it.kind, it.dock) for it in api.events(agent=5) if it.kind in ("docked", "undocked")]
-        assert events == [("docked", 3), ("undocked", 3)]
-
-    flies(pool, script)
+@flown
+def test_collect_and_deploy_bring_one_up_and_home(api: Api) -> None:
+    home = api.get_location(5)
+    assert api.collect(5, 3) and (api.docks()[3], api.agent(5).dock) == (5, 3)
+    assert api.wait_until(lambda: api.agent(5).state == "CHARGING", timeout=30)
+    charge = api.battery(5)
+    api.sleep(30)
+    assert api.battery(5) > charge
+    assert api.deploy(5) and api.docks()[3] is None
+    assert api.wait_until(lambda: api.agent(5).state == "ACTIVE", timeout=30)
+    there = api.get_location(5)
+    assert abs(there.north_m - home.north_m) + abs(there.east_m - home.east_m) < 2
+    events = [(it.kind, it.dock) for it in api.events(agent=5) if it.kind in ("docked", "undocked")]
+    assert events == [("docked", 3), ("undocked", 3)]
 
 
-def test_pausing_holds_and_resuming_goes_on(pool: Scenario) -> None:
-    def script(api: Api) -> None:
-        api.go_to_local(14.0, 20.5)
-        api.sleep(4)
-        api.pause()
-        api.sleep(8)
-        paused_m = api.get_location(api.id_self).east_m
-        api.sleep(5)
-        assert api.get_location(api.id_self).east_m == pytest.approx(paused_m, abs=0.05)
-        assert 11 < paused_m < 16 and api.goto_status() == Status.RUNNING
-        with pytest.raises(Refused, match="paused"):
-            api.go_to_local(0, 0)
-        api.resume()
-        assert api.wait_goto() is Status.DONE
-        assert api.get_location(api.id_self).east_m == pytest.approx(20.5, abs=0.5)
-
-    flies(pool, script)
+@flown
+def test_pausing_holds_and_resuming_goes_on(api: Api) -> None:
+    api.go_to_local(14.0, 20.5)
+    api.sleep(4)
+    api.pause()
+    api.sleep(8)
+    paused_m = api.get_location(api.id_self).east_m
+    api.sleep(5)
+    assert api.get_location(api.id_self).east_m == pytest.approx(paused_m, abs=0.05)
+    assert 11 < paused_m < 16 and api.goto_status() == Status.RUNNING
+    with pytest.raises(Refused, match="paused"):
+        api.go_to_local(0, 0)
+    api.resume()
+    assert api.wait_goto() is Status.DONE
+    assert api.get_location(api.id_self).east_m == pytest.approx(20.5, abs=0.5)
 
 
-def test_a_held_place_is_held(pool: Scenario) -> None:
-    def script(api: Api) -> None:
-        api.go_to_local(14.0, 20.5)
-        api.sleep(3)
-        api.hold()
-        assert api.wait_goto(5) is Status.PREEMPTED
-        api.sleep(10)
-        held_m = api.get_location(api.id_self).east_m
-        api.sleep(10)
-        assert api.get_location(api.id_self).east_m == pytest.approx(held_m, abs=0.05)
-
-    flies(pool, script)
-
-
-def test_abort_ends_the_flight_there(pool: Scenario) -> None:
-    after: list[str] = []
-
-    def script(api: Api) -> None:
-        api.sleep(7)
-        try:
-            api.abort("seen enough")
-        except Exception:
-            after.append("swallowed")
-        after.append("went on")
-
-    flight = fly_script(pool, script)
-    assert (flight.ended_by, flight.mission_s, after) == ("seen enough", 7.0, [])
+@flown
+def test_a_held_place_is_held(api: Api) -> None:
+    api.go_to_local(14.0, 20.5)
+    api.sleep(3)
+    api.hold()
+    assert api.wait_goto(5) is Status.PREEMPTED
+    api.sleep(10)
+    held_m = api.get_location(api.id_self).east_m
+    api.sleep(10)
+    assert api.get_location(api.id_self).east_m == pytest.approx(held_m, abs=0.05)
 
 
 def test_the_end_of_the_mission_s_time_ends_the_script(pool: Scenario) -> None:
@@ -171,20 +152,18 @@ def test_the_end_of_the_mission_s_time_ends_the_script(pool: Scenario) -> None:
     assert (flight.ended_by, flight.mission_s, left) == ("mission time", 60.0, ["orderly"])
 
 
-def test_events_are_waited_for_and_given_up(pool: Scenario) -> None:
-    def script(api: Api) -> None:
-        heard = api.wait_event("heard", agent=4, timeout=20)
-        assert heard is not None and (heard.kind, heard.agent) == ("heard", 4)
-        assert api.wait_event("docked", timeout=3) is None and api.now() == heard.at_s + 3
-        api.events()
-        api.permit_surfacing(4)
-        event = api.wait_event("state", agent=4, timeout=60)
-        assert event is not None and event.reason in ("SURFACING", "FLOATING")
-        assert api.wait_until(lambda: api.agent(4).state == "FLOATING", timeout=60)
-        api.tell_clear(4)
-        assert api.wait_until(lambda: api.agent(4).state == "ACTIVE", timeout=60)
-
-    flies(pool, script)
+@flown
+def test_events_are_waited_for_and_given_up(api: Api) -> None:
+    heard = api.wait_event("heard", agent=4, timeout=20)
+    assert heard is not None and (heard.kind, heard.agent) == ("heard", 4)
+    assert api.wait_event("docked", timeout=3) is None and api.now() == heard.at_s + 3
+    api.events()
+    api.permit_surfacing(4)
+    event = api.wait_event("state", agent=4, timeout=60)
+    assert event is not None and event.reason in ("SURFACING", "FLOATING")
+    assert api.wait_until(lambda: api.agent(4).state == "FLOATING", timeout=60)
+    api.tell_clear(4)
+    assert api.wait_until(lambda: api.agent(4).state == "ACTIVE", timeout=60)
 
 
 class Counting(Behaviour):
@@ -205,80 +184,76 @@ class Counting(Behaviour):
             self.heard.add(event.agent)
 
 
-def test_a_behaviour_acts_once_a_second_until_it_is_done_or_late(pool: Scenario) -> None:
-    def script(api: Api) -> None:
-        quick, slow = Counting(5), Counting(500)
-        assert (api.run(quick), api.now() - quick.began_s, len(quick.heard)) == (True, 4.0, 12)
-        assert (api.run(slow, timeout=10), api.now() - slow.began_s) == (False, 10.0)
-
-    flies(pool, script)
+@flown
+def test_a_behaviour_acts_once_a_second_until_it_is_done_or_late(api: Api) -> None:
+    quick, slow = Counting(5), Counting(500)
+    assert (api.run(quick), api.now() - quick.began_s, len(quick.heard)) == (True, 4.0, 12)
+    assert (api.run(slow, timeout=10), api.now() - slow.began_s) == (False, 10.0)
 
 
-def test_plans_and_costs_are_the_mission_s(pool: Scenario) -> None:
-    def script(api: Api) -> None:
-        api.wait_until(lambda: len(api.pool()) >= 4, timeout=600)
-        plan = api.plan_collection()
-        lowest = sorted(api.pool(), key=api.battery)[:4]
-        assert list(plan.steps) == list(zip(lowest, (1, 2, 3, 4), strict=True))
-        greedy = api.plan_collection(batch=2, strategy="greedy")
-        assert len(greedy.steps) == 2 and api.cost_of(greedy).distance_m < api.cost_of(plan).distance_m
-        assert api.plan_redeployment().steps == ()
-
-    flies(pool, script)
+@flown
+def test_plans_and_costs_are_the_mission_s(api: Api) -> None:
+    api.wait_until(lambda: len(api.pool()) >= 4, timeout=600)
+    plan = api.plan_collection()
+    lowest = sorted(api.pool(), key=api.battery)[:4]
+    assert list(plan.steps) == list(zip(lowest, (1, 2, 3, 4), strict=True))
+    greedy = api.plan_collection(batch=2, strategy="greedy")
+    assert len(greedy.steps) == 2 and api.cost_of(greedy).distance_m < api.cost_of(plan).distance_m
+    assert api.plan_redeployment().steps == ()
 
 
-def test_a_dock_that_is_taken_is_refused(pool: Scenario) -> None:
-    def script(api: Api) -> None:
-        assert api.collect(10, 1)
-        for order, told in (
-            ((True, 1, 4), "dock 1 holds aMussel 10"),
-            ((True, 2, 10), "aMussel 10 is in dock 1 already"),
-            ((False, 1, 4), "dock 1 holds aMussel 10, not 4"),
-        ):
-            with pytest.raises(Refused, match=told):
-                api.docking(*order)
-
-    flies(pool, script)
+@flown
+def test_a_dock_that_is_taken_is_refused(api: Api) -> None:
+    assert api.collect(10, 1)
+    for order, told in (
+        ((True, 1, 4), "dock 1 holds aMussel 10"),
+        ((True, 2, 10), "aMussel 10 is in dock 1 already"),
+        ((False, 1, 4), "dock 1 holds aMussel 10, not 4"),
+    ):
+        with pytest.raises(Refused, match=told):
+            api.docking(*order)
 
 
-def failed(flight: ScriptFlight) -> str:
-    assert flight.ended_by.startswith(f"{EndReason.SCRIPT_FAILED}: ")
-    return flight.ended_by.removeprefix(f"{EndReason.SCRIPT_FAILED}: ")
-
-
-def test_a_script_that_polls_without_letting_time_pass_is_told_so(pool: Scenario) -> None:
-    def script(api: Api) -> None:
-        api.go_to_local(0, 0)
-        while api.goto_status() == 1:
-            pass
-
-    assert "put a time.sleep into the loop" in failed(fly_script(pool, script))
-
-
-def test_an_error_is_one_line_that_names_the_script_s_own(pool: Scenario, tmp_path: Path) -> None:
-    path = tmp_path / "wrong.py"
-    path.write_text("time.sleep(3)\n\ndef deep():\n    return api.battery(1) / 0\n\ndeep()\n")
-    flight = fly_script(pool, path)
-    assert failed(flight) == "wrong.py, line 4: ZeroDivisionError: float division by zero"
-    assert flight.mission_s == 3.0
-
-
-def test_time_is_mission_time_however_it_is_got(pool: Scenario, tmp_path: Path) -> None:
-    path = tmp_path / "clocks.py"
-    path.write_text(
+SCRIPTS = {
+    "abort ends the flight there, whatever the script catches": (
+        "time.sleep(7)\ntry:\n    api.abort('seen enough')\nexcept Exception:\n    print('swallowed')\nprint('went on')\n",
+        *("seen enough", 7.0, ()),
+    ),
+    "who polls without letting time pass is told so": (
+        "api.go_to_local(0, 0)\nwhile api.goto_status() == 1:\n    pass\n",
+        *(f"{EndReason.SCRIPT_FAILED}: .*put a time.sleep into the loop.*", 0.0, ()),
+    ),
+    "an error is one line that names the script's own": (
+        "time.sleep(3)\n\ndef deep():\n    return api.battery(1) / 0\n\ndeep()\n",
+        f"{EndReason.SCRIPT_FAILED}: mine.py, line 4: ZeroDivisionError: float division by zero",
+        *(3.0, ()),
+    ),
+    # A sleep ends at the first tick at or after its end.
+    "time is mission time however it is got": (
         "import time as again\nfrom time import sleep, strftime\n"
         "before = time.time(), again.monotonic(), time.perf_counter_ns()\nsleep(2.5)\nagain.sleep(1)\n"
         "print(before, again.time(), time.monotonic_ns(), callable(strftime), __name__)\n"
-        "print('two', 'words', sep='-', end='!')\nprint('a\\nb')\nraise SystemExit\n"
-    )
-    flight = fly_script(pool, path)
-    # A sleep ends at the first tick at or after its end.
-    assert flight.said == ("(0.0, 0.0, 0) 4.0 4000000000 True __main__", "two-words!", "a", "b")
-    assert (flight.ended_by, flight.mission_s) == (EndReason.SCRIPT_ENDED, 4.0)
+        "print('two', 'words', sep='-', end='!')\nprint('a\\nb')\nraise SystemExit\n",
+        *(
+            EndReason.SCRIPT_ENDED,
+            4.0,
+            ("(0.0, 0.0, 0) 4.0 4000000000 True __main__", "two-words!", "a", "b"),
+        ),
+    ),
+    "it may import what lies beside it": (
+        "from my_routes_x17 import ROUTE\napi.go_to_local(*ROUTE[0])\nprint(api.wait_goto())\n",
+        *(EndReason.SCRIPT_ENDED, 3.0, (str(Status.DONE),)),
+    ),
+}
+"""A script's text, the end of its flight, the mission time of that in s, and what the script said."""
 
 
-def test_a_script_may_import_what_lies_beside_it(pool: Scenario, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("text", "ended", "mission_s", "said"), SCRIPTS.values(), ids=SCRIPTS)
+def test_a_file_is_flown_as_a_script(
+    pool: Scenario, tmp_path: Path, text: str, ended: str, mission_s: float, said: tuple[str, ...]
+) -> None:
     (tmp_path / "my_routes_x17.py").write_text("ROUTE = [(14.0, 11.5)]\n")
-    path = tmp_path / "route.py"
-    path.write_text("from my_routes_x17 import ROUTE\napi.go_to_local(*ROUTE[0])\nprint(api.wait_goto())\n")
-    assert fly_script(pool, path).said == (str(Status.DONE),)
+    (tmp_path / "mine.py").write_text(text)
+    flight = fly_script(pool, tmp_path / "mine.py")
+    assert re.fullmatch(ended, flight.ended_by)
+    assert (flight.mission_s, flight.said) == (mission_s, said)

@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from statistics import NormalDist
-from typing import Any
 
 import pytest
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.mission.script_values import Refused
-from apad_bridge.runs.script_in_memory import fly_script
 from apad_bridge.scenario.estimator_options import Beliefs, EstimatorKind, TwinModel
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scripting.api import Api
+from tests.apad_bridge.scripting.test_api import flies, flown
 
-DRAIN_DEVIATION = 0.1
-CAPACITY_DEVIATION = 0.1
+DRAIN_DEVIATION = CAPACITY_DEVIATION = 0.1
 """What a twin assumes of the batteries; the charge sinks as much faster as they hold less."""
 A_SECOND = 0.0010427134 / 60 * 30  # equation (1), at theta = 30
 LOW = 0.8
@@ -35,13 +32,6 @@ def twins(pool: Scenario) -> Scenario:
         current_deviation_m_s=0.02,
     )
     return replace(pool, beliefs=Beliefs(estimator=EstimatorKind.TWIN, twin=model))
-
-
-def results_of(scenario: Scenario, script: Callable[[Api], object]) -> list[Any]:
-    found: list[Any] = []
-    flight = fly_script(scenario, lambda api: found.append(script(api)))
-    assert flight.error is None, flight.error
-    return found
 
 
 def expected_chance(belief: Belief, elapsed_s: float) -> float:
@@ -63,41 +53,33 @@ def test_a_chance_is_that_of_the_equation_and_its_doubts(twins: Scenario) -> Non
             expected = expected_chance(belief, share * crossing_s)
             assert api.chance(fullest, "low", now_s + share * crossing_s) == pytest.approx(expected, abs=0.01)
         sure_s = api.sure_at(fullest, "low", share=0.95, within=2 * crossing_s)
-        assert sure_s is not None
         assert expected_chance(belief, sure_s - now_s) == pytest.approx(0.95, abs=0.01)
         assert api.sure_at(fullest, "low", share=0.95, within=crossing_s) is None
         assert api.now() == now_s, "a forecast takes no mission time"
 
-    results_of(twins, script)
+    flies(twins, script)
 
 
 def test_what_is_so_now_is_sure_now_and_a_function_is_a_question_too(twins: Scenario) -> None:
-    def script(api: Api) -> list[Any]:
-        api.sleep(2)
-        neediest = min(api.agents(), key=api.battery)
-        assert api.battery(neediest) < LOW - 0.07
-        return [
-            api.sure_at(neediest, "low") == api.now(),
-            api.chance(neediest, "low") == pytest.approx(1.0, abs=1e-6),
-            api.chance(neediest, "full"),
-            api.chance(neediest, "lost"),
-            api.chance(neediest, lambda belief: belief.probability_at_most(1.0)),
-        ]
-
-    assert results_of(twins, script) == [[True, True, pytest.approx(0.0, abs=1e-6), 0.0, 1.0]]
-
-
-def test_who_holds_the_last_packet_says_what_is_now_and_refuses_the_rest(pool: Scenario) -> None:
     def script(api: Api) -> None:
         api.sleep(2)
-        for agent in (1, 4, 7):
-            assert api.chance(agent, "low") == float(api.battery(agent) <= LOW)
-        with pytest.raises(Refused, match=r"predicts nothing.*estimator: twin"):
-            api.chance(1, "low", api.now() + 60)
-        with pytest.raises(Refused, match="predicts nothing"):
-            api.sure_at(1, "low")
+        neediest = min(api.agents(), key=api.battery)
+        assert api.battery(neediest) < LOW - 0.07 and api.sure_at(neediest, "low") == api.now()
+        questions = ("low", "full", "lost", lambda belief: belief.probability_at_most(1.0))
+        asked = [api.chance(neediest, it) for it in questions]
+        assert asked == [pytest.approx(1.0, abs=1e-6), pytest.approx(0.0, abs=1e-6), 0.0, 1.0]
 
-    results_of(pool, script)
+    flies(twins, script)
+
+
+@flown
+def test_who_holds_the_last_packet_says_what_is_now_and_refuses_the_rest(api: Api) -> None:
+    api.sleep(2)
+    assert all(api.chance(agent, "low") == float(api.battery(agent) <= LOW) for agent in (1, 4, 7))
+    with pytest.raises(Refused, match=r"predicts nothing.*estimator: twin"):
+        api.chance(1, "low", api.now() + 60)
+    with pytest.raises(Refused, match="predicts nothing"):
+        api.sure_at(1, "low")
 
 
 def test_what_cannot_be_asked_is_refused_in_one_line(twins: Scenario) -> None:
@@ -114,4 +96,4 @@ def test_what_cannot_be_asked_is_refused_in_one_line(twins: Scenario) -> None:
             with pytest.raises(Refused, match=message):
                 call()
 
-    results_of(twins, script)
+    flies(twins, script)
