@@ -7,8 +7,10 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from unittest.mock import ANY
 
 import pytest
+from journals import lines_in
 from scenario_files import POOL_FILE, SOUND_FILE
 
 from apad_bridge.commands import main
@@ -74,8 +76,7 @@ def shadowed(files: tuple[Path, Path], strategy: str, capsys: pytest.CaptureFixt
 def plans_of(bag: Path) -> list[tuple[str, int]]:
     """What the journal says was planned, in order: an independent record of their decisions."""
     steps = []
-    for text in (bag.parent / "journal.jsonl").read_text().splitlines():
-        line = json.loads(text)
+    for line in lines_in(bag.parent / "journal.jsonl"):
         if line["kind"] == "plan":
             kind = "collect" if line["what"] == "collect" else "deploy"
             releases = {it["collected"]: it["released"] for it in line.get("exchanged", ())}
@@ -163,161 +164,113 @@ HIGH: list[LoggedFact] = [at(0.0), packet(0.0, 7, 0.95, 5.0)]
 DOCKED_7 = Held(2.5, Witness.VEHICLE, 7, True)
 
 
-@pytest.mark.parametrize(
-    ("facts", "decisions"),
-    [
-        pytest.param(
-            [*HEARD, go_to(1.0, 5.0), at(2.0, 4.0), perch(3.0, 7), Held(4.0, Witness.VEHICLE, 7, True)],
-            [(1.0, COLLECT_7, COLLECT_7)],
-            id="who a go-to is for is told by the docking after it",
-        ),
-        pytest.param(
-            [*HEARD, perch(5.0, 7), Held(5.05, Witness.VEHICLE, 7, True), at(6.0)],
-            [(5.0, COLLECT_7, COLLECT_7)],
-            id="a docking without a go-to is judged by the docks before it",
-        ),
-        pytest.param(
-            [*HEARD, go_to(1.0, 9.4), at(5.0, 9.0), go_to(9.0, 20.0), at(10.0, 12.0)],
-            [(1.0, COLLECT_3, COLLECT_7), (9.0, TheirMove(ELSEWHERE), COLLECT_3)],
-            id="who a go-to without a docking is for is told by its place",
-        ),
-        pytest.param(
-            [
-                *(*HEARD, go_to(1.0, 5.0), go_to(1.0, 5.0, Witness.SUPERVISOR), at(5.0, 4.0), perch(6.0, 7)),
-                WorkEnded(7.0, Witness.VEHICLE, "perch 6.0", False, True),
-                go_to(8.0, 6.2),  # it has drifted
-                *(perch(9.0, 7), Held(9.5, Witness.VEHICLE, 7, True)),
-            ],
-            [(1.0, COLLECT_7, COLLECT_7)],
-            id="another try and another teller are no other decision",
-        ),
-        pytest.param(
-            [*HIGH, go_to(1.0, 5.0), at(3.0, 4.0), perch(4.0, 7)],
-            [(1.0, COLLECT_7, TheirMove(WAIT))],
-            id="ours would wait",
-        ),
-        # The vehicle's topics of docks come in one after the other; a docking comes after its order.
-        pytest.param(
-            [Held(0.0, Witness.VEHICLE, 3, True), *HEARD, DOCKED_7, at(9.0)],
-            [],
-            id="in a dock as the shadow begins",
-        ),
-        pytest.param(
-            [*HEARD, perch(1.0, 7), DOCKED_7, at(9.0)], [(1.0, COLLECT_7, COLLECT_7)], id="docked by an order"
-        ),
-        pytest.param(
-            [*HEARD, Held(60.0, Witness.VEHICLE, 7, True), at(70.0)],
-            [(60.0, COLLECT_7, COLLECT_7)],
-            id="docked a minute later",
-        ),
-        pytest.param(
-            [
-                at(0.0),
-                packet(0.0, 999, 0.5, 5.0),
-                PacketLogged(0.0, 7, "wifi", b"no packet"),
-                go_to(1.0, 5.0),
-                at(2.0, 1.0),
-            ],
-            [(1.0, TheirMove(ELSEWHERE), TheirMove(WAIT))],
-            id="what makes no sense is left out",
-        ),
-    ],
-)
+DEPLOY_7, OUR_WAIT, AWAY = TheirMove(StepKind.DEPLOY, 7), TheirMove(WAIT), TheirMove(ELSEWHERE)
+
+
+def seen(at_s: float, *held: tuple[int, bool]) -> list[LoggedFact]:
+    """A supervisor's sample at the origin, and what it says of aMussels in docks."""
+    return [
+        Posed(at_s, Witness.SUPERVISOR, None, (0.0, 0.0)),
+        *(Held(at_s, Witness.SUPERVISOR, *it) for it in held),
+    ]
+
+
+TO_7: list[LoggedFact] = [go_to(1.0, 5.0), perch(3.0, 7)]
+LETS_GO = [Held(6.0, Witness.VEHICLE, 7, False), Held(7.0, Witness.VEHICLE, 7, True), at(8.0, 5.0)]
+ONE_DOCK = replace(POOL, apad=replace(POOL.apad, docks=1), mission=replace(POOL.mission, batch=1))
+THEIRS: dict[str, tuple[list[LoggedFact], list[tuple[float, TheirMove, TheirMove]]]] = {
+    "who a go-to is for is told by the docking after it": (
+        [*HEARD, go_to(1.0, 5.0), at(2.0, 4.0), perch(3.0, 7), Held(4.0, Witness.VEHICLE, 7, True)],
+        [(1.0, COLLECT_7, COLLECT_7)],
+    ),
+    "a docking without a go-to is judged by the docks before it": (
+        [*HEARD, perch(5.0, 7), Held(5.05, Witness.VEHICLE, 7, True), at(6.0)],
+        [(5.0, COLLECT_7, COLLECT_7)],
+    ),
+    "who a go-to without a docking is for is told by its place": (
+        [*HEARD, go_to(1.0, 9.4), at(5.0, 9.0), go_to(9.0, 20.0), at(10.0, 12.0)],
+        [(1.0, COLLECT_3, COLLECT_7), (9.0, AWAY, COLLECT_3)],
+    ),
+    "another try and another teller are no other decision": (
+        [
+            *(*HEARD, go_to(1.0, 5.0), go_to(1.0, 5.0, Witness.SUPERVISOR), at(5.0, 4.0), perch(6.0, 7)),
+            WorkEnded(7.0, Witness.VEHICLE, "perch 6.0", False, True),
+            go_to(8.0, 6.2),  # it has drifted
+            *(perch(9.0, 7), Held(9.5, Witness.VEHICLE, 7, True)),
+        ],
+        [(1.0, COLLECT_7, COLLECT_7)],
+    ),
+    "ours would wait": ([*HIGH, go_to(1.0, 5.0), at(3.0, 4.0), perch(4.0, 7)], [(1.0, COLLECT_7, OUR_WAIT)]),
+    # The vehicle's topics of docks come in one after the other; a docking comes after its order.
+    "in a dock as the shadow begins": ([Held(0.0, Witness.VEHICLE, 3, True), *HEARD, DOCKED_7, at(9.0)], []),
+    "docked by an order": ([*HEARD, perch(1.0, 7), DOCKED_7, at(9.0)], [(1.0, COLLECT_7, COLLECT_7)]),
+    "docked a minute later": (
+        [*HEARD, Held(60.0, Witness.VEHICLE, 7, True), at(70.0)],
+        [(60.0, COLLECT_7, COLLECT_7)],
+    ),
+    "what makes no sense is left out": (
+        [
+            *(at(0.0), packet(0.0, 999, 0.5, 5.0), PacketLogged(0.0, 7, "wifi", b"no packet")),
+            *(go_to(1.0, 5.0), at(2.0, 1.0)),
+        ],
+        [(1.0, AWAY, OUR_WAIT)],
+    ),
+    "a vehicle that falls silent about a dock lets nobody go while a supervisor says what it holds": (
+        [*HEARD, *seen(0.5), *TO_7, *seen(4.0, (7, True))[1:], *LETS_GO],
+        [(1.0, COLLECT_7, COLLECT_7)],
+    ),
+    "a vehicle alone that falls silent about a dock lets go": (
+        [*HEARD, *TO_7, Held(5.0, Witness.VEHICLE, 7, True), *LETS_GO],
+        [(1.0, COLLECT_7, ANY), (6.0, DEPLOY_7, ANY), (7.0, COLLECT_7, ANY)],
+    ),
+    "an aMussel that a supervisor's first sample shows docked is no decision until it leaves": (
+        [
+            *(*HEARD, *seen(200.0, (7, True)), at(230.0), *seen(300.0, (3, True)), at(330.0)),
+            *(*seen(400.0, (7, False))[1:], at(430.0), *seen(500.0, (7, True))[1:], at(530.0)),
+        ],
+        [(300.0, COLLECT_3, ANY), (400.0, DEPLOY_7, ANY), (500.0, COLLECT_7, ANY)],
+    ),
+}
+
+
+@pytest.mark.parametrize(("facts", "decisions"), THEIRS.values(), ids=THEIRS)
 def test_their_decision_and_ours(
     facts: list[LoggedFact], decisions: list[tuple[float, TheirMove, TheirMove]]
 ) -> None:
-    assert [(it.at_s, it.theirs, it.ours) for it in decided(facts).decisions] == decisions
-
-
-def test_a_vehicle_that_falls_silent_about_a_dock_lets_nobody_go_while_a_supervisor_says_what_it_holds() -> (
-    None
-):
-    docked: list[LoggedFact] = [
-        *HEARD,
-        Posed(0.5, Witness.SUPERVISOR, None, (0.0, 0.0)),
-        go_to(1.0, 5.0),
-        perch(3.0, 7),
-        Held(4.0, Witness.SUPERVISOR, 7, True),
-        Held(6.0, Witness.VEHICLE, 7, False),
-        Held(7.0, Witness.VEHICLE, 7, True),
-        at(8.0, 5.0),
-    ]
-    assert [it.theirs for it in decided(docked).decisions] == [COLLECT_7]
-    alone = [it for it in docked if not (isinstance(it, Posed | Held) and it.witness is Witness.SUPERVISOR)]
-    alone.insert(-3, Held(5.0, Witness.VEHICLE, 7, True))
-    found = [it.theirs for it in decided(alone).decisions]
-    assert found == [COLLECT_7, TheirMove(StepKind.DEPLOY, 7), COLLECT_7]
-
-
-def test_an_amussel_that_a_supervisors_first_sample_shows_docked_is_no_decision_until_it_leaves() -> None:
-    facts: list[LoggedFact] = [
-        *HEARD,
-        Posed(200.0, Witness.SUPERVISOR, None, (0.0, 0.0)),
-        Held(200.0, Witness.SUPERVISOR, 7, True),
-        at(230.0),
-        Posed(300.0, Witness.SUPERVISOR, None, (0.0, 0.0)),
-        Held(300.0, Witness.SUPERVISOR, 3, True),
-        at(330.0),
-        Held(400.0, Witness.SUPERVISOR, 7, False),
-        at(430.0),
-        Held(500.0, Witness.SUPERVISOR, 7, True),
-        at(530.0),
-    ]
-    found = [it.theirs for it in decided(facts).decisions]
-    assert found == [COLLECT_3, TheirMove(StepKind.DEPLOY, 7), COLLECT_7]
+    found = decided(facts).decisions
+    assert [(it.at_s, it.theirs, it.ours) for it in found] == decisions
 
 
 def test_what_we_would_do_is_judged_by_the_docks_that_were_full_before() -> None:
     """One dock, full of an aMussel that charges: ours waits, and does not collect into it."""
-    one_dock = replace(POOL, apad=replace(POOL.apad, docks=1), mission=replace(POOL.mission, batch=1))
-    facts: list[LoggedFact] = [
-        at(0.0),
-        packet(0.0, 3, 0.2, 9.0),
-        packet(0.0, 7, 0.6, 5.0),
-        go_to(1.0, 9.0),
-        at(2.0, 1.0),
-        Held(2.5, Witness.VEHICLE, 7, True),
-        at(4.0, 3.0),
-    ]
-    (decision,) = decided(facts, scenario=one_dock).decisions
-    assert (decision.theirs, decision.ours) == (COLLECT_3, TheirMove(WAIT))
+    facts = [*HEARD, go_to(1.0, 9.0), at(2.0, 1.0), Held(2.5, Witness.VEHICLE, 7, True), at(4.0, 3.0)]
+    (decision,) = decided(facts, scenario=ONE_DOCK).decisions
+    assert (decision.theirs, decision.ours) == (COLLECT_3, OUR_WAIT)
 
 
 def test_the_topics_of_amussels_without_packets_are_believed_too() -> None:
-    told: list[LoggedFact] = [at(0.0)]
-    for agent_id, charge, north_m in ((3, 0.2, 9.0), (7, 0.6, 5.0)):
-        told += [AmusselPlaced(0.0, agent_id, (north_m, 0.0)), AmusselCharged(0.0, agent_id, charge)]
-    (decision,) = decided([*told, go_to(1.0, 5.0), at(2.0, 4.0), perch(3.0, 7)]).decisions
+    heard = [(3, 0.2, 9.0), (7, 0.6, 5.0)]
+    places = [AmusselPlaced(0.0, agent_id, (north_m, 0.0)) for agent_id, _, north_m in heard]
+    charges = [AmusselCharged(0.0, agent_id, charge) for agent_id, charge, _ in heard]
+    (decision,) = decided([at(0.0), *places, *charges, *TO_7, at(4.0, 4.0)]).decisions
     assert decision.agrees and decision.estimate is not None
     assert (decision.estimate.charge, decision.estimate.place_m) == (0.6, (5.0, 0.0))
 
 
 def test_a_later_packet_tells_how_far_the_estimate_was_wrong() -> None:
     """The last report holds for an estimator without a model: 0.6 at 5 m, and a minute later 0.5 at 8 m."""
-    facts: list[LoggedFact] = [
-        *HEARD,
-        go_to(30.0, 5.0),
-        perch(40.0, 7),
-        at(41.0, 5.0),
-        packet(60.0, 7, 0.5, 8.0),
-        packet(61.0, 7, 0.1, 8.0),
-    ]
-    shadow = decided(facts)
-    (decision,) = shadow.decisions
-    estimate = decision.estimate
-    assert estimate is not None and estimate.age_s == 30.0
-    assert (estimate.charge_error, estimate.place_error_m, estimate.told_after_s) == pytest.approx(
-        (0.1, 3.0, 30.0), abs=1e-4
-    )
+    later = [packet(60.0, 7, 0.5, 8.0), packet(61.0, 7, 0.1, 8.0)]
+    shadow = decided([*HEARD, go_to(30.0, 5.0), perch(40.0, 7), at(41.0, 5.0), *later])
+    (estimate,) = (it.estimate for it in shadow.decisions)
+    errors = (estimate.charge_error, estimate.place_error_m, estimate.told_after_s, estimate.age_s)
+    assert errors == pytest.approx((0.1, 3.0, 30.0, 30.0), abs=1e-4)
     accuracy = shadow.accuracy
-    assert accuracy.packets == 1 and accuracy.inside is None  # the second came after a second
+    assert (accuracy.packets, accuracy.inside) == (1, None)  # the second came after a second
     assert (accuracy.charge_rms, accuracy.place_rms_m) == pytest.approx((0.1, 3.0), abs=1e-4)
 
 
 def test_twins_foretell_the_charge_of_silent_amussels_and_give_an_interval() -> None:
     scenario = load(SOUND_FILE)
-    agent_id = scenario.fleet.ids[0]
-    facts: list[LoggedFact] = [at(0.0), packet(0.0, agent_id, 0.9, 5.0, scenario), at(120.0)]
-    facts.append(packet(120.0, agent_id, 0.9, 5.0, scenario))
-    accuracy = decided(facts, scenario=scenario).accuracy
+    first, second = (packet(at_s, scenario.fleet.ids[0], 0.9, 5.0, scenario) for at_s in (0.0, 120.0))
+    accuracy = decided([at(0.0), first, at(120.0), second], scenario=scenario).accuracy
     assert accuracy.packets == 1 and accuracy.inside in (0.0, 1.0)
