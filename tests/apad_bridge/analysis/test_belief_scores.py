@@ -3,11 +3,12 @@ from __future__ import annotations
 import json
 import re
 import shutil
-from collections.abc import Callable
-from contextlib import redirect_stdout
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager, redirect_stdout
 from io import StringIO
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -50,39 +51,19 @@ def row(
 
 
 def test_scores_are_counted_by_hand() -> None:
-    scores = scores_of(
-        [
-            row(1, 0.0, 0.03, 0.01),
-            row(1, 3.0, 0.0, 0.01),
-            row(2, 3.0, -0.04, 0.04),
-            row(2, 30, 0.0, 0.0, True),
-        ]
-    )
-    assert scores.overall.rmse == pytest.approx(0.025)
-    assert (scores.overall.bias, scores.overall.coverage) == (pytest.approx(-0.0025), 0.75)
-    assert scores.overall.nees == pytest.approx((9 + 0 + 1) / 3)
-    assert scores.overall.crps == pytest.approx((0.03 + 0.04) / 4)
-    assert scores.by_agent["1"].crps == pytest.approx(0.015)
-    assert {name: score.samples for name, score in scores.by_age.items()} == {
-        "a minute": 1,
-        "6 h": 2,
-        "48 h": 1,
-    }
-    assert scores.by_agent["2"].coverage == 1.0 and scores.by_agent["2"].place_rmse_m is None
-    assert list(scores.by_mode) == ["idle"]
+    of_1, of_2 = [row(1, 0.0, 0.03, 0.01), row(1, 3.0, 0.0, 0.01)], [row(2, 3.0, -0.04, 0.04)]
+    scores = scores_of([*of_1, *of_2, row(2, 30, 0.0, 0.0, True)])
+    overall, first, second = scores.overall, scores.by_agent["1"], scores.by_agent["2"]
+    found = (overall.rmse, overall.bias, overall.coverage, overall.nees, overall.crps, first.crps)
+    assert found == pytest.approx((0.025, -0.0025, 0.75, (9 + 0 + 1) / 3, (0.03 + 0.04) / 4, 0.015))
+    samples = [(name, score.samples) for name, score in scores.by_age.items()]
+    assert samples == [("a minute", 1), ("6 h", 2), ("48 h", 1)]
+    assert (second.coverage, second.place_rmse_m, list(scores.by_mode)) == (1.0, None, ["idle"])
     assert scores_of([]) is None
-    assert [age_bin(age_h) for age_h in (0.0, 0.5, 24.0, 24.1, 100)] == [
-        "a minute",
-        "1 h",
-        "24 h",
-        "48 h",
-        "older",
-    ]
-
-
-def test_beliefs_that_claim_to_be_certain_have_no_coverage() -> None:
-    scores = scores_of([row(1, 0.0, 0.03, None)])
-    assert scores is not None and scores.overall.coverage is None and scores.overall.nees is None
+    bins = [age_bin(age_h) for age_h in (0.0, 0.5, 24.0, 24.1, 100)]
+    assert bins == ["a minute", "1 h", "24 h", "48 h", "older"]
+    certain = scores_of([row(1, 0.0, 0.03, None)]).overall
+    assert (certain.coverage, certain.nees) == (None, None)
 
 
 @settings(max_examples=60, deadline=None)
@@ -124,47 +105,67 @@ def test_bins_of_overconfident_beliefs_are_named() -> None:
 
 
 @pytest.fixture
-def run(tmp_path: Path, flown: Flown) -> Flown:
+def run(tmp_path: Path, flown: Flown) -> Path:
     return flown(tmp_path, False)
 
 
-def test_released_aMussels_and_the_secondary_battery_have_rows_of_their_own(
-    run: Flown, capsys: pytest.CaptureFixture[str]
-) -> None:
+@pytest.fixture
+def twin_run(tmp_path: Path, flown: Flown) -> Path:
+    return flown(tmp_path, True)
+
+
+Told = Callable[..., tuple[Any, str]]
+
+
+@pytest.fixture
+def beliefs(capsys: pytest.CaptureFixture[str]) -> Told:
+    """What `musselbed beliefs` tells of a run: its JSON, or its text, and its errors."""
+
+    def told(run: Path, *words: str, code: int = 0) -> tuple[Any, str]:
+        capsys.readouterr()
+        assert main(["beliefs", str(run), *words]) == code
+        out, errors = capsys.readouterr()
+        return (json.loads(out) if "--json" in words else out), errors
+
+    return told
+
+
+@contextmanager
+def bag_of(run: Path) -> Iterator[BagWriter]:
+    """A bag in the place of the run's."""
     (run / "run.bag").unlink()
-    bag = BagWriter(run / "run.bag", TimeScale(30))
+    with closing(BagWriter(run / "run.bag", TimeScale(30))) as bag:
+        yield bag
+
+
+def test_released_aMussels_and_the_secondary_battery_have_rows_of_their_own(run: Path, beliefs: Told) -> None:
     place, charges = (10.0, 20.0), (0.01, 0.02, 0.0, 0.48, 0.52)
     truth = TruthSample(1, int(State.RELEASED), 0.6, 0.9, *place, 0.0, False, 0)
     belief = BeliefSample(1, int(State.RELEASED), 0.5, 0.93, *place, 0.0, *charges)
     second = truth._replace(agent_id=2, state=int(State.FLOATING), primary=0.51, secondary=0.8)
-    for second_of_mission in range(60):
-        bag.sample(10_000 * second_of_mission, [truth, second], [belief, belief._replace(agent_id=2)], None)
-    bag.close()
-    capsys.readouterr()  # of the flight
-    assert main(["beliefs", str(run), "--json"]) == 0
-    output, errors = capsys.readouterr()
-    found = json.loads(output)
+    with bag_of(run) as bag:
+        for n in range(60):
+            bag.sample(10_000 * n, [truth, second], [belief, belief._replace(agent_id=2)], None)
+    found, errors = beliefs(run, "--json")
     assert {name: (it["samples"], it["coverage"]) for name, it in found["by_mode"].items()} == {
         "floating": (120, 0.5),
         "released": (60, 0.0),
     }
-    assert found["overall"]["width"] == pytest.approx(0.04)
     # 0.03 away is within 1.96 deviations of 0.02, and 0.13 is not.
-    secondary = found["secondary"]
-    assert secondary["coverage"] == 0.5 and secondary["width"] == pytest.approx(2 * 0.0392, abs=1e-4)
-    warned = [line for line in errors.splitlines() if line.startswith("warning: ")]
-    assert len(warned) == len(errors.splitlines()) and any(" mode released: " in line for line in warned)
+    secondary, lines = found["secondary"], errors.splitlines()
+    assert (found["overall"]["width"], secondary["coverage"]) == (pytest.approx(0.04), 0.5)
+    assert secondary["width"] == pytest.approx(2 * 0.0392, abs=1e-4)
+    assert all(it.startswith("warning: ") for it in lines) and " mode released: " in errors
 
 
 def test_the_figure_shows_error_and_coverage_in_each_bin() -> None:
     scores = scores_of([row(1, 3.0, 0.03, 0.01), row(2, 3.0, 0.01, 0.01), row(2, 30, 0.01, None)])
     assert scores is not None
     *panels, _, _, of_agents = figure_of(scores, "a title").axes
-    heights = [[bar.get_height() for bar in panel.patches] for panel in panels]
-    both = (0.0005) ** 0.5  # of 0.03 and 0.01
-    assert heights[0] == pytest.approx([both, 0.01]), "by age"
-    assert heights[1] == pytest.approx([(0.0011 / 3) ** 0.5]), "by mode"
-    assert heights[2] == pytest.approx([0.03, 0.01]), "by aMussel"
+    heights = [bar.get_height() for panel in panels for bar in panel.patches]
+    # By age, of which the first is of 0.03 and 0.01; by mode; by aMussel.
+    assert heights == pytest.approx([0.0005**0.5, 0.01, (0.0011 / 3) ** 0.5, 0.03, 0.01])
+    assert [len(panel.patches) for panel in panels] == [2, 1, 2]
     assert [it.get_text() for it in panels[0].get_xticklabels()] == ["6 h", "48 h"]
     assert [it.get_text() for it in panels[2].texts] == ["n 1", "n 2"]
     # aMussel 1 is outside of its interval; of aMussel 2 one sample claims to have one, and lies in it.
@@ -199,27 +200,23 @@ def fly(folder: Path, twins: bool) -> Path:
     return folder / "run"
 
 
-def test_a_flight_on_twins_is_compared(
-    tmp_path: Path, flown: Flown, capsys: pytest.CaptureFixture[str]
-) -> None:
-    run = flown(tmp_path, True)
+def test_a_flight_on_twins_is_compared(tmp_path: Path, twin_run: Path, beliefs: Told) -> None:
     picture = tmp_path / "beliefs.png"
-    assert main(["beliefs", str(run), "--json", "--figure", str(picture)]) == 0
-    found = json.loads(capsys.readouterr().out)
-    assert found["overall"]["samples"] == 3 * 9 and set(found["by_agent"]) == {"1", "2", "3"}
-    assert found["overall"]["rmse"] < 0.003 and found["overall"]["coverage"] > 0.8
-    assert found["overall"]["mode_right"] == 1.0
+    found, _ = beliefs(twin_run, "--json", "--figure", str(picture))
+    overall = found["overall"]
+    assert (overall["samples"], overall["mode_right"], set(found["by_agent"])) == (
+        3 * 9,
+        1.0,
+        {"1", "2", "3"},
+    )
+    assert overall["rmse"] < 0.003 and overall["coverage"] > 0.8
     assert picture.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
-    assert main(["beliefs", str(run)]) == 0
-    assert "packet up to" in capsys.readouterr().out
+    assert "packet up to" in beliefs(twin_run)[0]
 
 
-def test_the_bag_and_the_journal_of_a_run_say_the_same(
-    tmp_path: Path, flown: Flown, capsys: pytest.CaptureFixture[str]
-) -> None:
-    run = flown(tmp_path, True)
+def test_the_bag_and_the_journal_of_a_run_say_the_same(twin_run: Path, beliefs: Told) -> None:
     bag, journal = (
-        {(it.at_ms, it.agent_id): it for it in comparisons_in(run, 5_000, record)} for record in Record
+        {(it.at_ms, it.agent_id): it for it in comparisons_in(twin_run, 5_000, record)} for record in Record
     )
     assert len(bag) == 3 * 18 and set(bag) == set(journal)
     for key, it in bag.items():
@@ -235,63 +232,45 @@ def test_the_bag_and_the_journal_of_a_run_say_the_same(
         assert it.primary.deviation == pytest.approx(other.primary.deviation, abs=0.0011)
         assert it.place_square is not None and other.place_square is None
     for record in Record:
-        assert main(["beliefs", str(run), "--json", "--from", record]) == 0
-        output = json.loads(capsys.readouterr().out)
-        assert output["record"] == record and output["overall"]["samples"] == 3 * 9
+        output, _ = beliefs(twin_run, "--json", "--from", record)
+        assert (output["record"], output["overall"]["samples"]) == (record, 3 * 9)
         assert (output["overall"]["place_coverage"] is None) is (record is Record.JOURNAL)
 
 
-def test_an_instant_of_a_bag_is_scored_by_hand(run: Flown) -> None:
-    (run / "run.bag").unlink()
-    bag = BagWriter(run / "run.bag", TimeScale(30))
+def test_an_instant_of_a_bag_is_scored_by_hand(run: Path) -> None:
     truth = TruthSample(7, int(State.ACTIVE), 0.5, 1.0, 10.0, 20.0, 3.0, False, 0)
     # Deviations of 2 m north and 1 m east with a correlation of 0.5: 4 m off to the north is (4 / 2)^2 / (1 - 0.5^2).
-    belief = BeliefSample(
-        7,
-        int(State.ACTIVE),
-        0.53,
-        1.0,
-        14.0,
-        20.0,
-        60.0,
-        0.02,
-        0.0,
-        0.0,
-        0.49,
-        0.57,
-        2.0,
-        1.0,
-        1.0,
-        (),
-        0.0,
-        0.0,
-    )
+    charges, places = (0.02, 0.0, 0.0, 0.49, 0.57), (2.0, 1.0, 1.0)
+    belief = BeliefSample(7, int(State.ACTIVE), 0.53, 1.0, 14.0, 20.0, 60.0, *charges, *places, (), 0.0, 0.0)
     docked = truth._replace(agent_id=8, docked=True, state=int(State.CHARGING))
     # It obeyed, or it stayed: a quarter is 0.1 too high, and three quarters are right.
     two = (0.25, 0.6, 0.0, 0.75, 0.5, 0.0)
     other = belief._replace(agent_id=8, charge_low=0.51, charge_parts=two)
-    bag.sample(10_000, [truth, docked], [belief, other], None)
-    bag.close()
+    with bag_of(run) as bag:
+        bag.sample(10_000, [truth, docked], [belief, other], None)
     first, second = comparisons_in(run, 10_000, Record.BAG)
-    assert first.age_h == pytest.approx(0.5) and first.mode is Mode.IDLE and first.mode_right
-    assert first.primary.error == pytest.approx(0.03) and first.primary.deviation == pytest.approx(0.02)
-    assert first.primary.covered is True and second.primary.covered is False
-    assert first.place_error_m == 4.0 and first.place_square == pytest.approx(16 / 3)
-    assert second.place_error_m is None and second.place_square is None
+    found = (
+        first.age_h,
+        first.primary.error,
+        first.primary.deviation,
+        first.place_error_m,
+        first.place_square,
+    )
+    assert found == pytest.approx((0.5, 0.03, 0.02, 4.0, 16 / 3))
+    assert (first.mode, first.mode_right, first.primary.covered) == (Mode.IDLE, True, True)
+    assert (second.primary.covered, second.place_error_m, second.place_square) == (False, None, None)
     # 1.5 deviations of 0.02 away: 0.02 (1.5 (2 cdf(1.5) - 1) + 2 pdf(1.5) - 1 / sqrt(pi)).
-    assert first.primary.crps == pytest.approx(0.02 * (1.5 * 0.86639 + 2 * 0.12952 - 0.56419), rel=1e-4)
-    # From 0.5 to 0.6 the integrand is the square of a quarter.
-    assert second.primary.crps == pytest.approx(0.1 / 16, rel=1e-4)
-    scores = scores_of([first, second])
-    assert scores is not None and scores.overall.nees == pytest.approx(2.25, rel=1e-4)
+    # Of the second the integrand is the square of a quarter from 0.5 to 0.6.
+    expected = 0.02 * (1.5 * 0.86639 + 2 * 0.12952 - 0.56419), 0.1 / 16
+    assert (first.primary.crps, second.primary.crps) == pytest.approx(expected, rel=1e-4)
+    overall = scores_of([first, second]).overall
     # 5.33 is below 5.99, the limit of 95 % in two dimensions.
-    assert (scores.overall.place_coverage, scores.overall.place_nees) == (1.0, pytest.approx(8 / 3))
+    assert (overall.place_coverage, overall.place_nees) == (1.0, pytest.approx(8 / 3))
+    assert overall.nees == pytest.approx(2.25, rel=1e-4)
 
 
-def test_what_mostly_rests_at_an_end_is_told_by_its_moments(run: Flown) -> None:
+def test_what_mostly_rests_at_an_end_is_told_by_its_moments(run: Path) -> None:
     """The moments are of many charges drawn from a Gaussian and clamped, not from the closed form."""
-    (run / "run.bag").unlink()
-    bag = BagWriter(run / "run.bag", TimeScale(30))
     truths, beliefs = [], []
     for agent_id, mean in enumerate((0.995, 1.005, 0.004, -0.003)):
         held = np.clip(np.random.default_rng(1).normal(mean, 0.02, 1_000_000), 0, 1)
@@ -300,78 +279,53 @@ def test_what_mostly_rests_at_an_end_is_told_by_its_moments(run: Flown) -> None:
         truths.append(TruthSample(agent_id, int(State.ACTIVE), 0.5, 1.0, *place, 3.0, False, 0))
         charges = (held.std(), 0.0, 0.0, low, high)
         beliefs.append(BeliefSample(agent_id, int(State.ACTIVE), held.mean(), 1.0, *place, 0.0, *charges))
-    bag.sample(10_000, truths, beliefs, None)
-    bag.close()
-    assert [row.primary.clamped for row in comparisons_in(run, 10_000, Record.BAG)] == [
-        False,
-        True,
-        False,
-        True,
-    ]
+    with bag_of(run) as bag:
+        bag.sample(10_000, truths, beliefs, None)
+    clamped = [row.primary.clamped for row in comparisons_in(run, 10_000, Record.BAG)]
+    assert clamped == [False, True, False, True]
 
 
 def test_a_run_whose_bag_is_torn_is_compared_by_its_journal(
-    tmp_path: Path, flown: Flown, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, twin_run: Path, beliefs: Told, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    run = flown(tmp_path, True)
-    whole = (run / "run.bag").read_bytes()
-    (run / "run.bag").write_bytes(whole[: len(whole) // 2])
-    capsys.readouterr()  # the flight's own lines
-    assert main(["beliefs", str(run), "--json"]) == 0
-    told = capsys.readouterr()
-    assert json.loads(told.out)["record"] == "journal"
-    (line,) = [it for it in told.err.splitlines() if "warning: " not in it]
-    assert line.startswith(f"musselbed beliefs: {run / 'run.bag'}: not a bag that can be read")
-    assert line.endswith("; the journal is read instead")
+    run, bag = twin_run, twin_run / "run.bag"
+    bag.write_bytes(bag.read_bytes()[: bag.stat().st_size // 2])
+    found, errors = beliefs(run, "--json")
+    (line,) = [it for it in errors.splitlines() if "warning: " not in it]
+    assert line.startswith(f"musselbed beliefs: {bag}: not a bag that can be read")
+    assert line.endswith("; the journal is read instead") and found["record"] == "journal"
     assert main(["report", str(run), "--data", "none", "--out", str(tmp_path / "report")]) == 0
     page = (tmp_path / "report" / "report.html").read_text()
-    assert f"By the journal: {run / 'run.bag'}: not a bag that can be read" in page
-    assert main(["beliefs", str(run), "--json", "--from", "journal"]) == 0
-    assert "not a bag" not in capsys.readouterr().err
-    assert main(["beliefs", str(run), "--from", "bag"]) == 2
-    errors = capsys.readouterr().err
+    assert f"By the journal: {bag}: not a bag that can be read" in page
+    assert "not a bag" not in beliefs(run, "--from", "journal")[1]
+    _, errors = beliefs(run, "--from", "bag", code=2)
     assert errors.count("\n") == 1 and errors.endswith("try --from journal\n")
 
 
-def test_a_journal_of_another_version_is_told_in_one_line(
-    run: Flown, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_journal_of_another_version_is_told_in_one_line(run: Path, beliefs: Told) -> None:
     journal = run / "journal.jsonl"
-    whole = journal.read_text()
     batteries = re.compile(r'"primary": ?\[(\d+), ?(\d+), ?(-?\d+), ?[^]]*\]')
-    shorter, count = batteries.subn(r'"primary":[\1,\2,\3]', whole)
-    assert count > 0
-    journal.write_text(shorter)
-    capsys.readouterr()  # the flight's own lines, if no test before this one has flown it
-    assert main(["beliefs", str(run), "--from", "journal"]) == 2
-    errors = capsys.readouterr().err
+    journal.write_text(batteries.sub(r'"primary":[\1,\2,\3]', journal.read_text()))
+    _, errors = beliefs(run, "--from", "journal", code=2)
     assert "a line `truth` with a wrong `primary`" in errors and "the version that flew the run" in errors
     assert errors.count("\n") == 1 and "journal.jsonl, line " in errors
 
 
 def test_a_run_with_a_bag_of_means_is_scored(
-    tmp_path: Path, flown: Flown, capsys: pytest.CaptureFixture[str], bag_of_means: Callable[..., Path]
+    twin_run: Path, beliefs: Told, bag_of_means: Callable[..., Path]
 ) -> None:
-    run = flown(tmp_path, True)
-    (run / "run.bag").unlink()
-    bag_of_means(run / "run.bag", seconds=31)
-    assert main(["beliefs", str(run), "--json"]) == 0
-    told = capsys.readouterr()
-    assert json.loads(told.out)["record"] == "journal"
-    assert "run.bag: its beliefs have no deviations; the journal is read instead\n" in told.err
-    assert main(["beliefs", str(run), "--json", "--from", "bag"]) == 0
-    overall = json.loads(capsys.readouterr().out)["overall"]
+    (twin_run / "run.bag").unlink()
+    bag_of_means(twin_run / "run.bag", seconds=31)
+    found, errors = beliefs(twin_run, "--json")
+    assert "run.bag: its beliefs have no deviations; the journal is read instead\n" in errors
+    overall = beliefs(twin_run, "--json", "--from", "bag")[0]["overall"]
     # It believes 0.75 for a true 0.5, and 1 m north for 1.5 m.
-    assert (overall["samples"], overall["rmse"], overall["place_rmse_m"]) == (4, 0.25, 0.5)
-    assert overall["coverage"] is None and overall["nees"] is None and overall["place_coverage"] is None
+    expected = {"samples": 4, "rmse": 0.25, "place_rmse_m": 0.5}
+    expected |= dict.fromkeys(("coverage", "nees", "place_coverage"))
+    assert (found["record"], overall) == ("journal", overall | expected)
 
 
-def test_mistakes_are_told_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for arguments in (
-        [str(tmp_path)],
-        [str(tmp_path), "--period", "0"],
-        [str(tmp_path), "--figure", "beliefs.jpeg"],
-    ):
-        assert main(["beliefs", *arguments]) == 2
-        errors = capsys.readouterr().err
+def test_mistakes_are_told_in_one_line(tmp_path: Path, beliefs: Told) -> None:
+    for words in ([], ["--period", "0"], ["--figure", "beliefs.jpeg"]):
+        _, errors = beliefs(tmp_path, *words, code=2)
         assert errors.count("\n") == 1 and errors.startswith("musselbed beliefs: ")
