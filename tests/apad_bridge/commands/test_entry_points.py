@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -38,22 +39,35 @@ def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def run_musselbed(site: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    code = "import sys; from apad_bridge.commands.main import main; sys.exit(main(sys.argv[1:]))"
-    return subprocess.run(
-        [sys.executable, "-c", code, *words],
-        capture_output=True,
-        text=True,
-        timeout=60,
-        env={"PYTHONPATH": str(site), "PATH": "/usr/bin:/bin"},
-    )
+BROKEN, RECORD = SERVICES.replace("json.loads", "json.loadz"), "lab_tools-1.0.dist-info/RECORD"
+LISTED = r"(?!.*loaded).*lab_tools:\n  services   The number of services of a run\n.*"
+ITS_ERROR = r".*AttributeError.*musselbed services: this is an error of lab_tools 1.0: tell its authors\n"
+RUNS: dict[str, tuple[dict[str, str], str, int, str, str]] = {
+    "it is listed under its package without being loaded": ({}, "--help", 0, LISTED, ".*"),
+    "it runs": ({"summary.json": '{"services": 8}'}, "services .", 0, "loaded\n8\n", ""),
+    "a user's mistake is one line": ({}, "services .", 2, ".*", r"[^\n]*summary.json is not there[^\n]*\n"),
+    # Not one that a stranger's command only calls, and not where the package has no list of files.
+    "an error is nobody's": ({"summary.json": "{}", "lab_services.py": BROKEN}, "services .", 1, ".*", ".*"),
+    "an error names its package": (
+        {"summary.json": "{}", "lab_services.py": BROKEN, RECORD: "lab_services.py,sha256=x,9\n"},
+        *("services .", 3, ".*", ITS_ERROR),
+    ),
+}
+"""The files beside a stranger's package, what is typed, the exit code, and patterns of what is written."""
 
 
-def test_a_strangers_command_is_listed_under_its_package_without_being_loaded(site: Path) -> None:
-    done = run_musselbed(site, "--help")
-    assert done.returncode == 0, done.stderr
-    assert "lab_tools:\n  services   The number of services of a run\n" in done.stdout
-    assert "loaded" not in done.stdout
+@pytest.mark.parametrize(("files", "words", "code", "out", "errors"), RUNS.values(), ids=RUNS)
+def test_a_strangers_command(
+    site: Path, files: dict[str, str], words: str, code: int, out: str, errors: str
+) -> None:
+    for name, text in files.items():
+        (site / name).write_text(text)
+    program = "import sys; from apad_bridge.commands.main import main; sys.exit(main(sys.argv[1:]))"
+    path = {"PYTHONPATH": str(site), "PATH": "/usr/bin:/bin"}
+    command = [sys.executable, "-c", program, *words.split()]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, env=path, cwd=site)
+    assert done.returncode == code, done.stderr
+    assert re.fullmatch(out, done.stdout, re.DOTALL) and re.fullmatch(errors, done.stderr, re.DOTALL)
 
 
 def test_a_command_without_a_docstring_or_a_file_has_its_name_alone(site: Path) -> None:
@@ -61,12 +75,6 @@ def test_a_command_without_a_docstring_or_a_file_has_its_name_alone(site: Path) 
     (site / "no_text.py").write_bytes(b"\xff\n")
     for module in ("no_docstring", "no_text", "nowhere.deep", "lab_tools.nowhere"):
         assert EntryPoint("lab", "it", module).line == ""
-
-
-def test_a_strangers_command_runs(site: Path) -> None:
-    (site / "summary.json").write_text('{"services": 8}')
-    done = run_musselbed(site, "services", str(site))
-    assert (done.returncode, done.stdout, done.stderr) == (0, "loaded\n8\n", "")
 
 
 def test_a_mistyped_command_gets_the_nearest_of_a_strangers(
@@ -86,17 +94,14 @@ def test_a_command_of_two_packages_is_refused_and_both_are_named(
     )
 
 
-def test_the_first_version_on_the_path_counts(site: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
+def test_the_first_version_on_the_path_counts(
+    site: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
+) -> None:
     older = tmp_path_factory.mktemp("older")
     install(older, "lab_tools", "lab_tools.older", SERVICES, "0.9")
-    sys.path.append(str(older))
-    try:
-        found = [it for it in entry_points("musselbed.commands") if it.name == "services"]
-    finally:
-        sys.path.remove(str(older))
-    assert [(it.package, it.module, it.brought_by) for it in found] == [
-        ("lab_tools", "lab_services", "lab_tools 1.0")
-    ]
+    monkeypatch.setattr(sys, "path", [*sys.path, str(older)])
+    (found,) = [it for it in entry_points("musselbed.commands") if it.name == "services"]
+    assert (found.package, found.module, found.brought_by) == ("lab_tools", "lab_services", "lab_tools 1.0")
 
 
 @pytest.mark.parametrize("words", [["stop", "/nowhere"], ["order", "stop", "/nowhere"]])
@@ -108,26 +113,6 @@ def test_an_order_reads_no_metadata(words: list[str], monkeypatch: pytest.Monkey
 
     monkeypatch.setattr("firmware_model.entry_points.entry_points", refuse)
     assert main(words) == 2
-
-
-def test_an_error_of_a_strangers_command_names_its_package(site: Path) -> None:
-    """Not one that a stranger's command only calls, and not where the package has no list of files."""
-    (site / "lab_services.py").write_text(SERVICES.replace("json.loads", "json.loadz"))
-    (site / "summary.json").write_text("{}")
-    assert run_musselbed(site, "services", str(site)).returncode == 1
-    (site / "lab_tools-1.0.dist-info/RECORD").write_text("lab_services.py,sha256=x,9\n")
-    done = run_musselbed(site, "services", str(site))
-    assert done.returncode == 3
-    assert "AttributeError" in done.stderr
-    assert done.stderr.endswith("musselbed services: this is an error of lab_tools 1.0: tell its authors\n")
-
-
-def test_a_users_mistake_in_the_templates_command_is_one_line(site: Path) -> None:
-    done = run_musselbed(site, "services", str(site))
-    assert (done.returncode, len(done.stderr.splitlines())) == (
-        2,
-        1,
-    ) and "summary.json is not there" in done.stderr
 
 
 def test_the_doctor_loads_the_parts_and_names_those_that_fail_or_stand_twice(site: Path) -> None:

@@ -1,7 +1,6 @@
 """The command line loads the module of the command that is named, and lists all commands where none is."""
 
 import argparse
-import re
 import socket
 import subprocess
 import sys
@@ -10,7 +9,7 @@ from pathlib import Path
 import pytest
 from scenario_files import POOL_FILE
 
-from apad_bridge.commands.main import all_groups, main, parser
+from apad_bridge.commands.main import all_groups, parser
 
 ALL_COMMANDS = {name: line for commands in all_groups().values() for name, line in commands.items()}
 
@@ -103,32 +102,3 @@ def test_a_library_that_lacks_is_told_in_one_line(library: str, words: list[str]
         [sys.executable, "-c", code, "--help"], capture_output=True, text=True, timeout=60
     )
     assert listed.returncode == 0, listed.stderr
-
-
-@pytest.mark.parametrize(
-    ("words", "told"),
-    [
-        (["study", __file__], "is no YAML but a Python script"),
-        (["study", "pool-21"], "nor a shipped scenario: did you mean pool-12?"),
-        (["study", "tabel2"], "tabel2: neither a file nor a built-in study (table2, sleep, capacity) nor"),
-        (["study", "tabel2"], ": did you mean table2?"),
-        (["study", "xyz"], "nor a shipped scenario: there are bay-120, bay-24, "),
-        (["study", str(POOL_FILE.with_suffix(".csv"))], "is no "),
-        (["run", "launch_scripts/studies/pool.yaml", "--dry-run"], "this is a study: fly it by"),
-        (["capacity", "/dev/null"], "/dev/null: is a device"),
-        (["check", "/nowhere"], "/nowhere: no such folder"),
-    ],
-)
-def test_a_file_of_another_kind_is_named_as_what_it_is(
-    words: list[str], told: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(words) == 2
-    shown = capsys.readouterr().err
-    assert shown.count("\n") == 1 and told in shown
-
-
-@pytest.mark.parametrize("words", [["export", "x", "--to", "xlsx"], ["beliefs", "x", "--from", "tape"]])
-def test_a_wrong_choice_lists_the_choices(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit, match="2"):
-        main(words)
-    assert re.search(r"invalid choice: '(xlsx|tape)' \(choose from '?\w+'?, ", capsys.readouterr().err)

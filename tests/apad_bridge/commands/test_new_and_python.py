@@ -36,20 +36,6 @@ def test_the_comments_of_a_copy_stay(tmp_path: Path) -> None:
     assert [it for it in lines if it not in shipped] == ["name: mine"]
 
 
-def test_a_copy_overwrites_no_other_starts(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "pool-12.csv").write_text("id,north,east,battery\n1,1,1,1\n")
-    assert main(["new", str(tmp_path / "mine.yaml"), "--like", "pool-12"]) == 2
-    assert "is there already, and is another file" in capsys.readouterr().err
-    assert sorted(it.name for it in tmp_path.iterdir()) == ["pool-12.csv"]
-    assert (tmp_path / "pool-12.csv").read_text().count("\n") == 2
-
-
-def test_two_copies_in_a_folder_share_their_starts(tmp_path: Path) -> None:
-    for name in ("one.yaml", "two.yaml"):
-        assert main(["new", str(tmp_path / name), "--like", "pool-12"]) == 0
-    assert sorted(it.name for it in tmp_path.iterdir()) == ["one.yaml", "pool-12.csv", "two.yaml"]
-
-
 # A harbour of 0.001 by 0.002 degrees at 43.93 N: a degree is 111 105 m north and 80 291 m east there.
 HARBOUR = [[15.444, 43.933], [15.446, 43.933], [15.446, 43.934], [15.444, 43.934], [15.444, 43.933]]
 
@@ -73,43 +59,68 @@ def test_an_area_and_places_of_a_phone_become_a_scenario(tmp_path: Path) -> None
     assert (min(easts), max(easts)) == pytest.approx((0, 160.6), abs=0.1)
     assert 0 < scenario.apad.start_m[0] < 111 and 0 < scenario.apad.start_m[1] < 160
     buoy, pier = starts_of(scenario)
-    assert (buoy.agent_id, buoy.further, pier.agent_id, pier.further) == (
-        1,
-        (("name", "buoy"),),
-        2,
-        (("name", "pier"),),
-    )
+    names = [(it.agent_id, it.further) for it in (buoy, pier)]
+    assert names == [(1, (("name", "buoy"),)), (2, (("name", "pier"),))]
     assert (buoy.north_m, buoy.east_m) == pytest.approx((55.6, 80.3), abs=0.1)
     assert all(0.6 <= it.primary <= 0.9 for it in (buoy, pier))
 
 
-def test_starts_that_lack_nothing_are_named_as_they_are(tmp_path: Path) -> None:
-    (tmp_path / "s.csv").write_text("id,lat,lon,battery\n7,43.9335,15.445,0.5\n")
-    words = ["--from", str(harbour(tmp_path)), "--starts", str(tmp_path / "s.csv")]
-    assert main(["new", str(tmp_path / "m.yaml"), *words]) == 0
-    assert sorted(it.name for it in tmp_path.iterdir()) == ["harbour.geojson", "m.yaml", "s.csv"]
-    assert load(tmp_path / "m.yaml").fleet.ids == range(7, 8)
+POINT = '{"type": "Point", "coordinates": [15.4, 43.9]}'
+NEW: dict[str, tuple[dict[str, str], list[str], int, str, list[str]]] = {
+    "starts that lack nothing are named as they are": (
+        {"s.csv": "id,lat,lon,battery\n7,43.9335,15.445,0.5\n"},
+        ["mine.yaml", "--from", "harbour.geojson", "--starts", "s.csv"],
+        *(0, "", ["mine.yaml"]),
+    ),
+    "two copies in a folder share their starts": (
+        {"pool-12.csv": (SHIPPED / "pool-12.csv").read_text()},
+        ["mine.yaml", "--like", "pool-12"],
+        *(0, "", ["mine.yaml"]),
+    ),
+    "a copy overwrites no other starts": (
+        {"pool-12.csv": "id,north,east,battery\n1,1,1,1\n"},
+        ["mine.yaml", "--like", "pool-12"],
+        *(2, "is there already, and is another file", []),
+    ),
+    "a list is no area": (
+        {"a.geojson": "[]"},
+        ["mine.yaml", "--from", "a.geojson"],
+        *(2, "a.geojson: is no GeoJSON of polygons", []),
+    ),
+    "a point is no area": (
+        {"a.geojson": POINT},
+        ["mine.yaml", "--from", "a.geojson"],
+        *(2, "a.geojson: must hold polygons, and holds a Point", []),
+    ),
+    "nobody is copied who is not there": (
+        *({}, ["mine.yaml", "--like", "sound-21"], 2, "did you mean sound-12?", []),
+    ),
+    "a file that is there stays": ({"mine.yaml": "mine"}, ["mine.yaml"], 2, "is there already", []),
+    "a name with a space": ({}, ["a b.yaml"], 2, "", []),
+}
+"""The files that are there, what is typed after `new`, the exit code, what is told, and the files that are new."""
 
 
-@pytest.mark.parametrize(
-    ("text", "why"),
-    [
-        ("[]", "is no GeoJSON of polygons"),
-        ('{"type": "Point", "coordinates": [15.4, 43.9]}', "must hold polygons, and holds a Point"),
-    ],
-)
-def test_an_area_that_is_none_writes_nothing(
-    text: str, why: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(("files", "words", "code", "told", "new"), NEW.values(), ids=NEW)
+def test_a_new_scenario_overwrites_nothing_and_is_whole_or_not_there(
+    files: dict[str, str],
+    words: list[str],
+    code: int,
+    told: str,
+    new: list[str],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    (tmp_path / "a.geojson").write_text(text)
-    assert main(["new", str(tmp_path / "mine.yaml"), "--from", str(tmp_path / "a.geojson")]) == 2
-    assert f"a.geojson: {why}" in capsys.readouterr().err
-    assert [it.name for it in tmp_path.iterdir()] == ["a.geojson"]
-
-
-def test_nobody_is_copied_who_is_not_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["new", str(tmp_path / "mine.yaml"), "--like", "sound-21"]) == 2
-    assert "did you mean sound-12?" in capsys.readouterr().err
+    monkeypatch.chdir(tmp_path)
+    files = files | {"harbour.geojson": harbour(tmp_path).read_text()}
+    for name, text in files.items():
+        Path(name).write_text(text)
+    assert main(["new", *words]) == code
+    assert told in capsys.readouterr().err
+    assert {it.name for it in tmp_path.iterdir()} == {*files, *new}
+    assert {name: Path(name).read_text() for name in files} == files
+    assert all(starts_of(load(Path(it)))[0].agent_id == (7 if "s.csv" in files else 1) for it in new)
 
 
 def python(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:

@@ -79,6 +79,17 @@ MISTAKES = [
     (f"run {POOL} --apad ros", "", f"{NEEDS} in the scenario: see {REAL}\n"),
     (f"run {REAL} --apad ros --on-supervisor-death resume", "", "-death resume out, and call musselbed resume\n"),
     (f"mission {POOL}", "", f"see {REAL}\n"),
+    (f"study {__file__}", "", "is no YAML but a Python script"),
+    ("study pool-21", "", "nor a shipped scenario: did you mean pool-12?"),
+    ("study tabel2", "", "tabel2: neither a file nor a built-in study (table2, sleep, capacity) nor"),
+    ("study tabel2", "", ": did you mean table2?"),
+    ("study xyz", "", "nor a shipped scenario: there are bay-120, bay-24, "),
+    (f"study {POOL.replace('yaml', 'csv')}", "", "is no "),
+    ("run launch_scripts/studies/pool.yaml --dry-run", "", "this is a study: fly it by"),
+    ("capacity /dev/null", "", "/dev/null: is a device"),
+    ("check /nowhere", "", "/nowhere: no such folder"),
+    ("export x --to xlsx", "usage: ", "invalid choice: 'xlsx' (choose from "),
+    ("beliefs x --from tape", "usage: ", "invalid choice: 'tape' (choose from "),
     (f"run {POOL} --agents 24", "", "let starts be drawn: start: {charge: [0.7, 1.0]}\n"),
 ]  # fmt: skip
 
@@ -92,7 +103,7 @@ def test_a_mistake_is_answered_with_the_mend_that_fits(
         sys.exit(main(typed.split()))
     out, told = capsys.readouterr()
     assert (ended.value.code, out.startswith("usage: musselbed")) == (2, not typed)
-    assert told.startswith(begins) and mend in told
+    assert told.startswith(begins) and mend in told and (told.count("\n") <= 1 or "usage: " in begins)
 
 
 def test_a_command_has_its_own_options_before_those_of_every_flight(
@@ -119,19 +130,13 @@ def test_a_shipped_scenario_is_found_by_its_name_from_any_folder(
     assert load(Path("pool-12")).name == "mine"  # a file of one's own comes first
 
 
-def test_a_new_scenario_flies_as_it_is_and_overwrites_nothing(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_new_scenario_flies_as_it_is(tmp_path: Path) -> None:
     file = tmp_path / "mine.yaml"
     assert main(["new", str(file)]) == 0
     text = file.read_text()
     assert len(text.splitlines()) == 20 and text.count("#") >= 8
     assert main(["run", str(file), "--time", "asap", "--dry-run", "--json"]) == 0
     assert load(file).name == "mine"
-    capsys.readouterr()
-    assert main(["new", str(file)]) == 2 and file.read_text() == text
-    assert "is there already" in capsys.readouterr().err
-    assert main(["new", str(tmp_path / "a b.yaml")]) == 2
 
 
 def full() -> TextIO:
