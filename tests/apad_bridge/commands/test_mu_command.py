@@ -43,11 +43,8 @@ def test_table1_as_json_has_the_paper_s_rows_and_says_what_was_fitted(
 
 def test_table1_for_people_names_every_row_and_parameter(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["mu", "table1"]) == Exit.DONE
-    told = capsys.readouterr().out
-    assert all(
-        word in told
-        for word in ("14057", "398", "mu_asleep", "two_coils", "path", "motor_run", "equation (1)")
-    )
+    told, words = capsys.readouterr().out, "14057 398 mu_asleep two_coils path motor_run equation (1)"
+    assert all(word in told for word in words.split())
 
 
 def test_the_script_on_the_page_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -118,54 +115,12 @@ def test_a_script_with_a_mistake_is_one_line_that_names_it(
     assert fault in capsys.readouterr().err
 
 
-def test_the_trace_is_printed_when_it_is_asked_for(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = str(script(tmp_path, "{hours: 1.5, sleep: hourly, primary: 1, secondary: 1, tell: [[0.5, ping]]}"))
-    assert main(["mu", "run", path]) == Exit.DONE
-    assert "PING_HEARD" not in capsys.readouterr().out
-    assert main(["mu", "run", path, "--trace", "--json"]) == Exit.DONE
-    trace = json.loads(capsys.readouterr().out)["trace"]
-    assert "  0:30:00.000  SLEEPING -PING_HEARD-> SLEEPING" in trace
-    assert trace[0] == "  0:00:00.000  OFF -POWER_CAME_ON-> BOOTING"
-
-
 def test_the_predicted_life_counts_its_samples(tmp_path: Path) -> None:
     budget = played(script(tmp_path, "{hours: 10.5, sleep: hourly, primary: 1, secondary: 1}"))
-    assert budget.life_hours is not None
     drawn = 1 - budget.primary
     assert budget.life_hours == pytest.approx(10.5 / drawn, rel=1e-6)
     # Ten wakes in 10.5 hours.
     assert budget.life_samples == int(10 / drawn)
-
-
-@pytest.mark.parametrize(
-    ("use", "last_resort", "samples", "told"),
-    [
-        ("backup", "wait", 234, "the secondary is a backup, on which it listens"),
-        ("in_use", "wait", 468, "with the secondary twice that"),
-        ("in_use", "call", 421, "with the secondary 1.8 times that"),
-    ],
-)
-def test_a_secondary_in_use_takes_as_many_samples_as_the_sentence_says(
-    use: str, last_resort: str, samples: int, told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Table I: a battery feeds 14057 minutes of hourly wakes, so 234 of them. 0.2 of the secondary is the reserve."""
-    text = f"{{hours: 475, sleep: hourly, primary: 1, secondary: 1, secondary_use: {use}, last_resort: {last_resort}}}"
-    assert main(["mu", "run", str(script(tmp_path, text))]) == Exit.DONE
-    shown = capsys.readouterr().out
-    assert f", {samples} samples," in shown
-    assert shown.rstrip().endswith(told)
-
-
-def test_a_vcd_file_is_written_or_refused_in_one_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = str(script(tmp_path, "{hours: 1, sleep: hourly, primary: 1, secondary: 1}"))
-    assert main(["mu", "run", path, "--vcd", str(tmp_path / "mu.vcd")]) == Exit.DONE
-    assert (tmp_path / "mu.vcd").read_text().startswith("$timescale 1ms")
-    assert main(["mu", "run", path, "--vcd", str(tmp_path / "no" / "mu.vcd")]) == Exit.USER_MISTAKE
-    assert "no/mu.vcd: No such file" in capsys.readouterr().err
 
 
 def test_states_prints_what_the_page_shows(capsys: pytest.CaptureFixture[str]) -> None:
@@ -173,23 +128,54 @@ def test_states_prints_what_the_page_shows(capsys: pytest.CaptureFixture[str]) -
     assert capsys.readouterr().out == blocks()
 
 
-def test_a_script_s_clock_drifts_until_a_beacon_sets_it_and_sink_is_obeyed(
+FULL = "primary: 1, secondary: 1"
+PING = f"{{hours: 1.5, sleep: hourly, {FULL}, tell: [[0.5, ping]]}}"
+CLOCK = f"hours: 2.2, sleep: hourly, {FULL}, clock_drift_ppm: 1000"
+CLOCK = f"{{{CLOCK}, tell: [[1.5, beacon], [2.1, permission], [2.12, sink]]}}"
+LONG = f"{{hours: 475, sleep: hourly, {FULL}, secondary_use: %s, last_resort: %s}}"
+"""Table I: a battery feeds 14057 minutes of hourly wakes, so 234 of them. 0.2 of the secondary is the reserve."""
+RUNS = {
+    "a trace is not printed": (PING, "", Exit.DONE, r"(?!.*PING_HEARD).*"),
+    "a trace that is asked for": (
+        *(PING, "--trace", Exit.DONE),
+        r".*  0:00:00.000  OFF -POWER_CAME_ON-> BOOTING\n.*  0:30:00.000  SLEEPING -PING_HEARD-> SLEEPING\n.*",
+    ),
+    # An hour of a clock that gains a thousandth is 3596.404 s; half an hour after the beacon it has gained 1.8 s.
+    "a clock drifts until a beacon sets it, and sink is obeyed": (
+        *(CLOCK, "--trace", Exit.DONE),
+        r".*0:59:56.404  SLEEPING -ALARM_RANG-> SAMPLING.*1:59:58.202  SLEEPING -ALARM_RANG-> SAMPLING"
+        r".*2:07:12.000  FLOATING -SINK_TOLD-> SINKING.*",
+    ),
+    "a backup": (
+        *(LONG % ("backup", "wait"), "", Exit.DONE),
+        r".*, 234 samples,.*the secondary is a backup, on which it listens\s*",
+    ),
+    "a secondary in use": (
+        *(LONG % ("in_use", "wait"), "", Exit.DONE),
+        r".*, 468 samples,.*with the secondary twice that\s*",
+    ),
+    "a secondary in use, of which a call is kept": (
+        *(LONG % ("in_use", "call"), "", Exit.DONE),
+        r".*, 421 samples,.*with the secondary 1.8 times that\s*",
+    ),
+    "no folder for a VCD": (PING, "--vcd no/mu.vcd", Exit.USER_MISTAKE, r".*no/mu.vcd: No such file.*"),
+}
+"""A script, the options, the exit code and the pattern of what is told."""
+
+
+@pytest.mark.parametrize(("text", "options", "code", "told"), RUNS.values(), ids=RUNS)
+def test_a_script_is_played(
+    text: str, options: str, code: int, told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["mu", "run", str(script(tmp_path, text)), *options.split()]) == code
+    assert re.fullmatch(told, "".join(capsys.readouterr()), re.DOTALL)
+
+
+def test_a_trace_is_in_the_json_and_a_vcd_in_its_file(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    text = """
-hours: 2.2
-sleep: hourly
-primary: 1.0
-secondary: 1.0
-clock_drift_ppm: 1000
-tell:
-  - [1.5, beacon]
-  - [2.1, permission]
-  - [2.12, sink]
-"""
-    assert main(["mu", "run", str(script(tmp_path, text)), "--trace"]) == Exit.DONE
-    told = capsys.readouterr().out
-    # An hour of a clock that gains a thousandth is 3596.404 s; half an hour after the beacon it has gained 1.8 s.
-    assert "0:59:56.404  SLEEPING -ALARM_RANG-> SAMPLING" in told
-    assert "1:59:58.202  SLEEPING -ALARM_RANG-> SAMPLING" in told
-    assert "2:07:12.000  FLOATING -SINK_TOLD-> SINKING" in told
+    words = ["mu", "run", str(script(tmp_path, PING)), "--trace", "--json", "--vcd", str(tmp_path / "mu.vcd")]
+    assert main(words) == Exit.DONE
+    trace = json.loads(capsys.readouterr().out)["trace"]
+    assert trace[0] == "  0:00:00.000  OFF -POWER_CAME_ON-> BOOTING"
+    assert (tmp_path / "mu.vcd").read_text().startswith("$timescale 1ms")

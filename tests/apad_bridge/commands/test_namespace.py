@@ -1,4 +1,4 @@
-"""The ROS namespace of a run: from the environment or __ns:=, kept with the run, passed to each of its nodes."""
+"""What a person says of a run's names of ROS and its modems: kept with the run, for every later supervisor."""
 
 from __future__ import annotations
 
@@ -22,25 +22,49 @@ def options(*words: str) -> RunOptions:
     return options_of(commands.parser(arguments).parse_args(arguments))
 
 
+REMAPPINGS = ("/apad1/position:=/boat/position", "plan:=/route")
+
+
 @pytest.mark.parametrize(
-    ("said", "kept"),
-    [("basin", "basin"), ("/basin", "basin"), ("/lab/basin/", "lab/basin"), ("/", ""), ("", "")],
+    ("said", "words", "name", "kept"),
+    [
+        *((said, "", "namespace", "basin") for said in ("basin", "/basin")),
+        ("/lab/basin/", "", "namespace", "lab/basin"),
+        *((said, "", "namespace", "") for said in ("/", "")),
+        ("", " ".join(f"--remap {it}" for it in REMAPPINGS), "remappings", REMAPPINGS),
+        ("", "--open-modem 3 --open-modem 7", "open_modems", (3, 7)),
+        ("", "--modem /dev/ttyUSB0", "modem", "/dev/ttyUSB0"),
+    ],
 )
-def test_it_goes_with_the_run(said: str, kept: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_it_goes_with_the_run(
+    said: str, words: str, name: str, kept: object, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("ROS_NAMESPACE", said)
-    given = options()
-    assert given.namespace == kept
+    given = options(*words.split())
+    assert getattr(given, name) == kept
     given.save(tmp_path)
     monkeypatch.delenv("ROS_NAMESPACE")
     assert RunOptions.load(tmp_path) == given
-    assert options() == replace(given, namespace="")
+    assert replace(given, **{name: getattr(options(), name)}) == options()
 
 
-@pytest.mark.parametrize("said", ["a b", "1a", "a//b", "~a"])
-def test_what_is_no_name_is_refused_in_a_line(said: str, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("said", "words", "told"),
+    [
+        *((it, [], f"ROS_NAMESPACE={it}: must be a name of ROS") for it in ("a b", "1a", "a//b", "~a")),
+        *(
+            ("", ["--remap", it], "FROM:=TO")
+            for it in ("/a", "/a:=", ":=/b", "/a b:=/c", "/a:=/b:=/c", "__name:=x", "/a=/b")
+        ),
+        ("", ["--time", "asap", "--remap", "/a:=/b"], "--time asap has none"),
+    ],
+)
+def test_what_is_no_name_is_refused_in_a_line(
+    said: str, words: list[str], told: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("ROS_NAMESPACE", said)
-    with pytest.raises(UserError, match=f"ROS_NAMESPACE={said}: must be a name of ROS"):
-        options()
+    with pytest.raises(UserError, match=told):
+        options(*words)
 
 
 def test_a_node_is_in_the_runs_namespace_and_not_in_its_callers() -> None:
