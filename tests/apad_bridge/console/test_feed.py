@@ -3,7 +3,7 @@
 import json
 import os
 import socket
-from contextlib import closing
+from contextlib import closing, suppress
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -90,12 +90,11 @@ def test_samples_that_are_uploaded_come_with_the_next_tick(run_dir: Path) -> Non
 def waiting(listener: socket.socket) -> int:
     """Takes all connections that wait, and counts them."""
     count = 0
-    while True:
-        try:
+    with suppress(BlockingIOError):
+        while True:
             listener.accept()[0].close()
-        except BlockingIOError:
-            return count
-        count += 1
+            count += 1
+    return count
 
 
 @pytest.mark.parametrize(

@@ -29,8 +29,7 @@ from apad_bridge.world.generation_b import published as of_b
 from apad_bridge.world.generation_b.vehicle import GenerationBVehicle
 from apad_bridge.world.simulated_stack import PosePublished
 
-EPOCH_S = 1.7e9
-RADIUS_M = 0.5
+EPOCH_S, RADIUS_M = 1.7e9, 0.5
 _ACTION = {
     "actionlib_msgs/msg/GoalID": "time stamp\nstring id\n",
     "actionlib_msgs/msg/GoalStatus": "GoalID goal_id\nuint8 status\nstring text\n",
@@ -92,10 +91,7 @@ class Recorder:
 
     def __init__(self, apad: str, draw: np.random.Generator, deviation_m: float) -> None:
         self.messages: list[RecordedMessage] = []
-        self._apad = apad
-        self._draw = draw
-        self._deviation_m = deviation_m
-        self._held: dict[str, bool] = {}
+        self._apad, self._draw, self._deviation_m = apad, draw, deviation_m
 
     def take(self, published: list[Any]) -> list[Any]:
         for it in published:
@@ -278,15 +274,12 @@ def _goal(draw: np.random.Generator, north_m: float, east_m: float) -> tuple[flo
 
 def write_bag(path: Path, messages: Iterator[RecordedMessage] | list[RecordedMessage]) -> Path:
     with Writer(path) as writer:
-        connections: dict[tuple[str, str], Any] = {}
+        connections: dict[RecordedConnection, Any] = {}
         for it in messages:
-            key = it.connection.topic, it.connection.md5
-            if key not in connections:
-                connections[key] = writer.add_connection(
-                    it.connection.topic,
-                    it.connection.kind,
-                    msgdef=it.connection.definition,
-                    md5sum=it.connection.md5,
+            own = it.connection
+            if own not in connections:
+                connections[own] = writer.add_connection(
+                    own.topic, own.kind, msgdef=own.definition, md5sum=own.md5
                 )
-            writer.write(connections[key], it.stamp_ns, it.data)
+            writer.write(connections[own], it.stamp_ns, it.data)
     return path

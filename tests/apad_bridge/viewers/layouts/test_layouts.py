@@ -16,7 +16,7 @@ from rosbags.rosbag1 import Reader
 from rosbags.typesys import Stores, get_typestore
 
 from agents.time_scale import TimeScale
-from apad_bridge.assembly.division import Member, members
+from apad_bridge.assembly.division import members
 from apad_bridge.commands.main import main
 from apad_bridge.records.bag import BagWriter
 from apad_bridge.records.bag_messages import typestore
@@ -39,8 +39,8 @@ def bay() -> Scenario:
 
 
 @pytest.fixture(scope="module")
-def bay_members(bay: Scenario) -> tuple[Member, ...]:
-    return members(bay, starts_of(bay))
+def bay_fleet(bay: Scenario) -> LayoutFleet:
+    return layout_fleet(bay, starts_of(bay))
 
 
 @pytest.fixture(scope="module")
@@ -51,6 +51,14 @@ def pool() -> LayoutFleet:
 def of_scenario(name: str, namespace: str = "") -> LayoutFleet:
     scenario = load(LAUNCH / "scenarios" / f"{name}.yaml")
     return layout_fleet(scenario, starts_of(scenario), namespace)
+
+
+def rviz(fleet: LayoutFleet) -> Any:
+    return yaml.safe_load(KINDS["rviz"].write(fleet))["Visualization Manager"]
+
+
+def foxglove(fleet: LayoutFleet) -> Any:
+    return json.loads(KINDS["foxglove"].write(fleet))
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -77,9 +85,8 @@ def test_rqt_finds_one_topic_for_each_field(scenario: str) -> None:
 
 
 def rviz_topics(fleet: LayoutFleet) -> list[str]:
-    data = yaml.safe_load(KINDS["rviz"].write(fleet))
-    displays = data["Visualization Manager"]["Displays"]
-    return [it.get("Topic") or it["Marker Topic"] for it in displays if "Topic" in it or "Marker Topic" in it]
+    topics = (it.get("Topic") or it.get("Marker Topic") for it in rviz(fleet)["Displays"])
+    return [it for it in topics if it is not None]
 
 
 def rqt_plots(fleet: LayoutFleet) -> list[list[str]]:
@@ -87,12 +94,8 @@ def rqt_plots(fleet: LayoutFleet) -> list[list[str]]:
     perspective = json.loads(KINDS["rqt"].write(fleet))
     manager = perspective["groups"]["pluginmanager"]
     running = ast.literal_eval(manager["keys"]["running-plugins"]["repr"])
-    groups = {
-        f"plugin__{plugin.replace('/', '__')}__{number}"
-        for plugin, numbers in running.items()
-        for number in numbers
-    }
-    assert groups == manager["groups"].keys()
+    places = ((plugin.replace("/", "__"), number) for plugin, its in running.items() for number in its)
+    assert {f"plugin__{plugin}__{number}" for plugin, number in places} == manager["groups"].keys()
     return [
         ast.literal_eval(group["groups"]["plugin"]["keys"]["topics"]["repr"])
         for name, group in manager["groups"].items()
@@ -102,7 +105,7 @@ def rqt_plots(fleet: LayoutFleet) -> list[list[str]]:
 
 def foxglove_paths(fleet: LayoutFleet) -> dict[str, list[str]]:
     """The paths that the plots of each tab read; panels of the layout and configurations match one to one."""
-    data = json.loads(KINDS["foxglove"].write(fleet))
+    data = foxglove(fleet)
     panels = data["configById"]
     tabs = {tab["title"]: leaves(tab["layout"]) for tab in panels["Tab!plots"]["tabs"]}
     named = [*leaves(data["layout"]), *(leaf for tab in tabs.values() for leaf in tab)]
@@ -123,28 +126,22 @@ def battery_ids(names: list[str]) -> list[int]:
     return [int(it[1]) for it in found if it]
 
 
-def test_each_aPad_is_shown_with_whom_it_serves(bay: Scenario, bay_members: tuple[Member, ...]) -> None:
-    fleet = layout_fleet(bay, starts_of(bay))
-    wanted = {member.name: list(member.scenario.fleet.ids) for member in bay_members}
-    assert len(wanted) == 5
-    paths = foxglove_paths(fleet)
-    for number, (name, ids) in enumerate(wanted.items()):
-        battery = f"/musselbed/{name}/apad/battery_state"
-        assert battery_ids(paths[name]) == ids
-        assert f"{battery}.percentage" in paths[name]
-        plotted = rqt_plots(fleet)[number]
-        assert battery_ids(plotted) == ids and f"/musselbed/{name}/apad/battery_fraction" in plotted
-    assert rviz_topics(fleet) == [
-        f"/musselbed/{name}/{topic}" for name in wanted for topic in ("markers", "plan", "apad/path")
-    ]
-
-
-def test_one_of_several_by_itself_keeps_its_names(bay_members: tuple[Member, ...]) -> None:
-    second = bay_members[1]
-    fleet = layout_fleet(second.scenario, second.starts)
-    (apad,) = fleet.apads
-    assert apad.ids == second.scenario.fleet.ids
-    assert rviz_topics(fleet)[0] == "/musselbed/apad2/markers"
+def test_each_aPad_is_shown_with_whom_it_serves_and_one_by_itself_keeps_its_names(
+    bay: Scenario, bay_fleet: LayoutFleet
+) -> None:
+    parts, paths, plots = members(bay, starts_of(bay)), foxglove_paths(bay_fleet), rqt_plots(bay_fleet)
+    assert len(parts) == 5
+    for part, plotted in zip(parts, plots[:5], strict=True):
+        name, ids = f"/musselbed/{part.name}/apad", list(part.scenario.fleet.ids)
+        assert battery_ids(paths[part.name]) == battery_ids(plotted) == ids
+        assert (
+            f"{name}/battery_state.percentage" in paths[part.name] and f"{name}/battery_fraction" in plotted
+        )
+    topics = [f"/musselbed/{part.name}/{it}" for part in parts for it in ("markers", "plan", "apad/path")]
+    assert rviz_topics(bay_fleet) == topics
+    alone = layout_fleet(parts[1].scenario, parts[1].starts)
+    assert [it.ids for it in alone.apads] == [parts[1].scenario.fleet.ids]
+    assert rviz_topics(alone)[0] == "/musselbed/apad2/markers"
 
 
 def test_an_aPad_of_a_global_name(pool: LayoutFleet) -> None:
@@ -164,9 +161,8 @@ def test_a_namespace_comes_before_all_names_but_those_of_a_bag() -> None:
     of_bag = paths.pop("run.bag")
     assert all(name.startswith("/bay/north/") for name in paths["apad1"])
     assert of_bag and all(name.startswith("/musselbed/") for name in of_bag)
-    assert json.loads(KINDS["foxglove"].write(fleet))["configById"]["DiagnosticSummary!fleet"][
-        "topicToRender"
-    ] == ("/diagnostics")
+    summary = foxglove(fleet)["configById"]["DiagnosticSummary!fleet"]
+    assert summary["topicToRender"] == "/diagnostics"
 
 
 ALL_TYPES = get_typestore(Stores.ROS1_NOETIC)
@@ -213,21 +209,18 @@ def test_a_runs_bag_has_what_is_shown_of_it(pool: LayoutFleet, tmp_path: Path) -
     BagWriter(tmp_path / "run.bag", TimeScale(30)).close()
     with Reader(tmp_path / "run.bag") as bag:
         in_bag = {connection.topic: connection.msgtype for connection in bag.connections}
-    names = foxglove_paths(pool)["run.bag"]
-    topics = {topic_and_field(name)[0] for name in names}
-    assert len(topics) == 2
-    for topic in topics:
-        assert in_bag[topic] == TYPES[topic.rpartition("/")[2]]
+    topics = {topic_and_field(name)[0] for name in foxglove_paths(pool)["run.bag"]}
+    shown = {it: TYPES[it.rpartition("/")[2]] for it in topics}
+    assert len(topics) == 2 and in_bag | shown == in_bag
 
 
 def test_neighbours_have_colours_of_their_own() -> None:
-    colours = [hexadecimal(number) for number in range(120)]
-    assert len(set(colours)) == 120
-    assert all(re.fullmatch("#[0-9a-f]{6}", it) for it in colours)
+    colours = {hexadecimal(number) for number in range(120)}
+    assert len(colours) == 120 and all(re.fullmatch("#[0-9a-f]{6}", it) for it in colours)
 
 
-def test_the_area_fits_into_rviz(bay: Scenario) -> None:
-    data = yaml.safe_load(KINDS["rviz"].write(layout_fleet(bay, starts_of(bay))))["Visualization Manager"]
+def test_the_area_fits_into_rviz_on_the_same_grid_as_in_foxglove(bay_fleet: LayoutFleet) -> None:
+    data = rviz(bay_fleet)
     view = data["Views"]["Current"]
     # The area is 60 m by 200 m, north first; RViz 1.14 draws on 1327 x 768 of a 1360 x 860 window, so the width decides.
     assert (view["X"], view["Y"]) == (100, 30)
@@ -237,22 +230,13 @@ def test_the_area_fits_into_rviz(bay: Scenario) -> None:
     for axis, to_m in (("X", 200), ("Y", 60)):
         assert grid["Offset"][axis] % grid["Cell Size"] == 0, "lines at whole multiples"
         assert grid["Offset"][axis] - half_m <= 0 and grid["Offset"][axis] + half_m >= to_m
+    in_foxglove = foxglove(bay_fleet)["configById"]["3D!scene"]["layers"]["grid"]
+    assert in_foxglove["size"] / in_foxglove["divisions"] == grid["Cell Size"] == 5
+    assert in_foxglove["position"] == list(grid["Offset"].values())
 
 
-def test_foxglove_hides_every_frame(bay: Scenario) -> None:
-    scene = json.loads(KINDS["foxglove"].write(layout_fleet(bay, starts_of(bay))))["configById"]["3D!scene"]
+def test_foxglove_hides_every_frame(bay_fleet: LayoutFleet) -> None:
+    scene = foxglove(bay_fleet)["configById"]["3D!scene"]
     hidden = {name for name, how in scene["transforms"].items() if how == {"visible": False}}
-    bodies = [*(f"amussel{n}" for n in range(1, 121)), *(f"apad{n}" for n in range(1, 6))]
-    assert hidden == {
-        "frame:musselbed/enu",
-        "frame:musselbed/ned",
-        *(f"frame:{it}/base_link" for it in bodies),
-    }
-
-
-def test_grids_are_the_same_in_both_programs(bay: Scenario) -> None:
-    fleet = layout_fleet(bay, starts_of(bay))
-    in_foxglove = json.loads(KINDS["foxglove"].write(fleet))["configById"]["3D!scene"]["layers"]["grid"]
-    in_rviz = yaml.safe_load(KINDS["rviz"].write(fleet))["Visualization Manager"]["Displays"][0]
-    assert in_foxglove["size"] / in_foxglove["divisions"] == in_rviz["Cell Size"] == 5
-    assert in_foxglove["position"] == list(in_rviz["Offset"].values())
+    bodies = [*(f"amussel{n}/base_link" for n in range(1, 121)), *(f"apad{n}/base_link" for n in range(1, 6))]
+    assert hidden == {f"frame:{it}" for it in ("musselbed/enu", "musselbed/ned", *bodies)}
