@@ -36,8 +36,11 @@ def red(check: str) -> Report:
 
 def test_green_starts_and_red_says_its_mend_and_how_a_person_decides_otherwise() -> None:
     assert refuse_red(GREEN, ["/apad1"], []) == []
-    with pytest.raises(UserError, match=r"--despite watchdog:\nFAIL /apad1 watchdog: it is not -> see to it"):
-        refuse_red(red("/apad1 watchdog"), ["/apad1"], [])
+    for accepted in ({}, {"watchdog": "Ana"}):  # a failure is not accepted
+        with pytest.raises(
+            UserError, match=r"--despite watchdog:\nFAIL /apad1 watchdog: it is not -> see to it"
+        ):
+            refuse_red(replace(red("/apad1 watchdog"), accepted=accepted), ["/apad1"], [])
     assert refuse_red(red("/apad1 watchdog"), ["/apad1"], ["watchdog", "delay"]) == ["watchdog"]
 
 
@@ -84,12 +87,6 @@ def test_what_nothing_told_is_not_called_red_and_says_how_a_person_accepts_it() 
     both = lines(doubtful, failed)
     assert both[0] == "RED: watchdog" and both[1].startswith("CANNOT TELL: origin: ")
     assert lines(ok("inside", check="/apad1 fence")) == ["GREEN"]
-
-
-def test_a_failure_is_not_accepted() -> None:
-    for given in ({}, {"watchdog": "Ana"}):
-        with pytest.raises(UserError, match="--despite watchdog"):
-            refuse_red(replace(red("/apad1 watchdog"), accepted=given), ["/apad1"], [])
 
 
 @pytest.mark.parametrize("text", ["", "{}", '{"findings": 3}', "[1]"])

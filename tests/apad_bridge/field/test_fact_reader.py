@@ -8,14 +8,13 @@ from apad_bridge.field.field_log.log_facts import BatteryReading, PacketLogged
 from apad_bridge.field.field_log.reader import FactReader
 from apad_bridge.records.bag import RecordedConnection, RecordedMessage
 
-TEXT = RecordedConnection(
-    "/apad1/battery_level", "std_msgs/msg/String", "string data\n", "992ce8a1687cec8c8bd883ec73ca41d1"
-)
-NUMBER = RecordedConnection(
-    "/apad1/battery_level", "std_msgs/msg/Float64", "float64 data\n", "fdb28210bfa9d7c91146260178d9a584"
-)
-NAMED_OTHERWISE = RecordedConnection(
-    "/apad1/battery_level", "lab_msgs/msg/Level", "float64 level\n", "0123456789abcdef0123456789abcdef"
+TEXT, NUMBER, NAMED_OTHERWISE = (
+    RecordedConnection("/apad1/battery_level", kind, f"{field}\n", md5)
+    for kind, field, md5 in (
+        ("std_msgs/msg/String", "string data", "992ce8a1687cec8c8bd883ec73ca41d1"),
+        ("std_msgs/msg/Float64", "float64 data", "fdb28210bfa9d7c91146260178d9a584"),
+        ("lab_msgs/msg/Level", "float64 level", "0123456789abcdef0123456789abcdef"),
+    )
 )
 
 PACKET = RecordedConnection(
