@@ -4,6 +4,7 @@ import math
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from operator import attrgetter, methodcaller
 from pathlib import Path
 from typing import Any
 
@@ -63,21 +64,6 @@ def test_the_apads_battery_falls_by_its_load(pool: Scenario) -> None:
     flies(replace(pool, apad=replace(pool.apad, battery=battery)), script)
 
 
-@flown
-def test_a_go_to_runs_and_ends_and_another_pre_empts_it(api: Api) -> None:
-    assert api.goto_status() == 0
-    api.go_to_local(14.0, 15.5, speed=1.0, victory_radius=0.2)
-    assert api.goto_status(api.id_self) == 1 and api.wait_goto(timeout=2) is Status.RUNNING
-    assert api.wait_goto() is Status.DONE
-    assert abs(api.get_location(api.id_self).east_m - 15.5) <= 0.3
-    api.go_to_local(0.0, 0.0)
-    api.sleep(2)
-    api.go_to_local(14.0, 14.0)
-    api.wait_goto()
-    assert [(it.kind, it.status) for it in api.events("goto")] == [("goto", Status.DONE)] * 2
-    assert api.cost() > 5
-
-
 @pytest.mark.parametrize(
     "as_point", [lambda it: [it.lat, it.lon], lambda it: it], ids=["degrees", "location"]
 )
@@ -109,35 +95,6 @@ def test_collect_and_deploy_bring_one_up_and_home(api: Api) -> None:
     assert events == [("docked", 3), ("undocked", 3)]
 
 
-@flown
-def test_pausing_holds_and_resuming_goes_on(api: Api) -> None:
-    api.go_to_local(14.0, 20.5)
-    api.sleep(4)
-    api.pause()
-    api.sleep(8)
-    paused_m = api.get_location(api.id_self).east_m
-    api.sleep(5)
-    assert api.get_location(api.id_self).east_m == pytest.approx(paused_m, abs=0.05)
-    assert 11 < paused_m < 16 and api.goto_status() == Status.RUNNING
-    with pytest.raises(Refused, match="paused"):
-        api.go_to_local(0, 0)
-    api.resume()
-    assert api.wait_goto() is Status.DONE
-    assert api.get_location(api.id_self).east_m == pytest.approx(20.5, abs=0.5)
-
-
-@flown
-def test_a_held_place_is_held(api: Api) -> None:
-    api.go_to_local(14.0, 20.5)
-    api.sleep(3)
-    api.hold()
-    assert api.wait_goto(5) is Status.PREEMPTED
-    api.sleep(10)
-    held_m = api.get_location(api.id_self).east_m
-    api.sleep(10)
-    assert api.get_location(api.id_self).east_m == pytest.approx(held_m, abs=0.05)
-
-
 def test_the_end_of_the_mission_s_time_ends_the_script(pool: Scenario) -> None:
     left: list[str] = []
 
@@ -150,20 +107,6 @@ def test_the_end_of_the_mission_s_time_ends_the_script(pool: Scenario) -> None:
 
     flight = fly_script(replace(pool, duration_s=60.0), script)
     assert (flight.ended_by, flight.mission_s, left) == ("mission time", 60.0, ["orderly"])
-
-
-@flown
-def test_events_are_waited_for_and_given_up(api: Api) -> None:
-    heard = api.wait_event("heard", agent=4, timeout=20)
-    assert heard is not None and (heard.kind, heard.agent) == ("heard", 4)
-    assert api.wait_event("docked", timeout=3) is None and api.now() == heard.at_s + 3
-    api.events()
-    api.permit_surfacing(4)
-    event = api.wait_event("state", agent=4, timeout=60)
-    assert event is not None and event.reason in ("SURFACING", "FLOATING")
-    assert api.wait_until(lambda: api.agent(4).state == "FLOATING", timeout=60)
-    api.tell_clear(4)
-    assert api.wait_until(lambda: api.agent(4).state == "ACTIVE", timeout=60)
 
 
 class Counting(Behaviour):
@@ -202,16 +145,89 @@ def test_plans_and_costs_are_the_mission_s(api: Api) -> None:
     assert api.plan_redeployment().steps == ()
 
 
-@flown
-def test_a_dock_that_is_taken_is_refused(api: Api) -> None:
-    assert api.collect(10, 1)
-    for order, told in (
-        ((True, 1, 4), "dock 1 holds aMussel 10"),
-        ((True, 2, 10), "aMussel 10 is in dock 1 already"),
-        ((False, 1, 4), "dock 1 holds aMussel 10, not 4"),
-    ):
-        with pytest.raises(Refused, match=told):
-            api.docking(*order)
+# What a script calls, step by step, and what the API answers.
+
+Call = Callable[[Api], Any]
+do, HEARD, STILL = methodcaller, attrgetter("kind", "agent", "at_s"), pytest.approx(0.0, abs=0.05)
+
+
+def calls(*each: Call) -> Call:
+    """The last one's answer."""
+    return lambda api: [it(api) for it in each][-1]
+
+
+def is_in(state: str) -> Call:
+    """aMussel 4 comes into this state within a minute."""
+    return lambda api: api.wait_until(lambda: api.agent(4).state == state, timeout=60)
+
+
+def east_m(api: Api) -> float:
+    return api.get_location(api.id_self).east_m
+
+
+def moved_m(seconds: float) -> Call:
+    return lambda api: -east_m(api) + (api.sleep(seconds) or east_m(api))
+
+
+SCENES: dict[str, list[tuple[Call, Any]]] = {
+    "a go-to runs and ends, and another pre-empts it": [
+        (do("goto_status"), 0),
+        (do("go_to_local", 14.0, 15.5, speed=1.0, victory_radius=0.2), None),
+        (do("goto_status", "apad1"), 1),
+        (do("wait_goto", timeout=2), Status.RUNNING),
+        (do("wait_goto"), Status.DONE),
+        (east_m, pytest.approx(15.5, abs=0.3)),
+        (calls(do("go_to_local", 0.0, 0.0), do("sleep", 2), do("go_to_local", 14.0, 14.0)), None),
+        (do("wait_goto"), Status.DONE),
+        (lambda api: [(it.kind, it.status) for it in api.events("goto")], [("goto", Status.DONE)] * 2),
+        (lambda api: api.cost() > 5, True),
+    ],
+    "pausing holds, and resuming goes on": [
+        (calls(do("go_to_local", 14.0, 20.5), do("sleep", 4), do("pause"), do("sleep", 8)), None),
+        (moved_m(5), STILL),
+        (east_m, pytest.approx(13.5, abs=2.5)),
+        (do("goto_status"), Status.RUNNING),
+        (
+            do("go_to_local", 0, 0),
+            "refused: the aPad was stopped: continue first, or resume where a script paused it",
+        ),
+        (calls(do("resume"), do("wait_goto")), Status.DONE),
+        (east_m, pytest.approx(20.5, abs=0.5)),
+    ],
+    "a held place is held": [
+        (calls(do("go_to_local", 14.0, 20.5), do("sleep", 3), do("hold")), None),
+        (do("wait_goto", 5), Status.PREEMPTED),
+        (calls(do("sleep", 10), moved_m(10)), STILL),
+    ],
+    "events are waited for and given up": [
+        (lambda api: HEARD(api.wait_event("heard", agent=4, timeout=20)), ("heard", 4, 1.0)),
+        (do("wait_event", "docked", timeout=3), None),
+        (do("now"), 4.0),
+        (calls(do("events"), do("permit_surfacing", 4)), None),
+        (lambda api: api.wait_event("state", agent=4, timeout=60).reason, "SURFACING"),
+        (is_in("FLOATING"), True),
+        (calls(do("tell_clear", 4), is_in("ACTIVE")), True),
+    ],
+    "a dock that is taken is refused": [
+        (do("collect", 10, 1), True),
+        (do("docking", True, 1, 4), "refused: dock 1 holds aMussel 10"),
+        (do("docking", True, 2, 10), "refused: aMussel 10 is in dock 1 already"),
+        (do("docking", False, 1, 4), "refused: dock 1 holds aMussel 10, not 4"),
+    ],
+}
+
+
+@pytest.mark.parametrize("steps", SCENES.values(), ids=SCENES)
+def test_a_scene(pool: Scenario, steps: list[tuple[Call, Any]]) -> None:
+    def script(api: Api) -> None:
+        for call, expected in steps:
+            try:
+                found = call(api)
+            except Refused as refused:
+                found = f"refused: {refused}"
+            assert found == expected
+
+    flies(pool, script)
 
 
 SCRIPTS = {
