@@ -366,22 +366,63 @@ def test_a_sample_that_is_taken_again_has_the_lines_that_came_after_it():
     assert not view.has_late_lines and view.data(None) == data_of(*story())
 
 
-def test_the_newest_sample_brings_what_a_page_lacks_and_no_more():
-    lines = story()
-    view = followed(lines[:4], 1)
-    before = view.counts
-    view.add(journal_of(lines[4:]))
-    view.sample(4000)
-    newest = view.newest(before)
-    events = [
-        [1000, "plan", "dock 1 closed around aMussel 2", 2],
-        [3000, "word", "Anna: a <b>boat", None],
-        [4000, "news", "the mission ended: mission time", None],
-    ]
-    wanted = {"t": 4000, "docks": [2, None, None, None], "trace": [[3000, 5.0, 0.0]], "events": events}
-    assert newest | wanted == newest
-    nothing = {name: [] for name in ("trace", "events", "plans", "packets")}
-    assert view.newest(view.counts) | nothing == view.newest(view.counts)
+SUSPECT = {"t": 3000, "kind": "suspect", "id": 2, "reason": "its charge rose in the water"}
+CAPACITY, NOTHING = {"kind": "capacity", "id": 2}, ("trace", "events", "plans", "packets")
+VIEWS = {
+    "the newest sample brings what a page lacks and no more": [
+        (story()[1:4], 0, {}),
+        (
+            *(story()[4:], 4000),
+            {
+                "newest.t": 4000,
+                "newest.docks": [2, None, None, None],
+                "newest.trace": [[3000, 5.0, 0.0]],
+                "newest.events": [
+                    [1000, "plan", "dock 1 closed around aMussel 2", 2],
+                    [3000, "word", "Anna: a <b>boat", None],
+                    [4000, "news", "the mission ended: mission time", None],
+                ],
+            },
+        ),
+        ([], 4000, {f"newest.{name}": [] for name in NOTHING}),
+    ],
+    "a suspect is named with its time and its reason, to a page that is open already, too": [
+        ([], 0, {"data.suspects": []}),
+        (
+            *([SUSPECT], 3000),
+            {f"{it}.suspects": [(3000, 2, SUSPECT["reason"], None)] for it in ("newest", "data")},
+        ),
+        (
+            *([{"t": 5000, "kind": "suspect_over", "id": 2}], 5000),
+            {f"{it}.suspects": [(3000, 2, SUSPECT["reason"], 5000)] for it in ("newest", "data")},
+        ),
+    ],
+    "what a twin learned of a capacity holds until it knows better; without twins there is no such column": [
+        ([], 0, {"data.agents.0.capacity": None, "data.agents.1.capacity": None}),
+        ([{"t": 1000, **CAPACITY, "low": 0.6, "high": 1.0}], 1000, {}),
+        ([], 2000, {}),
+        (
+            *([{"t": 3000, **CAPACITY, "low": 0.7312, "high": 0.8188}], 3000),
+            {
+                "data.agents.0.capacity": None,
+                "data.agents.1.capacity": [None, [0.6, 1.0], [0.6, 1.0], [0.73, 0.82]],
+                f"newest.agents.1.{COLUMNS.index('capacity')}": [0.73, 0.82],
+            },
+        ),
+    ],
+}
+"""The lines that come, the time of the sample, and what the newest sample and the whole data show then."""
+
+
+@pytest.mark.parametrize("steps", VIEWS.values(), ids=VIEWS)
+def test_a_view_that_is_followed(steps):
+    view = RunView(SCENARIO, journal_of([run_line(1, 2)]), 4000)
+    for lines, now_ms, wanted in steps:
+        before = view.counts
+        view.add(journal_of(lines))
+        view.sample(now_ms)
+        shown = {"newest": view.newest(before), "data": view.data(None)}
+        assert {path: part_of(shown, path) for path in wanted} == wanted
 
 
 def test_thinning_keeps_the_newest_sample_and_the_columns_alike_long():
@@ -394,39 +435,6 @@ def test_thinning_keeps_the_newest_sample_and_the_columns_alike_long():
         [CANDIDATE, CHARGING, CHARGING],
     ]
     assert {len(data[name]) for name in ("active", "cost", "apad", "docks", "stage")} == {3}
-
-
-def test_a_suspect_is_named_with_its_time_and_its_reason():
-    """To a page that is open already, too."""
-    suspect = {"t": 3000, "kind": "suspect", "id": 2, "reason": "its charge rose in the water"}
-    view = followed([run_line(1, 2)], 1)
-    assert view.data(None)["suspects"] == []
-    before = view.counts
-    view.add(journal_of([suspect]))
-    view.sample(3000)
-    assert view.newest(before)["suspects"] == [(3000, 2, "its charge rose in the water", None)]
-    assert view.data(None)["suspects"] == view.newest(view.counts)["suspects"]
-    view.add(journal_of([{"t": 5000, "kind": "suspect_over", "id": 2}]))
-    view.sample(5000)
-    assert view.data(None)["suspects"] == [(3000, 2, "its charge rose in the water", 5000)]
-
-
-def test_what_a_twin_learned_of_a_capacity_holds_until_it_knows_better():
-    """To a page that is open already, too; a run without twins has no such column."""
-    view = followed([run_line(1, 2)], 1)
-    assert [it["capacity"] for it in view.data(None)["agents"]] == [None, None]
-    learned = [
-        {"t": 1000, "kind": "capacity", "id": 2, "low": 0.6, "high": 1.0},
-        {"t": 3000, "kind": "capacity", "id": 2, "low": 0.7312, "high": 0.8188},
-    ]
-    view.add(journal_of(learned))
-    for now_ms in (1000, 2000, 3000):
-        view.sample(now_ms)
-    assert [it["capacity"] for it in view.data(None)["agents"]] == [
-        None,
-        [None, [0.6, 1.0], [0.6, 1.0], [0.73, 0.82]],
-    ]
-    assert view.newest(view.counts)["agents"][1][COLUMNS.index("capacity")] == [0.73, 0.82]
 
 
 def test_a_sample_has_each_module_that_was_on_since_the_one_before():
