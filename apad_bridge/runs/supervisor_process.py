@@ -180,38 +180,38 @@ def _find_sea(config: FlightConfig, options: RunOptions) -> RemoteSea | None:
         ) from None
 
 
-def go_on_at(pace: CommonClock, now_ms: int) -> None:
-    """Mission time is `now_ms` now, also for a flight that has ticks before it to run: they are late, and do not wait."""
+def beside_others(before: ResumePoint, pace: CommonClock, others_ms: int) -> ResumePoint:
+    """The resume point at the mission time that others have come to while this flight opened its parts."""
+    now_ms = MissionMs(max(before.now_ms, others_ms // TICK_MS * TICK_MS))
     pace.begin_at(pace.clock_ms() - now_ms)
+    return replace(before, now_ms=now_ms)
 
 
 def _begin_with_others(run: _Run, context: FlightContext) -> _Run:
-    """Waits for the flights in the same sea, so that all missions have one time. One that resumes goes on at theirs.
-
-    Without a sea, one that resumes is behind by the time that it took to open its parts, and catches up.
-    """
-    options, pace = run.options, context.pace
-    if run.sea is None and not (options.is_resumed and options.is_one_of_several):
+    """Waits for the flights in the same sea, so that all missions have one time. One that resumes goes on at theirs."""
+    options, pace, resume_point = run.options, context.pace, run.start_state.resume_point
+    if run.sea is None and (resume_point is None or not options.is_one_of_several):
         return run
     assert isinstance(pace, StampedByMaster)  # several aPads follow a clock that is not theirs
     if run.sea is None:
-        others_ms = newest_of_siblings_ms(
-            RunDirectory(run.path), run.config.scenario.apad.name, options.apads
-        )
-        go_on_at(pace, max(others_ms, run.start_state.start_ms))
-        return run
+        assert resume_point is not None
+        name = run.config.scenario.apad.name
+        others_ms = newest_of_siblings_ms(RunDirectory(run.path), name, options.apads)
+        return _resumed_at(run, beside_others(resume_point, pace, others_ms))
     try:
         begin = run.sea.begin(tuple(run.config.ids), pace.clock_ms())
     except SeaRefused as refused:
         raise PeerFailed(f"no place in the sea that the aPads share: {refused}") from None
     pace.begin_at(begin.clock_ms)
-    resume_point = run.start_state.resume_point
     if resume_point is None:
         if begin.now_ms is not None:
             raise PeerFailed("it was not ready when the other aPads began: the sea does not go back")
         return run
     before_ms = MissionMs(-TICK_MS) if begin.now_ms is None else begin.now_ms
-    resume_point = replace(resume_point, now_ms=before_ms)
+    return _resumed_at(run, replace(resume_point, now_ms=before_ms))
+
+
+def _resumed_at(run: _Run, resume_point: ResumePoint) -> _Run:
     return replace(run, start_state=replace(run.start_state, resume_point=resume_point))
 
 

@@ -26,7 +26,7 @@ from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.flying import PreparedFlight, prepare
 from apad_bridge.runs.progress import FlightProgress
 from apad_bridge.runs.start_state import begin_run, newest_of_siblings_ms, ongoing_faults, resume_run
-from apad_bridge.runs.supervisor_process import go_on_at, stood_down
+from apad_bridge.runs.supervisor_process import beside_others, stood_down
 from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource
@@ -148,14 +148,14 @@ def test_a_real_aPad_is_held_where_another_supervisor_keeps_its_aMussels(
         )
 
 
-def test_one_that_resumes_beside_others_catches_up_with_their_time(tmp_path: Path) -> None:
+def test_one_that_resumes_beside_others_goes_on_at_their_time(tmp_path: Path) -> None:
     """It opened its parts from 258 s of mission time on, and meanwhile the others came to 274 s."""
     for name, newest_ms in (("apad2", 274_000), ("apad3", 273_000), ("apad1", 300_000)):
         (tmp_path / name).mkdir()
         (tmp_path / name / "journal.jsonl").write_text(f'{{"t":{newest_ms},"kind":"tick"}}\n')
     others_ms = newest_of_siblings_ms(RunDirectory(tmp_path / "apad1"), "apad1", ("apad1", "apad2", "apad3"))
-    pace = WallClock(1.0, bound_s=60.0, clock=lambda: 5000.0)
-    go_on_at(pace, others_ms)
-    for now_ms, behind_s in ((258_000, 16.0), (274_000, 0.0)):
-        pace.reach(MissionMs(now_ms), Event())
-        assert pace.behind_s == behind_s
+    for own_ms, now_ms in ((258_000, 274_000), (280_000, 280_000)):
+        pace = WallClock(1.0, clock=lambda: 5000.0)
+        resumed = beside_others(ResumePoint(MissionMs(own_ms), MissionState(), 2, None), pace, others_ms)
+        pace.reach(resumed.now_ms, Event())
+        assert (resumed.now_ms, pace.behind_s) == (now_ms, 0.0)
