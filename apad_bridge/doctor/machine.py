@@ -92,9 +92,7 @@ def check_ros_log() -> Finding:
     there = next(it for it in (folder, *folder.absolute().parents) if it.exists())
     if there.is_dir() and (there != folder or os.access(there, os.W_OK | os.X_OK)):
         return ok(str(folder))  # where rospy cannot make the folder, it goes on without a log
-    return fail(
-        f"rospy cannot write its log in {folder}", f"rm -r {there}, or set ROS_LOG_DIR to a folder of yours"
-    )
+    return fail(f"rospy cannot write its log in {folder}", "set ROS_LOG_DIR to a folder of yours")
 
 
 def check_loopback() -> Iterator[Finding]:
