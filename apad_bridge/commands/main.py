@@ -21,6 +21,7 @@ from apad_bridge.runs.exits import (
     is_for_lack_of_memory,
     is_short_of_address_space,
     memory_shortage,
+    peers_may_fail,
     shortage,
 )
 from apad_bridge.runs.terminal import discard, show_control_characters
@@ -243,7 +244,7 @@ def _run(arguments: list[str]) -> int:
     if is_short_of_address_space():
         return _out_of_memory(chosen.command)
     try:
-        with interruptible():
+        with interruptible(), peers_may_fail():
             code: int = chosen.run(chosen)
             sys.stdout.flush()
     except UserError as error:

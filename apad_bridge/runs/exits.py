@@ -53,7 +53,7 @@ def require_yes(question: str, unattended: str, unconfirmed: str) -> None:
 
 @contextmanager
 def peers_may_fail(was_shown: Callable[[str], bool] = lambda line: False) -> Iterator[None]:
-    """Turns a peer's failure into one line on stderr and its exit code.
+    """Turns a peer's failure into one line on stderr and its exit code; each command runs in one.
 
     A line of the failure that a person `was_shown` already, as it happened, is not printed again.
     """

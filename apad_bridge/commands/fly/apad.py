@@ -11,7 +11,6 @@ from agents.hosting import started
 from apad_bridge.commands.fly.run import namespace_of_shell
 from apad_bridge.commands.help_text import ending
 from apad_bridge.ros.system.route import environment_for, somebodys_master
-from apad_bridge.runs.exits import peers_may_fail
 from apad_bridge.scenario.choices import OWN_GENERATIONS
 
 
@@ -45,8 +44,7 @@ def run(arguments: argparse.Namespace) -> int:
     from apad_bridge.scenario.loader import load
 
     load(arguments.scenario)
-    with peers_may_fail():
-        environment = environment_for(somebodys_master(), namespace_of_shell())
+    environment = environment_for(somebodys_master(), namespace_of_shell())
     options = ["--scenario", str(arguments.scenario), "--time", arguments.time]
     for option in ("apad", "generation"):
         if (value := getattr(arguments, option)) is not None:

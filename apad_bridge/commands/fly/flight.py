@@ -91,8 +91,7 @@ def fly(
     """
     _refuse_several(live, scenario)
     scenario = with_end_by_in_seconds(scenario, datetime.now(), options.speed)
-    with peers_may_fail():
-        preflight = check_run(options, scenario, starts)
+    preflight = check_run(options, scenario, starts)
     all_members = members(scenario, starts)
     if options.dry_run and options.apad is APadKind.SIM:
         return _print_plans(all_members, as_json, trust)

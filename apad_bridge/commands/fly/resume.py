@@ -82,8 +82,7 @@ def run(arguments: argparse.Namespace) -> int:
         )
     scenario = load(directory.scenario)
     check_code(scenario, str(path), trust)
-    with peers_may_fail():
-        _check_foreign_master(path, options)
+    _check_foreign_master(path, options)
     check_real_vehicle(options, scenario)
     if options.apad is APadKind.ROS and not arguments.confirm_motion:
         require_yes(

@@ -38,7 +38,7 @@ from apad_bridge.events.person_events import ScriptTold
 from apad_bridge.records.journal import read_journal
 from apad_bridge.records.run_directory import PRIVATE, RunDirectory
 from apad_bridge.ros.system.route import somebodys_master
-from apad_bridge.runs.exits import Exit, peers_may_fail, require_yes
+from apad_bridge.runs.exits import Exit, require_yes
 from apad_bridge.runs.progress import WorkProgress
 from apad_bridge.runs.rich_console import Console
 from apad_bridge.scenario.cross_checks import problems_with_real_vehicle
@@ -160,8 +160,7 @@ def _read(arguments: argparse.Namespace) -> tuple[RunOptions, Scenario, Sequence
         raise UserError("\n".join(problems))
     if arguments.echo is not None and arguments.modem is None:
         raise UserError("--echo needs --modem PORT, the modem that pings")
-    with peers_may_fail():
-        return options.on_master(somebodys_master()), scenario, starts
+    return options.on_master(somebodys_master()), scenario, starts
 
 
 def _all(

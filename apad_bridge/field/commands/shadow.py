@@ -15,7 +15,7 @@ from apad_bridge.commands.fly.run import namespace_of_shell
 from apad_bridge.commands.help_text import STRATEGY, ending
 from apad_bridge.commands.trust import add_trust_argument, trust_of_looked_at
 from apad_bridge.events.mission_events import MissionChanged, Phase
-from apad_bridge.runs.exits import Exit, peers_may_fail
+from apad_bridge.runs.exits import Exit
 from apad_bridge.runs.progress import WorkProgress
 from apad_bridge.runs.rich_console import Console, print_result, table_of
 from apad_bridge.scenario.errors import UserError
@@ -112,9 +112,7 @@ def _listen(scenario: Scenario, shadow: Shadow, arguments: argparse.Namespace) -
     from apad_bridge.field.field_log.reader import FactReader
     from apad_bridge.ros.system.route import somebodys_master
 
-    with peers_may_fail():
-        uri = somebodys_master()
-    reader = FactReader(uri, scenario.apad.name, namespace_of_shell())
+    reader = FactReader(somebodys_master(), scenario.apad.name, namespace_of_shell())
     code = Exit.DONE
     try:
         for fact in _heard(reader, scenario, arguments.for_s):

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 from apad_bridge.commands.help_text import ending
-from apad_bridge.runs.exits import Exit, peers_may_fail
+from apad_bridge.runs.exits import Exit
 from apad_bridge.scenario.errors import UserError
 
 if TYPE_CHECKING:
@@ -104,9 +104,7 @@ def run(arguments: argparse.Namespace) -> int:
     def warn(text: str) -> None:
         print(f"musselbed foxglove: {text}", file=sys.stderr, flush=True)
 
-    with peers_may_fail():
-        has_ended = serve(arguments.directory, arguments.host, arguments.port, tell, warn)
-    if has_ended:
+    if serve(arguments.directory, arguments.host, arguments.port, tell, warn):
         warn("the ROS master is gone: the run has ended")
     return Exit.DONE
 

@@ -191,6 +191,17 @@ def test_a_run_that_begins_with_a_closed_descriptor_is_flown_and_kept(closed: st
     assert json.loads((tmp_path / "flown" / "summary.json").read_text())["end_reason"] == "mission time"
 
 
+@pytest.mark.parametrize("command", ["bridge pool-12 udp:0", "shadow pool-12", "apad pool-12"])
+def test_a_peer_that_fails_is_one_line_of_any_command(command: str) -> None:
+    """Nothing listens at the discard port."""
+    environment = os.environ | {"ROS_MASTER_URI": "http://127.0.0.1:9"}
+    done = subprocess.run(
+        [*MUSSELBED, *command.split()], cwd=ROOT, env=environment, capture_output=True, text=True, timeout=60
+    )
+    assert (done.returncode, done.stderr.count("\n")) == (3, 1), done.stderr
+    assert done.stderr.startswith("musselbed: no ROS master answers at http://127.0.0.1:9")
+
+
 def test_control_characters_of_others_are_shown_and_not_written() -> None:
     done = musselbed("check run\x1b]0;title\x07")
     assert r"run\x1b]0;title\x07" in done.stderr and "\x1b" not in done.stderr + done.stdout

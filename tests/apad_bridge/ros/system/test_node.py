@@ -64,6 +64,26 @@ def test_a_line_of_the_log_does_not_wait_for_a_master_that_stands_still(tmp_path
         master.stop()
 
 
+@pytest.mark.system
+def test_a_log_that_rospy_cannot_write_is_named_with_the_mend(tmp_path: Path) -> None:
+    master = start_master(tmp_path / "ros", PATIENCE_S, orphan_s=0)
+    environment = loopback_environment(tmp_path / "ros", master.uri)
+    log = Path(environment["ROS_HOME"], "log", "talker.log")
+    log.mkdir(parents=True)  # root may write any file
+    try:
+        ended = subprocess.run(
+            [sys.executable, "-c", NODE],
+            env=environment,
+            cwd=ROOT,
+            capture_output=True,
+            text=True,
+            timeout=PATIENCE_S,
+        )
+    finally:
+        master.stop()
+    assert f"PeerFailed: rospy cannot write its log {log} (Is a directory): set ROS_LOG_DIR" in ended.stderr
+
+
 def test_all_nodes_of_ours_start_by_the_same_rules() -> None:
     starting = [
         path.name
