@@ -188,6 +188,9 @@ class Story(Flying):
         return told[0] or ""
 
 
+_BY_ANNA, _BY_POSITION = (
+    f"...until a person continues: stop 1 (hold, by {it})..." for it in ("Anna", "position")
+)
 STORIES: dict[str, tuple[dict[str, bool], str]] = {
     "taken over it does as it is told, and given back it brings home whom it holds and plans again": (
         {},
@@ -445,54 +448,29 @@ STORIES: dict[str, tuple[dict[str, bool], str]] = {
         """,
     ),
     # By a service, an action or a script: they call the same. A pilot keeps no aMussel from surfacing.
-    "an order that could not leave is refused, and not accepted first: stop": (
-        {"by_hand": True},
-        """
-        seconds 10     |
-        stop           | yes, orders and the script steer...
-        seconds 10     |
-        hand go        | refused: ...until a person continues: stop 1 (hold, by Anna)...
-        hand hold here | refused: ...until a person continues: stop 1 (hold, by Anna)...
-        hand dock 3    | refused: ...until a person continues: stop 1 (hold, by Anna)...
-        hand undock    | refused: ...until a person continues: stop 1 (hold, by Anna)...
-        hand permit 3  | refused: ...until a person continues: stop 1 (hold, by Anna)...
-        hand call up 3 | refused: ...until a person continues: stop 1 (hold, by Anna)...
-        goto           | IDLE
-        docking        | IDLE
-        """,
-    ),
-    "an order that could not leave is refused, and not accepted first: guard": (
-        {"by_hand": True},
-        """
-        seconds 10     |
-        guard          |
-        seconds 10     |
-        hand go        | refused: ...until a person continues: stop 1 (hold, by position)...
-        hand hold here | refused: ...until a person continues: stop 1 (hold, by position)...
-        hand dock 3    | refused: ...until a person continues: stop 1 (hold, by position)...
-        hand undock    | refused: ...until a person continues: stop 1 (hold, by position)...
-        hand permit 3  | refused: ...until a person continues: stop 1 (hold, by position)...
-        hand call up 3 | refused: ...until a person continues: stop 1 (hold, by position)...
-        goto           | IDLE
-        docking        | IDLE
-        """,
-    ),
-    "an order that could not leave is refused, and not accepted first: pilot": (
-        {"by_hand": True},
-        """
-        seconds 10     |
-        pilot          |
-        seconds 10     |
-        hand go        | refused: the pilot has it: a pilot steers the aPad
-        hand hold here | refused: the pilot has it: a pilot steers the aPad
-        hand dock 3    | refused: the pilot has it: a pilot steers the aPad
-        hand undock    | refused: the pilot has it: a pilot steers the aPad
-        hand permit 3  |
-        hand call up 3 |
-        goto           | IDLE
-        docking        | IDLE
-        """,
-    ),
+    **{
+        f"an order that could not leave is refused, and not accepted first: {act}": (
+            {"by_hand": True},
+            f"""
+            seconds 10     |
+            {act:<14} | {answer}
+            seconds 10     |
+            hand go        | refused: {why}
+            hand hold here | refused: {why}
+            hand dock 3    | refused: {why}
+            hand undock    | refused: {why}
+            hand permit 3  | {surfacing}
+            hand call up 3 | {surfacing}
+            goto           | IDLE
+            docking        | IDLE
+            """,
+        )
+        for act, answer, why, surfacing in (
+            ("stop", "yes, orders and the script steer...", _BY_ANNA, f"refused: {_BY_ANNA}"),
+            ("guard", "", _BY_POSITION, f"refused: {_BY_POSITION}"),
+            ("pilot", "", "the pilot has it: a pilot steers the aPad", ""),
+        )
+    },
     "a paused script does not go on under a stop": (
         {"by_hand": True},
         """
