@@ -66,9 +66,9 @@ from apad_bridge.world.apad.dock_mechanisms import Misses
 from apad_bridge.world.apad.kinematics import Pose
 from apad_bridge.world.apad.motion import Coast, Steer
 from apad_bridge.world.apad.simulated_apad import SimulatedAPad
-from apad_bridge.world.generation_a import published as shown_a
+from apad_bridge.world.generation_a import simulated_messages as shown_a
 from apad_bridge.world.generation_a.vehicle import GenerationAVehicle
-from apad_bridge.world.generation_b import published as shown_b
+from apad_bridge.world.generation_b import simulated_messages as shown_b
 from apad_bridge.world.generation_b.docks import BenchDocks
 from apad_bridge.world.generation_b.vehicle import GenerationBVehicle
 from apad_bridge.world.simulated_stack import PosePublished

@@ -19,7 +19,7 @@ from apad_bridge.ros_names.names import of_apad
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle.generation_a.messages import GoalOrder
-from apad_bridge.world.generation_a.published import (
+from apad_bridge.world.generation_a.simulated_messages import (
     BatteryAndProgressPublished,
     GoalEnded,
     GoalOutcome,

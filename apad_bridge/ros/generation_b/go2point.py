@@ -18,8 +18,8 @@ from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_apad
 from apad_bridge.vehicle.commands import GoTo
 from apad_bridge.vehicle.generation_b.messages import PrimitiveStatus
-from apad_bridge.world.generation_b import published
-from apad_bridge.world.generation_b.published import GoToBegun, GoToEnded, GoToLeft
+from apad_bridge.world.generation_b import simulated_messages
+from apad_bridge.world.generation_b.simulated_messages import GoToBegun, GoToEnded, GoToLeft
 
 use_generated_messages()
 
@@ -71,7 +71,7 @@ class Go2Point:
         self._requested = handle
         if handle.get_goal_id().id == self._commanders_key:
             return
-        if self._order(published.goal(handle.get_goal())) is False:
+        if self._order(simulated_messages.goal(handle.get_goal())) is False:
             handle.set_rejected(None, "the vehicle takes no orders")
         self._requested = None
 

@@ -22,8 +22,8 @@ from apad_bridge.ros_names.names import of_apad, ours
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle.generation_b.messages import PRIMITIVE_FINISHED, ServiceOrder
-from apad_bridge.world.generation_b import published
-from apad_bridge.world.generation_b.published import (
+from apad_bridge.world.generation_b import simulated_messages
+from apad_bridge.world.generation_b.simulated_messages import (
     ArmPublished,
     BatteryPublished,
     CameraTurned,
@@ -146,11 +146,15 @@ class Server(LegacyServer[GenerationBVehicle]):
     def _offer_services(self, apad: str) -> None:
         """Offers each by the definition in the user's workspace, if that has the fields that are read."""
         services: list[tuple[str, Any, Conversion]] = [
-            ("primitive/go2point", Go2pointPrimitiveService, published.go_to),
-            ("primitive/dynamic_positioning", DynamicPositioningPrimitiveService, published.position),
-            ("primitive/docking", DockingPrimitiveService, published.docking),
-            ("go2point", Go2pointService, published.simple_go_to),
-            ("docking", DockingService, published.simple_docking),
+            ("primitive/go2point", Go2pointPrimitiveService, simulated_messages.go_to),
+            (
+                "primitive/dynamic_positioning",
+                DynamicPositioningPrimitiveService,
+                simulated_messages.position,
+            ),
+            ("primitive/docking", DockingPrimitiveService, simulated_messages.docking),
+            ("go2point", Go2pointService, simulated_messages.simple_go_to),
+            ("docking", DockingService, simulated_messages.simple_docking),
         ]
         for name, known, convert in services:
             kind = service_to_offer(known, convert)

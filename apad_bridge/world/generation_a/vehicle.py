@@ -33,7 +33,7 @@ from apad_bridge.vehicle.generation_a.messages import GO_TO, OBJECT_PREFIX, PERC
 from apad_bridge.world.apad.dock_mechanisms import MISSED, Misses
 from apad_bridge.world.apad.motion import Coast
 from apad_bridge.world.apad.simulated_apad import SimulatedAPad
-from apad_bridge.world.generation_a.published import (
+from apad_bridge.world.generation_a.simulated_messages import (
     BatteryAndProgressPublished,
     GoalEnded,
     GoalOutcome,

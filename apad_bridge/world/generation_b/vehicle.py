@@ -30,7 +30,7 @@ from apad_bridge.vehicle.generation_b.messages import (
 from apad_bridge.world.apad.kinematics import STEP_MS
 from apad_bridge.world.apad.motion import Coast, Steer
 from apad_bridge.world.apad.simulated_apad import SimulatedAPad
-from apad_bridge.world.generation_b.published import (
+from apad_bridge.world.generation_b.simulated_messages import (
     ArmPublished,
     BatteryPublished,
     CameraTurned,

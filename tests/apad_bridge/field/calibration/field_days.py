@@ -23,9 +23,9 @@ from apad_bridge.vehicle.generation_b.messages import DockingOrder, PrimitiveSta
 from apad_bridge.vehicle.stack_messages import BatteryReceived
 from apad_bridge.world.apad.dock_mechanisms import Misses
 from apad_bridge.world.apad.simulated_apad import SimulatedAPad
-from apad_bridge.world.generation_a import published as of_a
+from apad_bridge.world.generation_a import simulated_messages as of_a
 from apad_bridge.world.generation_a.vehicle import GenerationAVehicle
-from apad_bridge.world.generation_b import published as of_b
+from apad_bridge.world.generation_b import simulated_messages as of_b
 from apad_bridge.world.generation_b.vehicle import GenerationBVehicle
 from apad_bridge.world.simulated_stack import PosePublished
 

@@ -11,7 +11,7 @@ import rospy
 from apad_bridge.ros.types.any_message import AnyMessages, UnknownType, class_of
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros.types.workspace_services import service_by_text, service_to_offer, text_folders
-from apad_bridge.world.generation_b.published import docking, go_to
+from apad_bridge.world.generation_b.simulated_messages import docking, go_to
 
 use_generated_messages()
 

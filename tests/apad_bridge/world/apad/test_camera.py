@@ -17,7 +17,7 @@ from apad_bridge.vehicle.generation_b.messages import (
 )
 from apad_bridge.world.apad.camera import seen
 from apad_bridge.world.apad.simulated_apad import SimulatedAPad
-from apad_bridge.world.generation_b.published import StatusPublished
+from apad_bridge.world.generation_b.simulated_messages import StatusPublished
 from apad_bridge.world.generation_b.vehicle import GenerationBVehicle, Stage
 
 POOL = load(POOL_FILE)

@@ -15,7 +15,7 @@ from apad_bridge.scenario.faults import Fault
 from apad_bridge.scenario.loader import load
 from apad_bridge.vehicle.generation_a.messages import GO_TO, PERCH, RELEASE, GoalOrder
 from apad_bridge.world.apad.simulated_apad import SimulatedAPad
-from apad_bridge.world.generation_a.published import (
+from apad_bridge.world.generation_a.simulated_messages import (
     BatteryAndProgressPublished,
     GoalEnded,
     GoalOutcome,

@@ -18,8 +18,8 @@ from apad_bridge.scenario.loader import load
 from apad_bridge.vehicle.commands import GoTo, Hold
 from apad_bridge.vehicle.generation_b.messages import DockingOrder, PrimitiveStatus
 from apad_bridge.world.apad.simulated_apad import SimulatedAPad
-from apad_bridge.world.generation_b import published
-from apad_bridge.world.generation_b.published import (
+from apad_bridge.world.generation_b import simulated_messages
+from apad_bridge.world.generation_b.simulated_messages import (
     ArmPublished,
     CameraTurned,
     Finished,
@@ -350,13 +350,15 @@ def test_what_lies_below_the_services_tells_of_each_go_to_ten_times_a_second(
 
 def test_requests_are_met_by_their_fields() -> None:
     point = SimpleNamespace(x=3.0, y=-4.0)
-    assert published.simple_go_to(SimpleNamespace(point=point, speed=0.4)) == GoTo(0, 3.0, -4.0, 0.4, 1.5)
-    simple = published.simple_docking(SimpleNamespace(action=False, slot=2))
+    assert simulated_messages.simple_go_to(SimpleNamespace(point=point, speed=0.4)) == GoTo(
+        0, 3.0, -4.0, 0.4, 1.5
+    )
+    simple = simulated_messages.simple_docking(SimpleNamespace(action=False, slot=2))
     assert (simple.docks, simple.dock_index) == (False, 2) and simple.search_yaw_rate_rad_s > 0
     goal = SimpleNamespace(T2=SimpleNamespace(point=point), speed=0.4, victory_radius=0.7)
-    assert published.goal(goal) == GoTo(0, 3.0, -4.0, 0.4, 0.7)
+    assert simulated_messages.goal(goal) == GoTo(0, 3.0, -4.0, 0.4, 0.7)
     hold = SimpleNamespace(north=1.0, east=2.0, heading=0.5, heading_enable=False)
-    assert published.position(hold) == Hold(0, 1.0, 2.0, None)
+    assert simulated_messages.position(hold) == Hold(0, 1.0, 2.0, None)
 
 
 @settings(max_examples=20, deadline=None)
