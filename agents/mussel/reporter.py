@@ -16,6 +16,9 @@ from firmware_model.power.charge import fraction
 if TYPE_CHECKING:
     from agents.mussel.logbook import Logbook
 
+_MOST = 0xFFFF
+"""A count of two bytes states no more."""
+
 
 @dataclass(frozen=True, slots=True)
 class ReportConfig:
@@ -56,7 +59,7 @@ class Reporter:
             log.acknowledged,
             log.oldest,
             log.overwritten,
-            log.torn,
+            min(_MOST, log.torn),
             board.reset_cause,
             board.feed,
             board.rails,
@@ -70,7 +73,7 @@ class Reporter:
         if logbook is None:
             return StatusPacket(*fields)
         log = logbook.log
-        return AcousticStatus(*fields, logbook.counts, log.next_sequence, log.waiting)
+        return AcousticStatus(*fields, logbook.counts, log.next_sequence, min(_MOST, log.waiting))
 
     def answer(self, now_ms: int) -> Packet:
         """The answer to a ping: as short as for a v2 modem, so that the channel is soon free again."""

@@ -6,19 +6,18 @@ Positions are encoded as local NED centimetres, charges as 1/65535 of the paper'
 from __future__ import annotations
 
 import struct
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Annotated, ClassVar, NamedTuple, get_type_hints
+from enum import IntEnum
+from operator import attrgetter
+from typing import Annotated, Any, ClassVar, NamedTuple, Self, get_origin, get_type_hints
 
 from firmware_model.packets.wire import CHARGE_STEPS, Kind, sealed
 from firmware_model.power.active_battery import ActiveBattery
-from firmware_model.sampling.sensors import COUNT_FIELDS, LAYOUT, Counts
+from firmware_model.sampling.sensors import COUNT_FIELDS, LAYOUT, SENSORS, Counts
 from firmware_model.states import STATE_OF, State
 from firmware_model.stimuli import ResetCause
 from firmware_model.value import value
-
-_FEEDS = {int(feed): feed for feed in ActiveBattery}
-_CAUSES = {int(cause): cause for cause in ResetCause}
-
 
 StatusFields = tuple[int, int, State, float, float, float, float, float, int]
 """The fields of a `StatusPacket`, in their order."""
@@ -93,86 +92,87 @@ def _fields_of(body: bytes, more: int) -> StatusFields | None:
     )
 
 
+class Tail(NamedTuple):
+    """The bytes of a longer status behind the common part: the counts, and the further fields in their order."""
+
+    format: struct.Struct
+    values: Callable[[LongStatus], tuple[Any, ...]]
+    """The values of the further fields."""
+    members: dict[int, dict[int, IntEnum]]
+    """By a value's place in `format`: what its numbers stand for. A packet with another number is dropped."""
+
+
 @value
-class AcousticStatus(StatusPacket):
+class LongStatus(StatusPacket):
+    """A status that goes on behind the common part. Each further field names its type on the wire, a letter of `struct`."""
+
+    TAIL: ClassVar[Tail]
+
+    counts: Counts
+    """The counts of the newest sample; zeros while `samples` is 0."""
+    samples: Annotated[int, "I"]
+    """The number of samples that the board has ever taken; the newest record's sequence is one less."""
+
+    def __init_subclass__(cls) -> None:
+        hints = get_type_hints(cls, include_extras=True)
+        further = {name: hint for name, hint in hints.items() if get_origin(hint) is Annotated}
+        letters = "".join(it.__metadata__[0] for it in further.values())
+        members = {
+            place: {int(it): it for it in hint.__origin__}
+            for place, hint in enumerate(further.values(), len(SENSORS))
+            if issubclass(hint.__origin__, IntEnum)
+        }
+        cls.TAIL = Tail(struct.Struct(f"<{COUNT_FIELDS}{letters}"), attrgetter(*further), members)
+
+    def encode(self) -> bytes:
+        return sealed(self._pack() + self.TAIL.format.pack(*self.counts, *self.TAIL.values(self)))
+
+    @classmethod
+    def decode_body(cls, body: bytes) -> Self | None:
+        if (fields := _fields_of(body, cls.TAIL.format.size)) is None:
+            return None
+        more = list(cls.TAIL.format.unpack_from(body, cls.FORMAT.size))
+        for place, members in cls.TAIL.members.items():
+            if (member := members.get(more[place])) is None:
+                return None
+            more[place] = member
+        return cls(*fields, tuple(more[: len(SENSORS)]), *more[len(SENSORS) :])
+
+
+@value
+class AcousticStatus(LongStatus):
     """A status by sound, within a v3 modem's 64 bytes: with the newest sample, and the number of records that wait."""
 
     VERSION: ClassVar[int] = 2 + LAYOUT
     KIND: ClassVar[Kind] = Kind.ACOUSTIC_STATUS
-    MORE: ClassVar[struct.Struct] = struct.Struct(f"<{COUNT_FIELDS}IH")
 
-    counts: Counts
-    """The counts of the newest sample; zeros while `samples` is 0."""
-    samples: int
-    """The number of samples that the board has ever taken."""
-    waiting: int
+    waiting: Annotated[int, "H"]
     """Unacknowledged records in its log; 65535 also stands for more."""
-
-    def encode(self) -> bytes:
-        return sealed(self._pack() + self.MORE.pack(*self.counts, self.samples, min(0xFFFF, self.waiting)))
-
-    @classmethod
-    def decode_body(cls, body: bytes) -> AcousticStatus | None:
-        if (fields := _fields_of(body, cls.MORE.size)) is None:
-            return None
-        *counts, samples, waiting = cls.MORE.unpack_from(body, cls.FORMAT.size)
-        return cls(*fields, tuple(counts), samples, waiting)
 
 
 @value
-class WifiStatus(StatusPacket):
+class WifiStatus(LongStatus):
     """The full status of a board."""
 
     VERSION: ClassVar[int] = 2 + LAYOUT
     KIND: ClassVar[Kind] = Kind.WIFI_STATUS
-    MORE: ClassVar[struct.Struct] = struct.Struct(f"<{COUNT_FIELDS}IIIIHBBHi")
 
-    counts: Counts
-    """The counts of the newest sample; zeros while `samples` is 0."""
-    samples: int
-    """The number of samples that the board has ever taken; the newest record's sequence is one less."""
-    acknowledged: int
+    acknowledged: Annotated[int, "I"]
     """The log's records below this sequence were acknowledged."""
-    oldest: int
+    oldest: Annotated[int, "I"]
     """The log holds the records from this sequence on."""
-    overwritten: int
+    overwritten: Annotated[int, "I"]
     """Records that the ring overwrote before they were acknowledged."""
-    torn: int
+    torn: Annotated[int, "H"]
     """Records that were partly written when a reset came; counts to 65535."""
-    reset_cause: ResetCause
-    feed: ActiveBattery
+    reset_cause: Annotated[ResetCause, "B"]
+    feed: Annotated[ActiveBattery, "B"]
     """The battery that feeds the board: 0 the primary, 1 the backup, 2 neither."""
-    rails: int
+    rails: Annotated[int, "H"]
     """The rails that are on, as bits by `Rail`."""
-    clock_offset_ms: int
+    clock_offset_ms: Annotated[int, "i"]
     """The board's clock minus the last beacon's time, just before the beacon set it: positive if the clock was ahead. A
     boot sets it to 0."""
-
-    def encode(self) -> bytes:
-        more = self.MORE.pack(
-            *self.counts,
-            self.samples,
-            self.acknowledged,
-            self.oldest,
-            self.overwritten,
-            min(0xFFFF, self.torn),
-            self.reset_cause,
-            self.feed,
-            self.rails,
-            self.clock_offset_ms,
-        )
-        return sealed(self._pack() + more)
-
-    @classmethod
-    def decode_body(cls, body: bytes) -> WifiStatus | None:
-        if (fields := _fields_of(body, cls.MORE.size)) is None:
-            return None
-        more = cls.MORE.unpack_from(body, cls.FORMAT.size)
-        *counts, samples, acknowledged, oldest, overwritten, torn, cause, feed, rails, offset_ms = more
-        if cause not in _CAUSES or feed not in _FEEDS:
-            return None
-        log = samples, acknowledged, oldest, overwritten, torn
-        return cls(*fields, tuple(counts), *log, _CAUSES[cause], _FEEDS[feed], rails, offset_ms)
 
 
 @dataclass(frozen=True, slots=True)

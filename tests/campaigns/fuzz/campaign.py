@@ -84,7 +84,7 @@ _SIZES = (
     29,
     41,
     43,
-    *(29 + it.MORE.size for it in (AcousticStatus, WifiStatus)),
+    *(29 + it.TAIL.format.size for it in (AcousticStatus, WifiStatus)),
     130,
 )
 """Sizes of bodies: most of them of some packet, the others of none."""
