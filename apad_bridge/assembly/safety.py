@@ -15,7 +15,8 @@ from apad_bridge.assembly.stacks import adrift_ms, stacks
 from apad_bridge.events.guard_events import Reaction
 from apad_bridge.scenario.area.fence import fence_of
 from apad_bridge.scenario.guard_options import GuardOptions, WhenOutside, WhenUnwatched
-from apad_bridge.scenario.schema import APad, DockingProfile, Scenario
+from apad_bridge.scenario.mission_options import DockingProfile
+from apad_bridge.scenario.schema import APad, Scenario
 from apad_bridge.scenario.starts_table import Start
 from apad_bridge.scenario.surface import (
     LegForecast,

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from apad_bridge.assembly.estimator import schedules
 from apad_bridge.planning.energy_model import EnergyModel
 from apad_bridge.scenario.firmware_config import board_config
-from apad_bridge.scenario.schema import Dispatch, Places, Scenario
+from apad_bridge.scenario.mission_options import Dispatch, Places
+from apad_bridge.scenario.schema import Scenario
 from firmware_model.config import BoardConfig
 from firmware_model.power.charge import FULL, MS_PER_MIN
 from firmware_model.power.rails import rails_of

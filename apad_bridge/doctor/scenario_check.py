@@ -36,14 +36,14 @@ def read(path: Path, trust: Trust | None = None) -> tuple[Scenario | None, list[
 
 
 def _check_outcome(scenario: Scenario) -> list[Finding]:
-    from apad_bridge.scenario.cross_checks import warnings
+    from apad_bridge.scenario.flight_readiness import warnings
 
     return [warn(happens, mend) for happens, mend in warnings(scenario)]
 
 
 def _check_strategies(scenario: Scenario, trust: Trust | None) -> Iterator[Finding]:
     from apad_bridge.planning.registry import NotTrusted
-    from apad_bridge.scenario.cross_checks import problems_with_strategies
+    from apad_bridge.scenario.flight_readiness import problems_with_strategies
 
     for key, problem in problems_with_strategies(scenario, trust):
         if isinstance(problem, NotTrusted):

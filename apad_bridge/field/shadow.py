@@ -42,7 +42,8 @@ from apad_bridge.planning.candidates import Situation
 from apad_bridge.planning.exchange_of_places import tour
 from apad_bridge.planning.solution import Step, StepKind
 from apad_bridge.scenario.firmware_config import codec_of
-from apad_bridge.scenario.schema import Dispatch, Places, Scenario
+from apad_bridge.scenario.mission_options import Dispatch, Places
+from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.surface import LegForecast, surface_of
 from firmware_model.packets import ShortStatus, StatusPacket
 from firmware_model.states import State

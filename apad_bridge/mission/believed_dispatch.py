@@ -12,7 +12,7 @@ from apad_bridge.mission.charged_enough import counted_charge, is_charged, is_fu
 from apad_bridge.mission.charging_watch import ChargingWatch
 from apad_bridge.planning.dispatch_rule import DispatchRule
 from apad_bridge.planning.exchange_of_places import is_worth_it
-from apad_bridge.scenario.schema import Dispatch, Mission, Places
+from apad_bridge.scenario.mission_options import Dispatch, Mission, Places
 
 Docked = Mapping[int, Belief | None]
 """The beliefs of the docked aMussels, by id; None for one that was never heard."""

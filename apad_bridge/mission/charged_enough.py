@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.planning import exchange_of_places
-from apad_bridge.scenario.schema import FullWhen, Mission
+from apad_bridge.scenario.mission_options import FullWhen, Mission
 
 
 def is_full(belief: Belief | None, config: Mission) -> bool:

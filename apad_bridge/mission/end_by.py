@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 from agents.time_scale import MissionMs
-from apad_bridge.scenario.schema import Mission
+from apad_bridge.scenario.mission_options import Mission
 from apad_bridge.scenario.surface import FlowNow, LegForecast
 
 Point = tuple[float, float]

@@ -24,7 +24,7 @@ from apad_bridge.mission.orders import MissionAction, SendCommand
 from apad_bridge.mission.script_values import EventLog, Refused, ScriptEventKind, Status, dock_of
 from apad_bridge.mission.sink_reminders import SinkReminders
 from apad_bridge.mission.sources import PredictingBeliefSource
-from apad_bridge.scenario.schema import Mission
+from apad_bridge.scenario.mission_options import Mission
 from apad_bridge.vehicle.commands import DEFAULT_MANOEUVRE, CloseDock, GoTo, Hold, Manoeuvre, OpenDock
 from apad_bridge.vehicle.outcomes import (
     DockChanged,

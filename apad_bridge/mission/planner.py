@@ -26,7 +26,7 @@ from apad_bridge.planning.energy_model import EnergyModel
 from apad_bridge.planning.exchange_of_places import exchanges, tour
 from apad_bridge.planning.solution import Solution, StepKind
 from apad_bridge.planning.strategy import CollectionStrategy, RedeploymentStrategy
-from apad_bridge.scenario.schema import Mission, Places
+from apad_bridge.scenario.mission_options import Mission, Places
 from firmware_model.state_groups import BEYOND_HELP
 
 

@@ -14,7 +14,7 @@ from apad_bridge.events.mission_events import MissionState
 from apad_bridge.mission.sources import BeliefSource
 from apad_bridge.planning.candidates import Candidate, LegCosts, Situation
 from apad_bridge.planning.energy_model import EnergyModel
-from apad_bridge.scenario.schema import Mission, Suspects
+from apad_bridge.scenario.mission_options import Mission, Suspects
 from firmware_model.state_groups import BEYOND_HELP, TO_BE_FETCHED
 from firmware_model.states import State
 

@@ -11,43 +11,34 @@ from typing import TypeVar
 from agents.modem.frames import PAYLOAD_BYTES, ModemGeneration, duration_ms
 from agents.mussel.board_link import serial_line
 from agents.time_scale import TimeScale
-from apad_bridge.planning.registry import Trust, collection, redeployment
 from apad_bridge.scenario.another_apad import ASSIGNMENT_PERIOD_S
 from apad_bridge.scenario.area.chart import chart_of
 from apad_bridge.scenario.area.fence import Fence, fence_of
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.choices import Hosting
-from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.estimator_options import EstimatorKind
-from apad_bridge.scenario.faults import Fault
-from apad_bridge.scenario.firmware_config import can_fill, codec_of, grains_of_milliwatts
+from apad_bridge.scenario.firmware_config import can_fill, grains_of_milliwatts
 from apad_bridge.scenario.full_firmware_options import FullFirmwareOptions, SleepCycle
 from apad_bridge.scenario.guard_options import GuardOptions
 from apad_bridge.scenario.lab_interface.lab_names import load_names
+from apad_bridge.scenario.mission_options import FullWhen, Suspects
 from apad_bridge.scenario.schema import (
     LIMITS,
-    DockedAtHome,
     DriftMode,
     FirmwareProgram,
-    FullWhen,
     HearingMode,
-    Home,
     Scenario,
-    Suspects,
 )
-from apad_bridge.scenario.surface import doubt_about_legs
 from apad_bridge.scenario.timed_faults import TimedFault
 from apad_bridge.scenario.water.currents import read_current
 from apad_bridge.scenario.water.links import read_links
 from apad_bridge.scenario.water.water_options import Current, Water
 from firmware_model.power.rails import Rail
-from firmware_model.sampling.sensors import BROUGHT
 
 Contradiction = tuple[str, str]
 Rule = tuple[object, str, str]
 """(true where the rule is broken, path to the key, message): a rule that is broken is a contradiction."""
 Read = TypeVar("Read")
-_S_PER_HOUR = 3600
 _LONGEST_ALARM_S = 65_000
 """Half the range of a board's counter (`firmware_model.port_frames`): 18 hours."""
 
@@ -68,122 +59,12 @@ def contradictions(scenario: Scenario) -> list[Contradiction]:
         *_rules_of_consensus(scenario),
         *_rules_of_faults(scenario),
     )
-    return _broken(rules)
+    return broken(rules)
 
 
-def _broken(rules: Iterable[Rule]) -> list[Contradiction]:
+def broken(rules: Iterable[Rule]) -> list[Contradiction]:
+    """The rules that are broken, each without its truth."""
     return [(key, message) for is_broken, key, message in rules if is_broken]
-
-
-def check_code(scenario: Scenario, source: str, trust: Trust | None) -> None:
-    """Loads the scenario's codec and strategies, those in files with `trust` alone.
-
-    ScenarioError with a line for each that fails.
-    """
-    codec_of(scenario)
-    if problems := [f"{source}: {key}: {why}" for key, why in problems_with_strategies(scenario, trust)]:
-        raise ScenarioError(problems)
-
-
-def problems_with_strategies(scenario: Scenario, trust: Trust | None) -> Iterator[tuple[str, ValueError]]:
-    """Yields (path to the key, error) of each strategy that cannot be loaded; NotTrusted for one left out for that."""
-    mission = scenario.mission
-    strategies: tuple[tuple[str, Callable[[], object]], ...] = (
-        ("mission.collection", lambda: collection(mission.collection, mission.costs, trust)),
-        ("mission.redeployment", lambda: redeployment(mission.redeployment, trust)),
-    )
-    for key, load in strategies:
-        try:
-            load()
-        except ValueError as error:
-            yield key, error
-
-
-def problems_with_real_vehicle(scenario: Scenario) -> list[str]:
-    """Returns what forbids to fly a real aPad by this scenario, with the mend in each line; none if it may fly."""
-    needed = {
-        "area.fence": scenario.area.fence,
-        "area.home_m": scenario.area.home_m,
-        "guards.battery_reserve": None if scenario.guards is None else scenario.guards.battery_reserve,
-    }
-    problems = []
-    if missing := [key for key, value in needed.items() if value is None]:
-        problems.append(
-            f"a real aPad needs {', '.join(missing)} in the scenario: see launch_scripts/scenarios/real-apad.yaml"
-        )
-    faulty = ["apad.fault"] if scenario.apad.fault is not Fault.NONE else []
-    faulty += [
-        f"apads[{n}].fault" for n, it in enumerate(scenario.apads) if it.fault not in (None, Fault.NONE)
-    ]
-    faulty += ["faults"] if scenario.faults is not None else []
-    if faulty:
-        problems.append(f"no fault is injected into a real aPad: leave {', '.join(faulty)} out")
-    return problems
-
-
-def warnings(scenario: Scenario) -> list[Contradiction]:
-    """Returns (what must happen, the mend) of everything that such a scenario can be flown with, but hardly to the end."""
-    water, doubt = scenario.water, doubt_about_legs(scenario)
-    rules: list[Rule] = [
-        (
-            water is not None and water.links_file and scenario.hearing.mode is HearingMode.PAPER,
-            "water.links_file cuts sound alone: with hearing.mode: paper each report comes by Wi-Fi all the same",
-            "use hearing.mode: physical, as sound-12 does, or the fault link_cut",
-        ),
-        (
-            doubt,
-            str(doubt),
-            "lower the current or the wind, or give the aPad more thrust (apad.thruster_max_n)",
-        ),
-        (
-            BROUGHT and scenario.fleet.firmware and scenario.board.whole,
-            f"packets of a program that has not the counts of {' and '.join(BROUGHT)} are dropped",
-            "give the program that sensor and the version of such packets, or uninstall it",
-        ),
-    ]
-    home = scenario.apad.home
-    return _broken(
-        [*rules, *(_doubts_of_batteries(scenario) if home is None else _doubts_of_home(scenario, home))]
-    )
-
-
-def _doubts_of_home(scenario: Scenario, home: Home) -> list[Rule]:
-    battery, charging_docks = scenario.apad.battery, 0
-    if home.docked is DockedAtHome.CHARGE:
-        charging_docks = scenario.apad.docks
-    own_w = battery.hotel_w + charging_docks * battery.charging_w_per_dock
-    return [
-        (
-            home.charging_w <= own_w,
-            f"once at home the aPad may stay there: the charger's {home.charging_w:g} W feed its own {own_w:g} W "
-            "(hotel_w, and its docks) and not its battery",
-            "raise apad.home.charging_w",
-        ),
-        (
-            home.go_at <= scenario.mission.end_at_apad_fraction,
-            "the mission ends before the aPad goes home: mission.end_at_apad_fraction is no lower than apad.home.go_at",
-            "raise apad.home.go_at",
-        ),
-    ]
-
-
-def _doubts_of_batteries(scenario: Scenario) -> Iterator[Rule]:
-    battery = scenario.apad.battery
-    starts = {scenario.apad.name: battery.start_fraction}
-    for it in scenario.apads:
-        own = it.battery_start_fraction
-        starts[it.name] = battery.start_fraction if own is None else own
-    for name, start in starts.items():
-        left_wh = max(0.0, start - scenario.mission.end_at_apad_fraction) * battery.capacity_wh
-        if left_wh < battery.hotel_w * scenario.duration_s / _S_PER_HOUR:
-            yield (
-                True,
-                f"{name}'s battery ends its mission within {left_wh / battery.hotel_w:.1f} h of "
-                f"{scenario.duration_s / _S_PER_HOUR:.1f} h, whatever it does: apad.battery.hotel_w is "
-                f"{battery.hotel_w:g} W, and {left_wh:.0f} Wh are there for it",
-                "lower duration_s or apad.battery.hotel_w, or raise apad.battery.capacity_wh; theta makes the "
-                "aMussels' days shorter",
-            )
 
 
 def _rules_of_area(scenario: Scenario) -> Iterator[Rule]:

@@ -56,6 +56,8 @@ def _rising_from_empty_to_full(points: tuple[tuple[float, float], ...]) -> tuple
     return points
 
 
+MAX_AGENT_ID = 0xFFFF  # a packet has two bytes for an id
+AgentId = Annotated[int, Ge(1), Le(MAX_AGENT_ID)]
 Positive = Annotated[float, Gt(0), Le(GREATEST), AfterValidator(_not_tiny)]
 PositiveSeconds = Annotated[float, Ge(0.001), Le(1e9), AfterValidator(_whole_milliseconds)]
 NotNegativeSeconds = Annotated[float, Ge(0), Le(1e9), AfterValidator(_whole_milliseconds)]

@@ -15,8 +15,13 @@ from typing import Annotated
 from annotated_types import Ge, Le
 
 from agents.mussel.defects import BoardPart
-from apad_bridge.scenario.quantities import NotNegativeSeconds, PositiveSeconds, Quantity, frozen
-from apad_bridge.scenario.starts_table import MAX_AGENT_ID
+from apad_bridge.scenario.quantities import (
+    MAX_AGENT_ID,
+    NotNegativeSeconds,
+    PositiveSeconds,
+    Quantity,
+    frozen,
+)
 
 LONGEST_S = 1e6
 _BURSTS = (1, 2, 3, 4, 5, 6)

@@ -40,7 +40,7 @@ from apad_bridge.mission.pool import ChargingPool
 from apad_bridge.mission.script_values import Agent, Location, Refused, dock_of
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.errors import in_ranges
-from apad_bridge.scenario.schema import Mission
+from apad_bridge.scenario.mission_options import Mission
 from apad_bridge.scripting.rendezvous import Do, Rendezvous, Wait
 
 # Checks the arguments of a script's API calls before anything is done, by their annotations.

@@ -22,8 +22,8 @@ from annotated_types import Ge, Gt, Le, Lt, MinLen
 from pydantic import TypeAdapter, ValidationError
 
 from apad_bridge.planning import registry
-from apad_bridge.scenario.cross_checks import check_code
 from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.scenario.flight_readiness import check_code
 from apad_bridge.scenario.loader import file_of, from_data, load, put, resolve, write_with_files
 from apad_bridge.scenario.quantities import FileName, frozen
 from apad_bridge.scenario.schema import RandomStart, Scenario

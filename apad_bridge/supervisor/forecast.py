@@ -21,7 +21,7 @@ from apad_bridge.mission.pool import can_be_fetched, situation_of
 from apad_bridge.planning.energy_model import EnergyModel
 from apad_bridge.planning.projection import LEG_S, Projection
 from apad_bridge.planning.solution import StepKind
-from apad_bridge.scenario.schema import Mission
+from apad_bridge.scenario.mission_options import Mission
 from firmware_model.state_groups import DOCKED
 
 _LOOK_MS = 5_000

@@ -23,8 +23,8 @@ from apad_bridge.records.run_directory import PRIVATE, RunDirectory
 from apad_bridge.runs.exits import Exit, peers_may_fail
 from apad_bridge.runs.progress import FlightProgress
 from apad_bridge.runs.several.joint_summary import Flown, combined_summary
-from apad_bridge.scenario.cross_checks import check_code
 from apad_bridge.scenario.errors import ScenarioError, UserError
+from apad_bridge.scenario.flight_readiness import check_code
 from apad_bridge.scenario.loader import load, with_overrides, with_values
 from apad_bridge.scenario.run_options import APadKind, BenchPart, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario

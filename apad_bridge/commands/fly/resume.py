@@ -47,7 +47,7 @@ def run(arguments: argparse.Namespace) -> int:
     from apad_bridge.runs.progress import FlightProgress
     from apad_bridge.runs.supervisor_lock import supervisor_of
     from apad_bridge.runs.trusted_runs import code_of
-    from apad_bridge.scenario.cross_checks import check_code
+    from apad_bridge.scenario.flight_readiness import check_code
     from apad_bridge.scenario.loader import load
 
     path = arguments.directory

@@ -15,8 +15,8 @@ from apad_bridge.ros.system.route import somebodys_master
 from apad_bridge.ros_names.names import in_full
 from apad_bridge.runs.exits import refuse
 from apad_bridge.scenario.choices import OWN_GENERATIONS
-from apad_bridge.scenario.cross_checks import problems_with_real_vehicle, warnings
 from apad_bridge.scenario.errors import UserError, in_ranges
+from apad_bridge.scenario.flight_readiness import problems_with_real_vehicle, warnings
 from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts_table import Start

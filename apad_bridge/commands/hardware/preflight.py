@@ -41,8 +41,8 @@ from apad_bridge.ros.system.route import somebodys_master
 from apad_bridge.runs.exits import Exit, require_yes
 from apad_bridge.runs.progress import WorkProgress
 from apad_bridge.runs.rich_console import Console
-from apad_bridge.scenario.cross_checks import problems_with_real_vehicle
 from apad_bridge.scenario.errors import UserError
+from apad_bridge.scenario.flight_readiness import problems_with_real_vehicle
 from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scripting import PROVE_STOP, STOP_PROVEN

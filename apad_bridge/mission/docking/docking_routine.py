@@ -24,7 +24,7 @@ from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.orders import PermitSurfacing, SendCommand
 from apad_bridge.mission.pool import floats, is_surfacing_or_floating
 from apad_bridge.mission.sources import BeliefSource
-from apad_bridge.scenario.schema import Mission
+from apad_bridge.scenario.mission_options import Mission
 from apad_bridge.vehicle.commands import DEFAULT_MANOEUVRE, CloseDock, GoTo, Manoeuvre, OpenDock
 from apad_bridge.vehicle.outcomes import NothingCaught, PrimitiveEnded, PrimitiveFailed, PrimitiveSucceeded
 from firmware_model.packets import Kind

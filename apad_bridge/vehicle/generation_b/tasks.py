@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from apad_bridge.scenario.lab_interface.lab_messages import DockReport
-from apad_bridge.scenario.schema import Docking, DockingProfile
+from apad_bridge.scenario.mission_options import Docking, DockingProfile
 from apad_bridge.vehicle.commands import (
     Arrived,
     CloseDock,

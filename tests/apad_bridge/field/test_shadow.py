@@ -30,7 +30,8 @@ from apad_bridge.field.shadow import ELSEWHERE, WAIT, Shadow, TheirMove
 from apad_bridge.planning.solution import StepKind
 from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.loader import load, with_overrides, write_resolved
-from apad_bridge.scenario.schema import Places, Scenario
+from apad_bridge.scenario.mission_options import Places
+from apad_bridge.scenario.schema import Scenario
 from firmware_model.packets import StatusPacket
 from firmware_model.packets.codec import load_codec
 from firmware_model.states import State

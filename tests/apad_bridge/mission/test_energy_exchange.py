@@ -30,8 +30,9 @@ from apad_bridge.planning import registry
 from apad_bridge.planning.solution import Solution, Step, StepKind
 from apad_bridge.planning.strategy import CollectionStrategy
 from apad_bridge.scenario.loader import load
-from apad_bridge.scenario.schema import Dispatch, DockedAtHome, Home, Places, Suspects, Unavailable
-from apad_bridge.scenario.schema import Mission as MissionConfig
+from apad_bridge.scenario.mission_options import Dispatch, Places, Suspects
+from apad_bridge.scenario.mission_options import Mission as MissionConfig
+from apad_bridge.scenario.schema import DockedAtHome, Home, Unavailable
 from apad_bridge.vehicle.commands import CloseDock, GoTo, Hold, OpenDock, Primitive
 from apad_bridge.vehicle.outcomes import (
     DockChanged,

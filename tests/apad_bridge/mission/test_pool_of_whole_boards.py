@@ -15,7 +15,7 @@ from apad_bridge.mission.charging_watch import ChargingWatch
 from apad_bridge.mission.pool import ChargingPool, situation_of
 from apad_bridge.mission.sink_reminders import SinkReminders
 from apad_bridge.scenario.loader import load
-from apad_bridge.scenario.schema import Dispatch, FullWhen, Mission, Suspects
+from apad_bridge.scenario.mission_options import Dispatch, FullWhen, Mission, Suspects
 from firmware_model.packets import Reported
 from firmware_model.states import TABLE, State, Trigger
 

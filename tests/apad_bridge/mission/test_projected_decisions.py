@@ -21,7 +21,7 @@ from apad_bridge.planning.candidates import Candidate, Situation
 from apad_bridge.planning.projection import Projection
 from apad_bridge.planning.solution import StepKind
 from apad_bridge.scenario.loader import load
-from apad_bridge.scenario.schema import Dispatch, Mission, Places
+from apad_bridge.scenario.mission_options import Dispatch, Mission, Places
 from firmware_model.states import State
 
 POOL = load(POOL_FILE)

@@ -19,9 +19,9 @@ from scenario_files import POOL_FILE, SCENARIO_FILES, WHOLE_FILE
 from apad_bridge.scenario import text_file
 from apad_bridge.scenario.area.fence import fence_of
 from apad_bridge.scenario.area.local_frame import LocalFrame
-from apad_bridge.scenario.cross_checks import check_code, problems_with_real_vehicle, warnings
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.faults import Fault
+from apad_bridge.scenario.flight_readiness import check_code, problems_with_real_vehicle, warnings
 from apad_bridge.scenario.loader import from_data, load, resolve, with_overrides
 from apad_bridge.scenario.schema import RandomStart
 from apad_bridge.scenario.starts import starts_of

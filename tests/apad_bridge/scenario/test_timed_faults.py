@@ -10,8 +10,9 @@ import pytest
 import yaml
 from scenario_files import POOL_FILE
 
-from apad_bridge.scenario.cross_checks import contradictions, problems_with_real_vehicle
+from apad_bridge.scenario.cross_checks import contradictions
 from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.scenario.flight_readiness import problems_with_real_vehicle
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.timed_faults import (
     TABLE,

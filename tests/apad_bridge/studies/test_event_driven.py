@@ -26,7 +26,8 @@ from apad_bridge.mission.orders import Order
 from apad_bridge.mission.plans import StrategyFailed
 from apad_bridge.runs.in_memory import open_lockstep
 from apad_bridge.scenario.loader import from_data, load, resolve
-from apad_bridge.scenario.schema import Horizon, Scenario
+from apad_bridge.scenario.mission_options import Horizon
+from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.studies.cruising_apad import CruisingAPad
 from apad_bridge.studies.event_driven import (

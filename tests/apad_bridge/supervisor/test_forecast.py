@@ -19,7 +19,8 @@ from apad_bridge.planning.solution import Step, StepKind
 from apad_bridge.runs.parent_protocol import from_line, to_line
 from apad_bridge.runs.progress import FlightProgress
 from apad_bridge.runs.progress_status import RunStatus
-from apad_bridge.scenario.schema import Dispatch, Scenario
+from apad_bridge.scenario.mission_options import Dispatch
+from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.forecast import Forecast, Forecaster
 from firmware_model.states import State
 
