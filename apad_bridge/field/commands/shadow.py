@@ -23,7 +23,8 @@ from apad_bridge.scenario.errors import UserError
 if TYPE_CHECKING:
     from apad_bridge.field.field_log.log_facts import EventReport, LoggedFact
     from apad_bridge.field.field_log.reader import FactReader
-    from apad_bridge.field.shadow import ComparedDecision, Shadow, TheirMove
+    from apad_bridge.field.shadow.compared import ComparedDecision, TheirMove
+    from apad_bridge.field.shadow.shadow import Shadow
     from apad_bridge.scenario.schema import Scenario
 
 _WAIT_S = 0.2
@@ -62,7 +63,7 @@ def add_parser(commands: Any) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    from apad_bridge.field.shadow import Shadow
+    from apad_bridge.field.shadow.shadow import Shadow
     from apad_bridge.mission.plans import StrategyFailed
     from apad_bridge.scenario.flight_readiness import check_code
     from apad_bridge.scenario.loader import load, with_overrides

@@ -26,7 +26,8 @@ from apad_bridge.field.field_log.log_facts import (
     WorkBegan,
     WorkEnded,
 )
-from apad_bridge.field.shadow import ELSEWHERE, WAIT, Shadow, TheirMove
+from apad_bridge.field.shadow.compared import ELSEWHERE, WAIT, TheirMove
+from apad_bridge.field.shadow.shadow import Shadow
 from apad_bridge.planning.solution import StepKind
 from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.loader import load, with_overrides, write_resolved

@@ -7,14 +7,10 @@ else. Each later packet tells how far the estimate had gone wrong.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from math import dist, fsum, sqrt
+from math import dist
 
 from agents.time_scale import MissionMs
-from apad_bridge.assembly.flight_config import flight_config
-from apad_bridge.assembly.flight_parts import fleet_beliefs
-from apad_bridge.assembly.scenario_energy_model import energy_model
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.measurement import Docked, Released
 from apad_bridge.events.mission_events import MissionState
@@ -32,82 +28,28 @@ from apad_bridge.field.field_log.log_facts import (
     WorkBegan,
     WorkEnded,
 )
-from apad_bridge.mission.believed_dispatch import BelievedDispatch, fullest_first
-from apad_bridge.mission.charging_watch import ChargingWatch
+from apad_bridge.field.shadow.compared import (
+    ELSEWHERE,
+    Accuracy,
+    ComparedBelief,
+    ComparedDecision,
+    TheirMove,
+)
+from apad_bridge.field.shadow.our_choice import Moment, OurChoice
+from apad_bridge.field.shadow.shadow_beliefs import ShadowBeliefs
 from apad_bridge.mission.home_places import with_exchanged_homes, with_new_homes
-from apad_bridge.mission.plans import checked_plan
-from apad_bridge.mission.pool import ChargingPool, placeholder_belief, situation_of
-from apad_bridge.planning import registry
-from apad_bridge.planning.candidates import Situation
-from apad_bridge.planning.exchange_of_places import tour
-from apad_bridge.planning.solution import Step, StepKind
-from apad_bridge.scenario.firmware_config import codec_of
-from apad_bridge.scenario.mission_options import Dispatch, Places
+from apad_bridge.planning.registry import Trust
+from apad_bridge.planning.solution import StepKind
+from apad_bridge.scenario.mission_options import Places
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.scenario.surface import LegForecast, surface_of
-from firmware_model.packets import ShortStatus, StatusPacket
-from firmware_model.states import State
+from firmware_model.packets import StatusPacket
 
-_TOPIC_PERIOD_MS = 1000
-"""An aMussel's own topics come at 10 Hz: as its packets would, they count once a second."""
-_FRESH_S = 1.0
-"""A supervisor's belief no older than this is what a packet said."""
 _SETTLED_MS = 500
 """Half a tick after their order all is heard that they knew: ROS keeps no order between topics."""
 _SAME_MS = 2000
 """The vehicle and a supervisor tell of one go-to within this time."""
 _JOINED_MS = 10_000
 """So long after the first fact, the vehicle may report a dock that was filled before: subscribing takes time."""
-_ESTIMATED_S = 10.0
-"""A belief that is older than this is an estimate, and not the last report."""
-WAIT = "wait"
-ELSEWHERE = "elsewhere"
-
-
-@dataclass(frozen=True, slots=True)
-class TheirMove:
-    """`kind` is collect, deploy, wait, or elsewhere for a go-to without an aMussel; `agent_id` is None for the last two."""
-
-    kind: str
-    agent_id: int | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class ComparedBelief:
-    """Our belief of one aMussel. The errors, believed minus told, are by the first packet after it, None before one."""
-
-    age_s: float
-    charge: float
-    place_m: Place
-    charge_error: float | None = None
-    place_error_m: float | None = None
-    told_after_s: float | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class ComparedDecision:
-    """A decision of theirs, beside ours at the same time. Times are seconds since the first fact."""
-
-    at_s: float
-    theirs: TheirMove
-    ours: TheirMove
-    estimate: ComparedBelief | None
-    """Our estimate of the aMussel that they chose."""
-
-    @property
-    def agrees(self) -> bool:
-        return self.theirs == self.ours
-
-
-@dataclass(frozen=True, slots=True)
-class Accuracy:
-    """The errors of estimates older than 10 s against the packet that ended the silence."""
-
-    packets: int
-    charge_rms: float | None
-    place_rms_m: float | None
-    inside: float | None
-    """The share of charges within our interval of 95 %; None for an estimator that gives none."""
 
 
 @dataclass(slots=True)
@@ -127,26 +69,15 @@ class _Pending:
 class Shadow:
     """`take` returns the decisions that a fact completes, and `end` the last ones. Facts come in the order heard."""
 
-    def __init__(self, scenario: Scenario, trust: registry.Trust | None = None) -> None:
+    def __init__(self, scenario: Scenario, trust: Trust | None = None) -> None:
         """ScenarioError, or ValueError, for a scenario whose board or strategy cannot be loaded.
 
         A strategy in a file is executed with `trust` alone.
         """
-        mission = scenario.mission
-        config = flight_config(scenario)
         self.decisions: list[ComparedDecision] = []
-        self._mission = mission
-        self._scale = scenario.time_scale
-        self._codec = codec_of(scenario)
-        self._beliefs = fleet_beliefs(config)
-        self._ids = frozenset(config.ids)
-        self._collection = registry.collection(mission.collection, mission.costs, trust)
-        self._redeployment = registry.redeployment(mission.redeployment, trust)
-        self._model = energy_model(scenario)
-        self._legs = LegForecast(scenario.apad, surface_of(scenario))
-        self._pool = ChargingPool(mission, self._beliefs)
-        self._charging = ChargingWatch(mission)
-        self._exchanges_places = mission.places is Places.EXCHANGED
+        self._mission = scenario.mission
+        self._beliefs = ShadowBeliefs(scenario)
+        self._choice = OurChoice(scenario, self._beliefs.fleet, trust)
         self._state = MissionState(dock_count=scenario.apad.docks)
         self._place_m: Place | None = None
         self._pose_witness = Witness.SUPERVISOR
@@ -160,19 +91,11 @@ class Shadow:
         self._begin_s: float | None = None
         self._now_ms = MissionMs(0)
         self._pending: _Pending | None = None
-        self._plan: tuple[Step, ...] = ()
-        """The rest of our plan, as long as they follow it."""
         self._last: TheirMove | None = None
         """Their last decision."""
         self._collects = False
         """Their last decision was to collect: the batch is under way."""
         self._works: dict[str, WorkBegan] = {}
-        self._sends: set[int] = set()
-        """aMussels whose packets are heard: their topics, and others' beliefs of them, say nothing more."""
-        self._believed: set[int] = set()
-        """aMussels of which a supervisor tells its beliefs, and so their states, which their topics lack."""
-        self._topics: dict[int, tuple[Place | None, float | None, int]] = {}
-        self._errors: list[tuple[float, float, bool | None]] = []
 
     def take(self, fact: LoggedFact) -> list[ComparedDecision]:
         if self._begin_s is None:
@@ -183,7 +106,7 @@ class Shadow:
             if self._pending is not None and now_ms > self._pending.at_ms + _SETTLED_MS:
                 self._choose()
             self._now_ms = now_ms
-            self._beliefs.advance(now_ms)
+            self._beliefs.fleet.advance(now_ms)
         self._learn(fact)
         return self.decisions[done:]
 
@@ -196,14 +119,7 @@ class Shadow:
 
     @property
     def accuracy(self) -> Accuracy:
-        count = len(self._errors)
-        known = [inside for _, _, inside in self._errors if inside is not None]
-        return Accuracy(
-            count,
-            sqrt(fsum(charge**2 for charge, _, _ in self._errors) / count) if count else None,
-            sqrt(fsum(place_m**2 for _, place_m, _ in self._errors) / count) if count else None,
-            sum(known) / len(known) if known else None,
-        )
+        return self._beliefs.accuracy
 
     def _learn(self, fact: LoggedFact) -> None:
         match fact:
@@ -213,18 +129,13 @@ class Shadow:
                 if witness is Witness.VEHICLE or self._pose_witness is Witness.SUPERVISOR:
                     self._pose_witness, self._place_m = witness, place_m
             case PacketLogged(_, agent_id, _, data):
-                self._sends.add(agent_id)
-                packet = self._codec.decode(data)
-                if isinstance(packet, ShortStatus):
-                    self._beliefs.hear_short(packet, self._now_ms)
-                elif isinstance(packet, StatusPacket):
-                    self._hear(packet)
+                self._heard(self._beliefs.packet(agent_id, data, self._now_ms))
             case AmusselPlaced(_, agent_id, place_m):
-                self._of_topics(agent_id, place_m, None)
+                self._topics(agent_id, place_m, None)
             case AmusselCharged(_, agent_id, charge):
-                self._of_topics(agent_id, None, charge)
+                self._topics(agent_id, None, charge)
             case BeliefsReport():
-                self._of_others(fact)
+                self._heard(self._beliefs.of_others(fact, self._now_ms))
             case Held(_, witness, agent_id, is_held):
                 if witness is Witness.SUPERVISOR or self._supervised_ms is None:
                     self._held(
@@ -237,22 +148,15 @@ class Shadow:
             case _:
                 pass
 
-    # What we believe.
+    def _topics(self, agent_id: int, place_m: Place | None, charge: float | None) -> None:
+        is_docked = agent_id in self._docked
+        self._heard(self._beliefs.topics(agent_id, place_m, charge, is_docked=is_docked, now_ms=self._now_ms))
 
-    def _hear(self, packet: StatusPacket) -> None:
-        agent_id = packet.agent_id
-        before = self._beliefs.get(agent_id) if agent_id in self._ids else None
-        if self._beliefs.hear(packet, self._now_ms) is not None:
-            return
-        self._state = replace(self._state, homes=with_new_homes(self._state.homes, self._beliefs.all()))
-        if before is None:
-            return
-        place_error_m = dist((before.north_m, before.east_m), (packet.north_m, packet.east_m))
-        if before.age_s(self._now_ms) >= _ESTIMATED_S:
-            low, high = before.charge_interval() if before.is_predicted else (0.0, 0.0)
-            inside = low <= packet.primary <= high if before.is_predicted else None
-            self._errors.append((before.primary - packet.primary, place_error_m, inside))
-        self._record_error(packet)
+    def _heard(self, believed: list[StatusPacket]) -> None:
+        for packet in believed:
+            homes = with_new_homes(self._state.homes, self._beliefs.fleet.all())
+            self._state = replace(self._state, homes=homes)
+            self._record_error(packet)
 
     def _record_error(self, packet: StatusPacket) -> None:
         """Completes the estimates of the aMussel's decisions, which this packet is the first to check."""
@@ -268,36 +172,6 @@ class Shadow:
                 told_after_s=after_s,
             )
             self.decisions[n] = replace(it, estimate=told)
-
-    def _of_topics(self, agent_id: int, place_m: Place | None, charge: float | None) -> None:
-        """Their topics carry no state: such an aMussel is taken to float, and to charge while a dock holds it."""
-        if agent_id in self._sends or agent_id in self._believed or agent_id not in self._ids:
-            return
-        place_before, charge_before, told_ms = self._topics.get(agent_id, (None, None, -_TOPIC_PERIOD_MS))
-        place_m, charge = place_m or place_before, charge_before if charge is None else charge
-        is_due = place_m is not None and charge is not None and self._now_ms >= told_ms + _TOPIC_PERIOD_MS
-        self._topics[agent_id] = place_m, charge, self._now_ms if is_due else told_ms
-        if is_due and place_m is not None and charge is not None:
-            state = State.CHARGING if agent_id in self._docked else State.FLOATING
-            stamp_ms = self._scale.agent_ms(self._now_ms)
-            self._hear(
-                StatusPacket(agent_id, 0, state, charge, 1.0, *place_m, depth_m=0.0, agent_ms=stamp_ms)
-            )
-
-    def _of_others(self, told: BeliefsReport) -> None:
-        """A supervisor's fresh belief is what the packet said; nothing else of it counts here."""
-        for row in told.rows:
-            self._believed.add(row.id)
-            if row.id in self._sends or row.age_s > _FRESH_S:
-                continue
-            stamp_ms = round(self._scale.agent_time(told.mission_ms - 1000 * float(row.age_s)))
-            charge, secondary = (min(1.0, max(0.0, float(it))) for it in (row.charge, row.secondary))
-            place_m = row.north, row.east
-            self._hear(
-                StatusPacket(
-                    row.id, 0, State(row.state), charge, secondary, *place_m, depth_m=0.0, agent_ms=stamp_ms
-                )
-            )
 
     # What they do.
 
@@ -316,11 +190,11 @@ class Shadow:
     def _held(self, agent_id: int, *, is_held: bool, was_held: bool) -> None:
         """`was_held`: the dock is full, and was so before; what we would have done with an empty one does not count."""
         docked = self._docked
-        if is_held == (agent_id in docked) or agent_id not in self._ids:
+        if is_held == (agent_id in docked) or agent_id not in self._beliefs.ids:
             return
         move = TheirMove(StepKind.COLLECT if is_held else StepKind.DEPLOY, agent_id)
         if was_held:
-            self._plan = ()
+            self._choice.forget()
             if self._pending is not None:
                 self._pending.ours = None
         else:
@@ -329,18 +203,18 @@ class Shadow:
             if self._pending is not None and self._pending.theirs is not None:
                 self._choose()  # as the docks were before
         self._ordered.add(agent_id)
-        self._charging.restart(agent_id)
+        self._choice.charging.restart(agent_id)
         if is_held:
             if not (free := set(range(self._state.dock_count)) - set(docked.values())):
                 return
             docked[agent_id] = min(free)
-            self._beliefs.learn(agent_id, Docked(), self._now_ms)
-            self._charging.begin(docked, self._now_ms)
+            self._beliefs.fleet.learn(agent_id, Docked(), self._now_ms)
+            self._choice.charging.begin(docked, self._now_ms)
         else:
             del docked[agent_id]
             if self._place_m is not None:
-                self._beliefs.learn(agent_id, Released(*self._place_m), self._now_ms)
-                if self._exchanges_places:
+                self._beliefs.fleet.learn(agent_id, Released(*self._place_m), self._now_ms)
+                if self._mission.places is Places.EXCHANGED:
                     self._take_place(agent_id, self._place_m)
             released = dict(self._state.released) | {agent_id: self._now_ms}
             self._state = replace(self._state, released=tuple(sorted(released.items())))
@@ -393,72 +267,11 @@ class Shadow:
         if (pending := self._pending) is None:
             return
         if pending.ours is None:
-            pending.ours = self._our_move()
-            pending.beliefs = {it.agent_id: it for it in self._beliefs.all()}
+            pending.ours = self._choice.move(Moment(self._now_ms, self._state, self._place_m, self._collects))
+            pending.beliefs = {it.agent_id: it for it in self._beliefs.fleet.all()}
         if pending.theirs is not None:
             self._pending = None
             self._note(pending, pending.theirs, pending.ours)
-
-    def _our_move(self) -> TheirMove:
-        """The first step of our plan as long as they follow it; else of a plan that we make now."""
-        if not self._plan and self._place_m is not None:
-            self._plan = self._planned(self._place_m)
-        return TheirMove(WAIT) if not self._plan else TheirMove(self._plan[0].kind, self._plan[0].agent_id)
-
-    def _planned(self, place_m: Place) -> tuple[Step, ...]:
-        held, now_ms = self._docked, self._now_ms
-        docked = {agent_id: self._beliefs.get(agent_id) for agent_id in held}
-        candidates = self._pool.candidates(now_ms, served=self._state.served)
-        pool = [it for it in candidates if it.agent_id not in held]
-        free = self._state.dock_count - len(held)
-        due = BelievedDispatch(
-            self._mission, self._charging, docked, free, lambda: pool, self._pool.batch_of
-        ).due()
-        count = due.count
-        if due.released:
-            known = [docked[it] or placeholder_belief(it, place_m) for it in due.released]
-            if count:
-                return self._collection_steps(place_m, due.pool, count, fullest_first(known))
-            others = [it for it in self._beliefs.all() if it.agent_id not in due.released]
-            situation = self._situation(place_m, known, others)
-            return checked_plan(
-                self._mission.redeployment,
-                lambda: self._redeployment.plan(situation),
-                situation,
-                StepKind.DEPLOY,
-            ).steps
-        if held and self._collects and self._mission.dispatch is Dispatch.BATCH:
-            # Their batch is under way, and we have another opinion of its rest.
-            count = min(self._mission.batch - len(held), len(pool), free)
-        return self._collection_steps(place_m, pool, count) if count > 0 else ()
-
-    def _situation(
-        self,
-        place_m: Place,
-        beliefs: Iterable[Belief],
-        others: Iterable[Belief],
-        leaving: Iterable[Belief] = (),
-    ) -> Situation:
-        rules, now_ms = self._mission, self._now_ms
-        sea = self._legs.at(now_ms, rules.speed_m_s) if rules.costs.flow else None
-        return situation_of(
-            self._state, place_m, beliefs, now_ms, others, self._model, leaving=leaving, sea=sea
-        )
-
-    def _collection_steps(
-        self, place_m: Place, pool: Sequence[Belief], count: int, leaving: Sequence[Belief] = ()
-    ) -> tuple[Step, ...]:
-        """The steps of a collection of `count` of the pool; docked ones that are `leaving` exchange places with them."""
-        known = {it.agent_id for it in (*pool, *leaving)}
-        others = [it for it in self._beliefs.all() if it.agent_id not in known]
-        situation = self._situation(place_m, pool, others, leaving)
-        solution = checked_plan(
-            self._mission.collection,
-            lambda: self._collection.plan(situation, count),
-            situation,
-            StepKind.COLLECT,
-        )
-        return tour(solution, situation).steps
 
     def _resolve_by_place(self) -> None:
         """A go-to that came to no docking: whom they went to is told by the place alone."""
@@ -504,6 +317,6 @@ class Shadow:
             place_m = belief.north_m, belief.east_m
             estimate = ComparedBelief(belief.age_s(pending.at_ms), belief.primary, place_m)
         self.decisions.append(ComparedDecision(pending.at_ms / 1000, theirs, ours, estimate))
-        self._plan = self._plan[1:] if theirs == ours else ()
+        self._choice.compare(theirs, ours)
         if theirs.kind != ELSEWHERE:
             self._collects = theirs.kind == StepKind.COLLECT
