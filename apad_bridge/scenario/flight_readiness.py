@@ -1,4 +1,4 @@
-"""What a scenario without contradictions needs for a flight: code that loads, what a real aPad needs, and no doubts."""
+"""The needs of a flight beyond a scenario without contradictions: code that loads, a real aPad's keys, and no doubts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a shadow tells: each decision of theirs beside ours, and the accuracy of our estimates."""
+"""A shadow's findings: each decision of theirs beside ours, and the accuracy of our estimates."""
 
 from __future__ import annotations
 

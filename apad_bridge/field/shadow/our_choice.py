@@ -27,7 +27,7 @@ from apad_bridge.scenario.surface import LegForecast, surface_of
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """What is known of their mission when they decide."""
+    """Our knowledge of their mission when they decide."""
 
     now_ms: MissionMs
     state: MissionState
