@@ -11,7 +11,7 @@ from bisect import bisect_right
 from collections import deque
 from itertools import pairwise
 from operator import mul, sub
-from statistics import fmean, pstdev
+from statistics import fmean, stdev
 
 from apad_bridge.vehicle.guards.guarded_orders import Point
 
@@ -19,13 +19,16 @@ SPAN_MS = 20_000
 MOST = 60
 """Positions are kept for so long, and no more of them than so many: at 10 Hz, of 6 s."""
 LEAST_COUNT = 20
-LEAST_CLUSTER = 5
+LEAST_CLUSTER = 6
 """Fewer positions of noise alone make two clusters by chance."""
 LEAST_CHANGES = 3
 """One jump changes the place once, and a vehicle that turns comes back once."""
 LEAST_M = 1.0
-WIDTHS = 6.0
-"""Two clusters lie so many of their deviations apart. Noise cut in two has 2.7, the motion of waves 4.1."""
+WIDTHS = 6.5
+"""Two clusters lie so many of their deviations apart. Noise cut in two has 2.7, the motion of waves 4.1.
+
+Of 20 positions, at 1 Hz, noise comes to 6 once in half a day, and to 6.5 once in three weeks.
+"""
 Position = tuple[int, Point]
 """A time (ms) and a place (m)."""
 
@@ -58,7 +61,7 @@ def apart_m(positions: list[Position]) -> float:
     if min(len(low), len(high)) < LEAST_CLUSTER or (distance_m := fmean(high) - fmean(low)) < LEAST_M:
         return 0.0
     changes = sum((one > cut) != (other > cut) for one, other in pairwise(along))
-    is_apart = changes >= LEAST_CHANGES and distance_m > WIDTHS * max(pstdev(low), pstdev(high))
+    is_apart = changes >= LEAST_CHANGES and distance_m > WIDTHS * max(stdev(low), stdev(high))
     return distance_m if is_apart else 0.0
 
 

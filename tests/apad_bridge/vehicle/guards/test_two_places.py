@@ -61,3 +61,14 @@ ONE_PLACE = {
 @given(seed=st.integers(0, 2**32), noise_m=st.sampled_from([0.0, 0.05, 0.5, 1.0]))
 def test_one_place_is_not_taken_for_two(motion: str, seed: int, noise_m: float) -> None:
     assert not any(apart_m(20.0, ONE_PLACE[motion], noise_m, seed))
+
+
+@pytest.mark.parametrize("seed", [5, 1001, 1325])
+def test_noise_at_1_hz_is_not_taken_for_two(seed: int) -> None:
+    """Seeds whose 20 positions of 0.5 m, in waves of 0.3 m, come to six deviations within the time."""
+    rng, found = random.Random(seed), TwoPlaces()
+    places = [
+        (0.5 * s + rng.gauss(0, 0.5) + 0.3 * math.sin(math.tau * s / 6), rng.gauss(0, 0.5))
+        for s in range(200)
+    ]
+    assert not any(found.take(1000 * s, place_m) for s, place_m in enumerate(places))
