@@ -14,10 +14,10 @@ from agents.time_scale import TICK_MS, TimeScale
 from agents.water.fields import WaterFields
 from agents.water.packet_draws import fates
 from agents.water.patches import CALM, QuantityWater
-from agents.water.stream import STILL_CURRENT, CurrentConfig
+from agents.water.water_current import STILL_CURRENT, CurrentConfig
 from firmware_model.actions import Buoyancy
 from firmware_model.config import BoardConfig, timeslots_of
-from firmware_model.digest import blake2b
+from firmware_model.keyed_hash import blake2b
 from firmware_model.power.ageing import AS_NEW, rescaled
 from firmware_model.power.charge import Battery, ChargeModel, Flow, grains
 from firmware_model.sampling.flash import PAGES
@@ -115,7 +115,7 @@ class AgentConfigs:
             fleet.seed,
             fleet.time_scale.agent_span(TICK_MS),
             fleet.body,
-            fleet.current.stream(),
+            fleet.current.water_current(),
             WaterFields.by_key({key: waters.field() for key, waters in fleet.waters.items()}),
         )
 

@@ -11,7 +11,7 @@ from typing import Any, get_args, get_origin, get_type_hints
 
 import msgpack
 
-from firmware_model.digest import blake2b
+from firmware_model.keyed_hash import blake2b
 
 FORM_BYTES = 8
 

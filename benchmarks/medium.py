@@ -18,7 +18,7 @@ from agents.water.sound import Sound
 from apad_bridge.runs.in_memory import fly_in_memory
 from apad_bridge.scenario.loader import from_data, load, resolve
 from benchmarks.rows import told
-from firmware_model.digest import blake2b
+from firmware_model.keyed_hash import blake2b
 
 SCENARIO = Path(__file__).parents[1] / "launch_scripts" / "scenarios" / "sound-12.yaml"
 HOURS = 20

@@ -13,7 +13,7 @@ from dataclasses import replace
 from agents.modem.facts import ModemAction, ModemStimulus
 from agents.modem.modem import Modem
 from agents.modem.modem_model import ModemConfig
-from firmware_model.digest import blake2b
+from firmware_model.keyed_hash import blake2b
 
 NodeAction = tuple[int, ModemAction]
 """A node, and an action of its modem."""

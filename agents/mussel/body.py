@@ -7,9 +7,9 @@ from struct import Struct
 
 from agents.mussel.physical import Physical
 from agents.water.fields import WaterFields
-from agents.water.stream import Stream
+from agents.water.water_current import WaterCurrent
 from firmware_model.actions import Buoyancy
-from firmware_model.digest import blake2b
+from firmware_model.keyed_hash import blake2b
 from firmware_model.sinking import Sinking
 
 _KEY = Struct("<QQQ").pack
@@ -86,7 +86,7 @@ class WaterConfig:
     seed: int
     step_ms: int
     body: BodyConfig
-    current: Stream
+    current: WaterCurrent
     fields: WaterFields
     """The water around the sensors."""
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from struct import Struct
 from typing import Protocol
 
-from firmware_model.digest import blake2b
+from firmware_model.keyed_hash import blake2b
 from firmware_model.sampling.sensors import SENSORS, Values
 
 SURFACE_MBAR = 1013.25

@@ -11,7 +11,7 @@ from __future__ import annotations
 from math import cos, log, pi, sqrt
 from struct import Struct
 
-from firmware_model.digest import blake2b
+from firmware_model.keyed_hash import blake2b
 
 _KEY = Struct("<Qqqq").pack
 _WORDS = Struct("<QQQQ").unpack

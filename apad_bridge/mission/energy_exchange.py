@@ -16,7 +16,6 @@ from apad_bridge.events.mission_events import MissionEnd, MissionState, Phase, S
 from apad_bridge.events.person_events import Steering
 from apad_bridge.events.run_events import EndReason
 from apad_bridge.mission.believed_dispatch import Docked, Due
-from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.mission.collecting import ANOTHER_BOARD, Collecting
 from apad_bridge.mission.docking.docking_routine import DockingRoutine, Progress
 from apad_bridge.mission.docking.docking_search import NOT_FOUND
@@ -24,12 +23,13 @@ from apad_bridge.mission.going_home import NO_HOME, GoingHome, HomeStays
 from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.orders import MissionAction, SendCommand
 from apad_bridge.mission.phase_behaviour import PhaseAct, PhaseBehaviour
+from apad_bridge.mission.plan_checks import Planning, StrategyFailed, untold
 from apad_bridge.mission.planner import Planner, PlanRules
-from apad_bridge.mission.plans import Planning, StrategyFailed, untold
 from apad_bridge.mission.pool import floats
 from apad_bridge.mission.reach import Reach
 from apad_bridge.mission.sink_reminders import SinkReminders
 from apad_bridge.mission.sources import BeliefSource
+from apad_bridge.mission.stand_down_rule import Breakdown
 from apad_bridge.planning.solution import StepKind
 from apad_bridge.scenario.surface import LegForecast
 from apad_bridge.vehicle.outcomes import DockChanged, Outcome, PrimitiveFailed, PrimitiveSucceeded

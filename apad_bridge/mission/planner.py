@@ -17,9 +17,10 @@ from apad_bridge.mission.docking.docking_tries import ServiceTries
 from apad_bridge.mission.end_by import KnownEnd
 from apad_bridge.mission.home_places import HomePlaces
 from apad_bridge.mission.order_book import OrderBook
-from apad_bridge.mission.plans import Planning, checked_plan, is_refused, plan_event, untold
-from apad_bridge.mission.pool import ChargingPool, placeholder_belief, situation_of
+from apad_bridge.mission.plan_checks import Planning, checked_plan, is_refused, plan_event, untold
+from apad_bridge.mission.pool import ChargingPool
 from apad_bridge.mission.reach import Reach
+from apad_bridge.mission.situation import placeholder_belief, situation_of
 from apad_bridge.mission.sources import BeliefSource
 from apad_bridge.planning.candidates import Situation
 from apad_bridge.planning.energy_model import EnergyModel

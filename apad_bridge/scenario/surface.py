@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from agents.water.stream import CurrentConfig, Stream, TideConstituent
+from agents.water.water_current import CurrentConfig, TideConstituent, WaterCurrent
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.schema import APad, Scenario
 from apad_bridge.scenario.water.currents import current_text, steady_text
@@ -44,7 +44,7 @@ class SurfaceFlow:
 class Surface:
     """The flow at the surface, in mission time."""
 
-    def __init__(self, stream: Stream, wind_m_s: Vector | None = None, leeway: float = 0.0) -> None:
+    def __init__(self, stream: WaterCurrent, wind_m_s: Vector | None = None, leeway: float = 0.0) -> None:
         """`leeway` is the share of the wind with which an aMussel at the surface goes."""
         self._stream = stream
         self._wind_m_s = wind_m_s
@@ -94,7 +94,7 @@ def _field_text(scenario: Scenario, current: Current) -> str | None:
 
 def surface_of(scenario: Scenario) -> Surface | None:
     """Builds the flow that pushes the scenario's aPad; None in calm water without wind. Raises as `current_config`."""
-    stream = current_config(scenario).stream()
+    stream = current_config(scenario).water_current()
     wind = None if scenario.water is None else scenario.water.wind
     if wind is None or not (wind.north_m_s or wind.east_m_s):
         return None if stream.is_still else Surface(stream)

@@ -18,7 +18,6 @@ from apad_bridge.events.person_events import Steering
 from apad_bridge.events.run_events import EndReason
 from apad_bridge.events.sound_events import SamplesGone
 from apad_bridge.events.vehicle_events import DocksDisagree
-from apad_bridge.mission.breakdown import StandDownRule
 from apad_bridge.mission.docking.dock_witnesses import ON_BOTTOM
 from apad_bridge.mission.facts import (
     AMusselHeard,
@@ -39,6 +38,7 @@ from apad_bridge.mission.orders import (
     VehicleOrder,
 )
 from apad_bridge.mission.sources import Allocation
+from apad_bridge.mission.stand_down_rule import StandDownRule
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.forecast import Forecast, Forecaster
 from apad_bridge.supervisor.sample_collection import NoSampleCollection, SampleCollection

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from struct import Struct
 
-from firmware_model.digest import blake2b
+from firmware_model.keyed_hash import blake2b
 from firmware_model.power.charge import FULL
 
 _KEY = Struct("<QQB").pack

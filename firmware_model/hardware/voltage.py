@@ -11,7 +11,7 @@ import math
 from struct import Struct
 
 from firmware_model.config import Metering
-from firmware_model.digest import blake2b
+from firmware_model.keyed_hash import blake2b
 from firmware_model.power.charge import FULL, Battery, ChargeModel, Flow
 
 _KEY = Struct("<QQQ").pack

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from agents.fleet_config import FleetConfig, Spread, deviations_of, drift_of
 from agents.link_codec import LinkCodec
 from agents.water.patches import CALM, QuantityWater, WaterPatch
-from agents.water.stream import CurrentConfig, TideConstituent
+from agents.water.water_current import CurrentConfig, TideConstituent
 from firmware_model.config import FullFirmware, LastResort
 from firmware_model.power.charge import FULL
 from firmware_model.power.rails import Rail, bits

@@ -44,7 +44,7 @@ from apad_bridge.vehicle.generation_a.messages import (
 )
 from apad_bridge.vehicle.generation_a.stack import STACK
 from apad_bridge.vehicle.guards.gate import Gate
-from apad_bridge.vehicle.sending_road import Rank
+from apad_bridge.vehicle.order_queue import Rank
 from apad_bridge.vehicle.stack_messages import UNSTAMPED
 from apad_bridge.vehicle.telemetry import ReachCheck
 from apad_bridge.vehicle.vehicle_link import Cleared, LinkFact

@@ -1,7 +1,7 @@
-"""Sends an aPad's orders by the one road (`vehicle/sending_road.py`), from one thread that owns all their connections.
+"""Sends an aPad's orders by the one queue (`vehicle/order_queue.py`), from one thread that owns all their connections.
 
 A link puts its orders into a queue and goes on. The thread writes to services, and publishes on topics, in the order that
-the road says, and reads the answers. It never waits for one connection: what may take seconds, as a look-up at the master,
+the queue says, and reads the answers. It never waits for one connection: what may take seconds, as a look-up at the master,
 happens in a thread that sends no order.
 """
 
@@ -32,17 +32,17 @@ from apad_bridge.ros.links.service_calls import (
 )
 from apad_bridge.ros.system.lost_links import outlive_gaps
 from apad_bridge.ros.system.master_watch import name_again
-from apad_bridge.vehicle.sending_road import (
+from apad_bridge.vehicle.order_queue import (
     CUT,
     STOP_PATIENCE_MS,
     TOO_LATE,
     CutLine,
     Ended,
     OpenLine,
+    OrderQueue,
     Outgoing,
+    QueueAction,
     Rank,
-    RoadAction,
-    SendingRoad,
     Write,
 )
 from apad_bridge.vehicle.vehicle_link import Cleared
@@ -115,7 +115,7 @@ class OrderSender:
     """`lets_go` is the gate's last word about an order, asked directly before the order leaves."""
 
     def __init__(self, lets_go: Callable[[Cleared[Any]], bool]) -> None:
-        self._road = SendingRoad(lets_go)
+        self._queue = OrderQueue(lets_go)
         self._services: dict[str, _ServiceLine] = {}
         self._topics: dict[str, TopicLine] = {}
         self._came: SimpleQueue[_Order | _Opened] = SimpleQueue()
@@ -144,7 +144,7 @@ class OrderSender:
     def add_service(self, line: str, service: str, kind: Any) -> None:
         """A line to a service, before `begin`. Two lines may lead to one service."""
         self._services[line] = _ServiceLine(ServiceAddress(service, kind))
-        self._road.add_line(line)
+        self._queue.add_line(line)
 
     def add_topic(
         self, line: str, topic: str, kind: Any, obeyer: Callable[[], str] = str, *, may_be_late: bool = False
@@ -161,7 +161,7 @@ class OrderSender:
 
         added = self._topics[line] = TopicLine(obeyer)  # a reader may be there before the publisher is
         added.publisher = never_blocking_publisher(topic, kind, Stalls(), prepare)
-        self._road.add_line(line, answers=False)
+        self._queue.add_line(line, answers=False)
         return added
 
     def begin(self) -> None:
@@ -213,7 +213,7 @@ class OrderSender:
             self._report_open()
             self._call_readers_back()
             self._look_for_acknowledgements()
-            due_ms = self._road.next_due_ms()
+            due_ms = self._queue.next_due_ms()
             longest_s = ACKNOWLEDGED_S if self._unacknowledged else 1.0
             wait_s = longest_s if due_ms is None else min(longest_s, max(0.0, (due_ms - _now_ms()) / 1000))
             if self._came.empty():
@@ -229,13 +229,13 @@ class OrderSender:
                 item = self._came.get_nowait()
                 if isinstance(item, _Order):
                     self._orders[item.outgoing] = item
-                    self._road.put(item.outgoing, _now_ms())
+                    self._queue.put(item.outgoing, _now_ms())
                     self._advance()
                 else:
                     self._take_connection(item)
 
     def _advance(self) -> None:
-        for action in self._road.advance(_now_ms()):
+        for action in self._queue.advance(_now_ms()):
             self._act(action)
 
     def _take_connection(self, opened: _Opened) -> None:
@@ -244,15 +244,15 @@ class OrderSender:
             with self._changed:
                 self._whys[opened.line] = opened.result
                 self._changed.notify_all()
-            self._road.not_opened(opened.line, f"{line.address.name}: {opened.result}", _now_ms())
+            self._queue.not_opened(opened.line, f"{line.address.name}: {opened.result}", _now_ms())
             return
         line.socket, line.answers = opened.result, Answers(line.address.kind)
         line.socket.setblocking(False)
         self._selector.register(line.socket, selectors.EVENT_READ, opened.line)
         self._whys.pop(opened.line, None)
-        self._road.opened(opened.line)
+        self._queue.opened(opened.line)
 
-    def _act(self, action: RoadAction) -> None:
+    def _act(self, action: QueueAction) -> None:
         match action:
             case OpenLine(name):
                 address = self._services[name].address
@@ -302,7 +302,7 @@ class OrderSender:
             topic.publisher.publish(message)
             return
         sock = self._services[outgoing.line].socket
-        assert sock is not None, "the road writes to open lines"
+        assert sock is not None, "the queue writes to open lines"
         data = request_bytes(message)
         try:
             is_whole = sock.send(data) == len(data)
@@ -310,7 +310,7 @@ class OrderSender:
             is_whole = False
         if not is_whole:  # a free line has an empty buffer, so it has ended
             self._drop(outgoing.line)
-            self._road.ended(outgoing.line, _now_ms())
+            self._queue.ended(outgoing.line, _now_ms())
 
     def _cut_topic(self, publisher: Any) -> None:
         """Ends the connections that still hold bytes of an order; their readers are called back."""
@@ -362,13 +362,13 @@ class OrderSender:
             data, answers = b"", []
         if not data:
             self._drop(name)
-            self._road.ended(name, _now_ms())
+            self._queue.ended(name, _now_ms())
         for response, error in answers:
             self._responses[name] = response
-            self._road.answered(name, error)
+            self._queue.answered(name, error)
 
     def _report_open(self) -> None:
-        is_open = frozenset(it for it in self._services if self._road.is_open(it))
+        is_open = frozenset(it for it in self._services if self._queue.is_open(it))
         if is_open != self._open:
             with self._changed:
                 self._open = is_open

@@ -24,8 +24,8 @@ from apad_bridge.assembly.division import Member
 from apad_bridge.assembly.fleet_parts import shared_sea
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.events.fleet_events import HandedOn, TookOn
-from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.mission.manual import CommandSource
+from apad_bridge.mission.stand_down_rule import Breakdown
 from apad_bridge.planning.registry import Trust
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs import flying

@@ -12,8 +12,8 @@ from pathlib import Path
 from agents.time_scale import MissionMs
 from apad_bridge.events.event import Event
 from apad_bridge.events.fleet_events import HandedOn, TookOn
-from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.mission.facts import StandDownRequested
+from apad_bridge.mission.stand_down_rule import Breakdown
 from apad_bridge.runs.parent_protocol import (
     ORDERS_FILE,
     APadView,

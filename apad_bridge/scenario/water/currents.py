@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from agents.water.stream import Stream, parse_stream
+from agents.water.water_current import WaterCurrent, parse_water_current
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.text_file import read_text
 
@@ -37,6 +37,6 @@ def steady_text(north_m_s: float, east_m_s: float) -> str:
     return f"north_m,east_m,north_m_s,east_m_s\n0,0,{north_m_s},{east_m_s}\n"
 
 
-def read_current(path: Path, frame: LocalFrame) -> Stream:
+def read_current(path: Path, frame: LocalFrame) -> WaterCurrent:
     """Raises OSError, or ValueError."""
-    return parse_stream(current_text(path, frame))
+    return parse_water_current(current_text(path, frame))

@@ -1,7 +1,7 @@
 """Resamples a field on the nodes of triangles to a grid of lines: linear on each triangle, in plain numpy.
 
-Agents know one form of a field, the grid of `agents.water.stream`. Its lines are closest at the area's origin, where a
-third of an edge lies between two. So the grid loses little there beside what the model's own mesh does not resolve.
+Agents know one form of a field, the grid of `agents.water.water_current`. Its lines are closest at the area's origin, where
+a third of an edge lies between two. So the grid loses little there beside what the model's own mesh does not resolve.
 """
 
 from __future__ import annotations

@@ -29,7 +29,7 @@ from apad_bridge.vehicle.generation_b.messages import (
     StatusReceived,
 )
 from apad_bridge.vehicle.guards.gate import Gate
-from apad_bridge.vehicle.sending_road import Rank
+from apad_bridge.vehicle.order_queue import Rank
 from apad_bridge.vehicle.stack_messages import UNSTAMPED
 from apad_bridge.vehicle.vehicle_link import Cleared, LinkFact
 from apad_bridge.world.contacts import FloatingPlaces

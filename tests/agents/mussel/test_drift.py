@@ -12,7 +12,7 @@ from agents.fleet_config import resting_on_bottom
 from agents.mussel.body import Body, BodyConfig, WaterConfig, drift_step_um
 from agents.water.fields import WaterFields
 from agents.water.patches import CALM
-from agents.water.stream import STILL
+from agents.water.water_current import STILL
 from firmware_model.actions import Buoyancy
 from firmware_model.sinking import Sinking
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from journals import facts_of
 from scenario_files import POOL_FILE
 
-from agents.water.stream import CurrentConfig
+from agents.water.water_current import CurrentConfig
 from apad_bridge.commands.fly.flight import with_end_by_in_seconds
 from apad_bridge.events.run_events import EndReason
 from apad_bridge.mission.end_by import MARGIN_S, EndBy
@@ -87,7 +87,7 @@ def test_the_way_home_against_a_known_current_begins_earlier(
     pool: Scenario, north_m_s: float, made_good_m_s: float
 ) -> None:
     """The aPad makes 1 m/s through the water, of which the current leaves 0.2 to the north."""
-    legs = LegForecast(pool.apad, Surface(CurrentConfig(steady_text(north_m_s, 0.0)).stream()))
+    legs = LegForecast(pool.apad, Surface(CurrentConfig(steady_text(north_m_s, 0.0)).water_current()))
     end_by = EndBy(10_000.0, (60.0, 0.0), 0.5, 60.0, 60.0, legs)
     turns_ms = 1000 * (10_000 - MARGIN_S - 60 / (0.8 * made_good_m_s))
     assert end_by.must_return(math.ceil(turns_ms) + 1, (0.0, 0.0), [])

@@ -12,8 +12,9 @@ from apad_bridge.beliefs.belief import Belief, Suspicion
 from apad_bridge.events.mission_events import MissionState
 from apad_bridge.mission.believed_dispatch import BelievedDispatch
 from apad_bridge.mission.charging_watch import ChargingWatch
-from apad_bridge.mission.pool import ChargingPool, situation_of
+from apad_bridge.mission.pool import ChargingPool
 from apad_bridge.mission.sink_reminders import SinkReminders
+from apad_bridge.mission.situation import situation_of
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.mission_options import Dispatch, FullWhen, Mission, Suspects
 from firmware_model.packets import Reported

@@ -19,7 +19,7 @@ from scipy.interpolate import LinearNDInterpolator
 from scipy.spatial import Delaunay
 
 from agents.mussel.body import Body
-from agents.water.stream import Stream, parse_stream
+from agents.water.water_current import WaterCurrent, parse_water_current
 from apad_bridge.assembly import fleet_parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.scenario.area.local_frame import LocalFrame
@@ -72,7 +72,7 @@ def test_both_formats_give_the_same_field(tmp_path: Path, kind: str) -> None:
 def test_degrees_become_metres_and_what_is_far_is_left_out(tmp_path: Path) -> None:
     """One degree of latitude is some 111 km; 0.01 is 1.11 km."""
     path = written(tmp_path / "model.nc", "NETCDF4", [43.93, 43.94, 44.93], [15.44, 15.45])
-    stream = parse_stream(current_text(path, FRAME))
+    stream = parse_water_current(current_text(path, FRAME))
     norths = stream.fields[0].norths_um
     assert len(norths) == 2
     assert norths[0] == 0 and norths[1] / 1e6 == pytest.approx(1111.1, abs=1.0)
@@ -173,7 +173,7 @@ def mesh(seed: int, along: int = 13, half_m: float = 300.0) -> tuple[Floats, Any
 
 
 def velocity_m_s(
-    stream: Stream, north_m: float, east_m: float, depth_m: float = 0, second: int = 0
+    stream: WaterCurrent, north_m: float, east_m: float, depth_m: float = 0, second: int = 0
 ) -> list[float]:
     um = (round(it * 1e6) for it in (north_m, east_m, depth_m))
     return [it / 1e6 for it in stream.velocity_um_s(*um, second)]
@@ -309,7 +309,7 @@ def test_lines_are_close_at_the_origin_and_few_far_off(tmp_path: Path) -> None:
     first = [row for row in rows if row.startswith("0,")]
     assert len(rows) == 25 * len(first) <= 200_000
     # Agents read one hour of it: a table with all takes ten seconds.
-    stream = parse_stream("\n".join([header, *first]))
+    stream = parse_water_current("\n".join([header, *first]))
     lines = np.array(stream.fields[0].norths_um) / 1e6
     assert lines[0] == -20_000 and lines[-1] == 20_000
     widths = np.diff(lines)
@@ -437,7 +437,10 @@ def test_two_numbers_are_a_current_that_is_the_same_everywhere() -> None:
         text = fleet_parts.fleet_config(config).current.csv
         assert text is not None
         for north_um, east_um in ((0, 0), (30_000_000, -9_000_000)):
-            assert parse_stream(text).velocity_um_s(north_um, east_um, 2_000_000, 7) == (50_000, -100_000)
+            assert parse_water_current(text).velocity_um_s(north_um, east_um, 2_000_000, 7) == (
+                50_000,
+                -100_000,
+            )
 
 
 def test_a_profile_goes_down() -> None:

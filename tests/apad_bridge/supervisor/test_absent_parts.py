@@ -12,10 +12,10 @@ from apad_bridge.assembly import flight_parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.events.run_events import EndReason
 from apad_bridge.events.sound_events import PlaceFixed
-from apad_bridge.mission.breakdown import NeverStandsDown
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.facts import Ping, RangeHeard, Send
 from apad_bridge.mission.orders import PingAgent
+from apad_bridge.mission.stand_down_rule import NeverStandsDown
 from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.runs.start_state import restore_allocation
 from apad_bridge.scenario.loader import load

@@ -15,7 +15,7 @@ import rospy
 
 from apad_bridge.ros.links import order_sender
 from apad_bridge.ros.links.order_sender import LOST, OrderSender
-from apad_bridge.vehicle.sending_road import TOO_LATE, Rank
+from apad_bridge.vehicle.order_queue import TOO_LATE, Rank
 
 OURS, SERVER, OBSERVER = "/bench", "/apad/server", "/laptop/rostopic"
 LONGEST_S = 10.0

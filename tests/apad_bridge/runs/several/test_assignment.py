@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from apad_bridge.events.mission_events import PRE_EMPTED
-from apad_bridge.mission.breakdown import Breakdown
+from apad_bridge.mission.stand_down_rule import Breakdown
 from apad_bridge.runs.parent_protocol import APadView
 from apad_bridge.runs.several.assignment import Assignment
 from apad_bridge.vehicle.outcomes import PrimitiveFailed, PrimitiveSucceeded

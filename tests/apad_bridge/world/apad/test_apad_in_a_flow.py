@@ -12,7 +12,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from agents.water.stream import STILL, CurrentConfig, TideConstituent
+from agents.water.water_current import STILL, CurrentConfig, TideConstituent
 from apad_bridge.scenario.schema import APad
 from apad_bridge.scenario.surface import (
     FlowNow,
@@ -37,7 +37,7 @@ X = 2 * math.sqrt(2)
 
 
 def current(north_m_s: float, east_m_s: float = 0.0, wind_m_s: Vector | None = None) -> Surface:
-    return Surface(CurrentConfig(steady_text(north_m_s, east_m_s)).stream(), wind_m_s)
+    return Surface(CurrentConfig(steady_text(north_m_s, east_m_s)).water_current(), wind_m_s)
 
 
 @pytest.mark.parametrize(
@@ -161,7 +161,7 @@ def test_a_leg_that_the_current_bars_anywhere_on_the_way_is_told_with_its_place(
     field = "north_m,east_m,north_m_s,east_m_s\n" + "".join(
         f"{north},0,{-1.2 if north == 100 else 0},0\n" for north in (0, 50, 100, 150, 200)
     )
-    legs = LegForecast(config, Surface(CurrentConfig(field).stream()))
+    legs = LegForecast(config, Surface(CurrentConfig(field).water_current()))
     assert legs.obstacle((0.0, 0.0), (50.0, 0.0), 0) is None
     told = legs.obstacle((0.0, 0.0), (200.0, 0.0), 0)
     assert told is not None and "a current of 1.20 m/s at (100, 0) m" in told and "1.00 m/s" in told
@@ -171,7 +171,7 @@ def test_a_leg_that_the_current_bars_anywhere_on_the_way_is_told_with_its_place(
 
 def test_a_tide_bars_a_leg_for_a_part_of_the_day_alone(config: APad) -> None:
     tide = CurrentConfig(tides=(TideConstituent(43_200, -1_200_000, 0),))
-    legs = LegForecast(config, Surface(tide.stream()))
+    legs = LegForecast(config, Surface(tide.water_current()))
     barred = [legs.obstacle((0.0, 0.0), (20.0, 0.0), 3_600_000 * hour) is not None for hour in range(12)]
     # -1.2 sin(2 pi t / 12 h) is below -1 from 1.9 h to 4.1 h
     assert [hour for hour, it in enumerate(barred) if it] == [2, 3, 4]
@@ -179,7 +179,7 @@ def test_a_tide_bars_a_leg_for_a_part_of_the_day_alone(config: APad) -> None:
 
 def test_the_flow_of_a_tide_is_felt_at_rest_within_a_second(config: APad) -> None:
     apad = SimulatedAPad(
-        config, surface=Surface(CurrentConfig(tides=(TideConstituent(400, 400_000, 0),)).stream())
+        config, surface=Surface(CurrentConfig(tides=(TideConstituent(400, 400_000, 0),)).water_current())
     )
     apad.advance(100_500)
     assert apad.battery.power_w == pytest.approx(25 + 6 * 4 * 40 * 0.4**2 / X)
@@ -210,7 +210,7 @@ def test_dockings_miss_by_the_share_of_the_thrust_that_holding_takes(
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow], max_examples=30)
 @given(cuts_ms=st.lists(st.integers(0, 30_000), max_size=40))
 def test_cutting_time_changes_nothing_in_a_flow(config: APad, cuts_ms: list[int]) -> None:
-    tide = Surface(CurrentConfig(tides=(TideConstituent(60, 500_000, 300_000),)).stream(), (4.0, -2.0))
+    tide = Surface(CurrentConfig(tides=(TideConstituent(60, 500_000, 300_000),)).water_current(), (4.0, -2.0))
 
     def trace(cuts_ms: list[int]) -> str:
         apad = SimulatedAPad(replace(config, thruster_max_n=8), surface=tide)

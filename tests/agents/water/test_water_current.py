@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agents.water.current import CurrentField
-from agents.water.stream import STILL, Stream, TideConstituent, parse_stream, steady
+from agents.water.current_field import CurrentField
+from agents.water.water_current import STILL, TideConstituent, WaterCurrent, parse_water_current, steady
 
 HEADER = "north_m,east_m,north_m_s,east_m_s,depth_m,time_s\n"
-LAYERED = parse_stream(HEADER + "0,0,1,0,0,0\n0,0,0.2,0,10,0\n0,0,3,0,0,100\n0,0,0.4,0.1,10,100\n")
+LAYERED = parse_water_current(HEADER + "0,0,1,0,0,0\n0,0,0.2,0,10,0\n0,0,3,0,0,100\n0,0,0.4,0.1,10,100\n")
 
 
 @pytest.mark.parametrize(
@@ -32,7 +32,7 @@ def test_between_depths_and_times_it_is_linear(depth_m: int, second: int, veloci
 
 def test_a_tide_turns() -> None:
     """12 h: north is at its height after 3 h, east a quarter later; after 6 h both have turned."""
-    tide = Stream.of(
+    tide = WaterCurrent.of(
         STILL.seconds, STILL.depths_um, STILL.fields, (TideConstituent(43_200, 500_000, 200_000, 0, 750_000),)
     )
     hours = [tide.velocity_um_s(0, 0, 0, 3600 * hour) for hour in (0, 3, 6, 9, 12)]
@@ -48,7 +48,7 @@ def test_a_tide_comes_back_after_its_period_exactly(second: int) -> None:
 
 
 def test_near_the_bottom_less_is_left() -> None:
-    river = Stream.of(
+    river = WaterCurrent.of(
         array("q", [0]),
         array("q", [0]),
         (CurrentField.parse("north_m,east_m,north_m_s,east_m_s\n0,0,0.5,-0.5\n"),),
@@ -61,8 +61,8 @@ def test_near_the_bottom_less_is_left() -> None:
 
 def test_a_file_without_depth_and_time_is_one_field() -> None:
     text = "north_m,east_m,north_m_s,east_m_s\n0,0,0.5,0\n"
-    assert parse_stream(text) == steady(CurrentField.parse(text))
-    assert STILL.is_still and not parse_stream(text).is_still
+    assert parse_water_current(text) == steady(CurrentField.parse(text))
+    assert STILL.is_still and not parse_water_current(text).is_still
 
 
 @pytest.mark.parametrize(
@@ -77,4 +77,4 @@ def test_a_file_without_depth_and_time_is_one_field() -> None:
 )
 def test_what_is_no_stream_is_refused(rows: str, error: str) -> None:
     with pytest.raises(ValueError, match=error):
-        parse_stream(HEADER + rows)
+        parse_water_current(HEADER + rows)

@@ -1,4 +1,4 @@
-"""The law of the road: after a stop's bytes leave no bytes of an older order, and after an OFF's none of a HOLD.
+"""The law of the queue: after a stop's bytes leave no bytes of an older order, and after an OFF's none of a HOLD.
 
 Two threads are played here: the supervisor's, which orders and stops, and the sender's, which takes what came, asks the
 gate, writes and hears answers. The test draws in which order their steps happen, also between the gate's last word and the
@@ -30,7 +30,7 @@ from apad_bridge.vehicle.guards.guarded_vehicle import GuardedVehicle
 from apad_bridge.vehicle.guards.guards import Guard, unlimited_guards
 from apad_bridge.vehicle.guards.monitor import Monitor
 from apad_bridge.vehicle.guards.position_watch import PositionLimits, PositionWatch
-from apad_bridge.vehicle.sending_road import (
+from apad_bridge.vehicle.order_queue import (
     CUT,
     PATIENCE_MS,
     REPLACED,
@@ -40,10 +40,10 @@ from apad_bridge.vehicle.sending_road import (
     CutLine,
     Ended,
     OpenLine,
+    OrderQueue,
     Outgoing,
+    QueueAction,
     Rank,
-    RoadAction,
-    SendingRoad,
     Write,
 )
 from apad_bridge.vehicle.vehicle_link import Cleared, LinkFact
@@ -93,13 +93,13 @@ class Link:
         pass
 
 
-def road_of(lets_go: Callable[[Cleared[Any]], bool]) -> SendingRoad:
-    """A road whose lines are open."""
-    road = SendingRoad(lets_go)
+def queue_of(lets_go: Callable[[Cleared[Any]], bool]) -> OrderQueue:
+    """A queue whose lines are open."""
+    queue = OrderQueue(lets_go)
     for line in LINES.values():
-        road.add_line(line)
-        road.opened(line)
-    return road
+        queue.add_line(line)
+        queue.opened(line)
+    return queue
 
 
 class Crossing:
@@ -110,8 +110,8 @@ class Crossing:
         safety = Safety(Gate(guards, PositionWatch(PositionLimits())), Monitor([]), needs_person=True)
         self._queue: deque[Outgoing] = deque()
         self.vehicle = GuardedVehicle(Link(generation, safety.gate, self._queue), safety)
-        self.road = road_of(safety.gate.lets_go)
-        self.road.add_line("goals", answers=False)
+        self.queue = queue_of(safety.gate.lets_go)
+        self.queue.add_line("goals", answers=False)
         self.wire: list[str] = []
         self._carried: list[str] = []
         """The lines with a call that the vehicle has not answered."""
@@ -135,17 +135,17 @@ class Crossing:
     def send(self) -> Iterator[None]:
         for cycle in count(1):
             if self._queue:
-                self.road.put(self._queue.popleft(), self.now_ms)
+                self.queue.put(self._queue.popleft(), self.now_ms)
             yield
-            for action in self.road.advance(self.now_ms):
+            for action in self.queue.advance(self.now_ms):
                 yield
                 self._act(action)
             yield
             # A vehicle's answer is late, so that orders wait for those before them.
             if self._carried and cycle % 4 == 0:
-                self.road.answered(self._carried.pop(0), None)
+                self.queue.answered(self._carried.pop(0), None)
 
-    def _act(self, action: RoadAction) -> None:
+    def _act(self, action: QueueAction) -> None:
         match action:
             case Write(outgoing):
                 self.wire.append(_what(outgoing))
@@ -154,7 +154,7 @@ class Crossing:
             case CutLine(line):
                 self._carried = [it for it in self._carried if it != line]
             case OpenLine(line):
-                self.road.opened(line)
+                self.queue.opened(line)
 
 
 def _what(outgoing: Outgoing) -> str:
@@ -233,7 +233,7 @@ def test_drawn_interleavings_of_four_calls_and_stops(generation: Generation, dat
     assert OFF in wire
 
 
-# The road alone.
+# The queue alone.
 
 LET_OUT = Gate.without_guards().clear(Stop(1), 0)
 assert isinstance(LET_OUT, Cleared)
@@ -241,8 +241,8 @@ FIRST, SECOND, THIRD = (Outgoing(replace(LET_OUT), Rank.ORDER, "orders") for _ i
 HOLD, LATER, OFF_ORDER = (
     Outgoing(replace(LET_OUT), rank, LINES[rank]) for rank in (Rank.HOLD, Rank.HOLD, Rank.OFF)
 )
-Step = tuple[str, Any, int, list[RoadAction]]
-"""What the road is told, with its argument and the time, and the actions that follow at that time."""
+Step = tuple[str, Any, int, list[QueueAction]]
+"""What the queue is told, with its argument and the time, and the actions that follow at that time."""
 STORIES: dict[str, list[Step]] = {
     "an order waits for the one before it and makes way for a newer one": [
         ("put", FIRST, 0, [Write(FIRST)]),
@@ -292,24 +292,24 @@ STORIES: dict[str, list[Step]] = {
 
 
 @pytest.mark.parametrize("story", STORIES.values(), ids=STORIES)
-def test_the_road_alone(story: list[Step]) -> None:
-    road = road_of(lambda _: True)
+def test_the_queue_alone(story: list[Step]) -> None:
+    queue = queue_of(lambda _: True)
     told: dict[str, Callable[[Any, int], object]] = {
-        "put": road.put,
-        "answered": lambda line, _: road.answered(line, None),
-        "opened": lambda line, _: road.opened(line),
-        "ended": road.ended,
-        "not_opened": lambda line, now_ms: road.not_opened(line, "nobody listens", now_ms),
+        "put": queue.put,
+        "answered": lambda line, _: queue.answered(line, None),
+        "opened": lambda line, _: queue.opened(line),
+        "ended": queue.ended,
+        "not_opened": lambda line, now_ms: queue.not_opened(line, "nobody listens", now_ms),
         "wait": lambda _, now_ms: None,
     }
     for number, (what, argument, now_ms, actions) in enumerate(story):
         told[what](argument, now_ms)
-        assert road.advance(now_ms) == actions, number
+        assert queue.advance(now_ms) == actions, number
 
 
 @pytest.mark.parametrize(("order", "patience_ms"), [(FIRST, PATIENCE_MS), (OFF_ORDER, STOP_PATIENCE_MS)])
 def test_an_order_is_due_when_its_patience_ends(order: Outgoing, patience_ms: int) -> None:
-    road = road_of(lambda _: True)
-    road.put(order, 0)
-    road.advance(0)
-    assert road.next_due_ms() == patience_ms
+    queue = queue_of(lambda _: True)
+    queue.put(order, 0)
+    queue.advance(0)
+    assert queue.next_due_ms() == patience_ms

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from math import pi, sin
 
 from agents.water.csv_table import number_of
-from agents.water.current import STILL_WATER, CurrentField, between
+from agents.water.current_field import STILL_WATER, CurrentField, between
 
 _UNIT = 1_000_000
 
@@ -42,7 +42,7 @@ def _wave(second: int, period_s: int, phase: int) -> float:
 
 
 @dataclass(frozen=True, slots=True)
-class Stream:
+class WaterCurrent:
     """`fields` are row by row: all `depths_um` of the first of `seconds`, then those of the next. Both rise.
 
     The velocity is linear between two depths and between two times; outside, it is that of the nearest. `profile` has
@@ -65,7 +65,7 @@ class Stream:
         fields: tuple[CurrentField, ...],
         tides: tuple[TideConstituent, ...] = (),
         profile: tuple[tuple[int, int], ...] = (),
-    ) -> Stream:
+    ) -> WaterCurrent:
         is_still = not tides and all(field.is_still for field in fields)
         return cls(seconds, depths_um, fields, tides, profile, is_still)
 
@@ -102,12 +102,12 @@ class Stream:
         return (self.profile[above][1] * (height - down) + self.profile[below][1] * down) // height
 
 
-def steady(field: CurrentField) -> Stream:
+def steady(field: CurrentField) -> WaterCurrent:
     """A stream with one field at every depth and time."""
-    return Stream.of(array("q", [0]), array("q", [0]), (field,))
+    return WaterCurrent.of(array("q", [0]), array("q", [0]), (field,))
 
 
-def parse_stream(text: str) -> Stream:
+def parse_water_current(text: str) -> WaterCurrent:
     """Reads a CSV like that of `CurrentField.parse`, which may have the columns `depth_m` and `time_s` as well.
 
     Every pair of a time and a depth has a field of its own. Raises ValueError, `line N: ...`, for any other file.
@@ -144,7 +144,7 @@ def _without(cells: list[str], keys: list[int | None]) -> list[str]:
     return [cell for n, cell in enumerate(cells) if n not in keys]
 
 
-def _assembled(parts: dict[tuple[int, int], list[str]]) -> Stream:
+def _assembled(parts: dict[tuple[int, int], list[str]]) -> WaterCurrent:
     if not parts:
         raise ValueError("no current in it: there is only a header")
     seconds = sorted({second for second, _ in parts})
@@ -155,7 +155,7 @@ def _assembled(parts: dict[tuple[int, int], list[str]]) -> Stream:
             if (second, depth) not in parts:
                 raise ValueError(f"not a grid: nothing for time_s {second}, depth_m {depth / _UNIT:g}")
             fields.append(CurrentField.parse("\n".join(parts[second, depth])))
-    return Stream.of(array("q", seconds), array("q", depths), tuple(fields))
+    return WaterCurrent.of(array("q", seconds), array("q", depths), tuple(fields))
 
 
 STILL = steady(STILL_WATER)
@@ -166,15 +166,15 @@ class CurrentConfig:
     """A current as plain values that cross a link."""
 
     csv: str | None = None
-    """The text of the file for `parse_stream`; None for no field beside the tides."""
+    """The text of the file for `parse_water_current`; None for no field beside the tides."""
     tides: tuple[TideConstituent, ...] = ()
     profile: tuple[tuple[int, int], ...] = ()
-    """The profile of a `Stream`."""
+    """The profile of a `WaterCurrent`."""
 
-    def stream(self) -> Stream:
-        """Raises ValueError for a file that `parse_stream` refuses."""
-        stream = STILL if self.csv is None else parse_stream(self.csv)
-        return Stream.of(stream.seconds, stream.depths_um, stream.fields, self.tides, self.profile)
+    def water_current(self) -> WaterCurrent:
+        """Raises ValueError for a file that `parse_water_current` refuses."""
+        stream = STILL if self.csv is None else parse_water_current(self.csv)
+        return WaterCurrent.of(stream.seconds, stream.depths_um, stream.fields, self.tides, self.profile)
 
 
 STILL_CURRENT = CurrentConfig()

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agents.water.current import STILL_WATER, CurrentField
+from agents.water.current_field import STILL_WATER, CurrentField
 
 HEADER = "north_m,east_m,north_m_s,east_m_s\n"
 # 10 m x 20 m; north velocity 0 in the south and 1 m/s in the north, east velocity 0 in the west and 0.2 m/s in the east.

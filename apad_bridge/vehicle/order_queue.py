@@ -1,10 +1,10 @@
-"""The one road by which orders leave for a vehicle: a queue that a stop empties. No sockets, no threads.
+"""The one queue by which orders leave for a vehicle, which a stop empties. No sockets, no threads.
 
-An order was let out at one time and leaves at another. So the road asks the gate again directly before an order leaves
+An order was let out at one time and leaves at another. So the queue asks the gate again directly before an order leaves
 (`lets_go`). A stop goes before everything that waits, and first ends each older order under way: a HOLD ends orders, an OFF
 ends HOLDs, too. So no bytes of an older order follow those of a stop.
 
-One thread owns a road. It passes in what came of its actions, and `advance` returns the next ones. Each order has a line,
+One thread owns a queue. It passes in what came of its actions, and `advance` returns the next ones. Each order has a line,
 which carries one call at a time; a stop has lines of its own, so that it finds them free. Times are ms of a clock that
 never goes back. Every wait ends: an order waits `PATIENCE_MS` to leave and for its answer, a stop `STOP_PATIENCE_MS`. A
 closed line is opened again every `REOPEN_MS`.
@@ -72,7 +72,7 @@ class Ended:
     refused: str | None
 
 
-RoadAction = OpenLine | CutLine | Write | Ended
+QueueAction = OpenLine | CutLine | Write | Ended
 
 
 class _LineState(Enum):
@@ -107,7 +107,7 @@ class _Waiting:
     until_ms: int
 
 
-class SendingRoad:
+class OrderQueue:
     """Keeps at most one order that waits, the newest, and one stop of each line. `lets_go` is the gate's last word."""
 
     def __init__(self, lets_go: Callable[[Cleared[Any]], bool]) -> None:
@@ -118,7 +118,7 @@ class SendingRoad:
         """By line, in the order in which they came."""
         self._again: Outgoing | None = None
         """The order that goes out once more, because its line had ended at the vehicle meanwhile."""
-        self._actions: list[RoadAction] = []
+        self._actions: list[QueueAction] = []
 
     def add_line(self, name: str, *, answers: bool = True) -> None:
         """Adds a line, closed; one that does not answer is open for ever."""
@@ -183,7 +183,7 @@ class SendingRoad:
         else:
             self._stops[name] = _Waiting(call, now_ms + STOP_PATIENCE_MS)
 
-    def advance(self, now_ms: int) -> list[RoadAction]:
+    def advance(self, now_ms: int) -> list[QueueAction]:
         """The next actions, to be done in this order before anything else is passed in."""
         self._time_out(now_ms)
         for name, waiting in list(self._stops.items()):
