@@ -61,6 +61,7 @@ if TYPE_CHECKING:
     from agents.mussel.logbook import Logbook
     from agents.mussel.peripherals import MeasuredWorld
     from agents.mussel.port_firmware import PortFirmware
+    from agents.mussel.sensor_bus import SensorBus
     from agents.mussel.state_doubts import StateDoubts
     from firmware_model.port import FirmwareLike
     from firmware_model.sampling.flash import Flash
@@ -103,6 +104,7 @@ class Agent:
         self._doubts: StateDoubts | None = None
         self._ask_for_report: Callable[[int], list[board_actions.Action]] | None = None
         """Asks the firmware for a report; None where the board's host makes them."""
+        self._sensors: SensorBus | None = None
         self._world: MeasuredWorld | None = None
         self._truths: list[Truth] = []
         self._last: tuple[State, Physical] | None = None
@@ -178,10 +180,8 @@ class Agent:
     def _open_world(self, physical: Physical) -> MeasuredWorld:
         """The water and the flash for somebody's firmware on a whole board."""
         from agents.mussel.peripherals import MeasuredWorld
-        from agents.water.fields import unit_noises
-        from firmware_model.sampling.sensors import SENSORS, Counts, sample
 
-        water, body = self.config.water, self.body
+        body, sensors = self.body, self._open_sensors()
 
         def place_cm(now_ms: int) -> tuple[int, int, int]:
             north_um, east_um = body.known_place_um(now_ms)
@@ -192,14 +192,16 @@ class Agent:
                 min(0xFFFF, round(depth_m * 100)),
             )
 
-        def sensors(now_ms: int, sequence: int) -> tuple[Counts, int] | None:
-            if self._defects is not None and self._defects.bus_silent:
-                return None
-            place = body.north_um, body.east_um, body.depth_at_um(now_ms)
-            noises = unit_noises(water.seed, self.config.board.agent_id, sequence)
-            return sample(SENSORS, water.fields.values_at(*place, now_ms), noises)
+        return MeasuredWorld(
+            self._open_flash(), place_cm, sensors.read, physical.samples, physical.acknowledged
+        )
 
-        return MeasuredWorld(self._open_flash(), place_cm, sensors, physical.samples, physical.acknowledged)
+    def _open_sensors(self) -> SensorBus:
+        from agents.mussel.sensor_bus import SensorBus
+
+        water, body = self.config.water, self.body
+        self._sensors = SensorBus(self.config.board.agent_id, water.seed, water.fields, body.place_um)
+        return self._sensors
 
     def _open_flash(self) -> Flash:
         if self._flash is None:
@@ -213,15 +215,8 @@ class Agent:
         # Imported here: the paper's worst case has no log.
         from agents.mussel.logbook import Logbook
 
-        water = self.config.water
-        return Logbook(
-            self.config.board.agent_id,
-            water.seed,
-            water.fields,
-            self._open_flash(),
-            physical.samples,
-            physical.acknowledged,
-        )
+        flash, sensors = self._open_flash(), self._open_sensors()
+        return Logbook(self.config.board.agent_id, sensors, flash, physical.samples, physical.acknowledged)
 
     @property
     def physical(self) -> Physical:
@@ -530,8 +525,8 @@ class Agent:
         self.board.receive(board_stimuli.ConverterDisturbed(noise, holds), now_ms)
         if self._flash is not None:
             self._flash.parts = defects.parts
-        if self._logbook is not None:
-            self._logbook.sensors_answer = BoardPart.BUS not in defects.parts
+        if self._sensors is not None:
+            self._sensors.answers = BoardPart.BUS not in defects.parts
 
     def _bounce(self, defects: Defects, now_ms: int) -> list[Output]:
         """Opens or closes the contact in the dock; `_align` closes it the last time."""
@@ -619,13 +614,12 @@ class Agent:
     def _log(
         self, action: board_actions.LogSample | board_actions.SendLog | board_actions.DropLog
     ) -> list[Output]:
-        logbook, body, now_ms = self._logbook, self.body, action.at_ms
+        logbook, now_ms = self._logbook, action.at_ms
         assert logbook is not None  # the worst case has no such actions
         packets: Iterable[LogRecords] | None = ()
         match action:
             case board_actions.LogSample():
-                place = body.north_um, body.east_um, body.depth_at_um(now_ms)
-                logbook.take_sample(*place, now_ms, self.board.clock_ms(now_ms))
+                logbook.take_sample(now_ms, self.board.clock_ms(now_ms))
             case board_actions.SendLog():
                 packets = logbook.begin_upload()
             case board_actions.DropLog(_, next_sequence):

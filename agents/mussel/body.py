@@ -149,6 +149,10 @@ class Body:
         """True for a body that knows its place by GPS."""
         return self._config.gps_deviation_um is not None
 
+    def place_um(self, now_ms: int) -> tuple[int, int, int]:
+        """Its true place: north, east and depth."""
+        return self.north_um, self.east_um, self.depth_at_um(now_ms)
+
     def known_place_um(self, now_ms: int) -> tuple[int, int]:
         """The place (north, east) as the aMussel knows it: by GPS at the surface, and below by the last fix from there."""
         if self._config.gps_deviation_um is None:

@@ -59,9 +59,5 @@ class Defects:
     """The parts of the board that fail, with their values."""
 
     @property
-    def bus_silent(self) -> bool:
-        return BoardPart.BUS in self.parts
-
-    @property
     def depth_stands(self) -> bool:
         return BoardPart.DEPTH in self.parts

@@ -4,50 +4,40 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from agents.water.fields import WaterFields, unit_noises
+from agents.mussel.sensor_bus import SensorBus
 from firmware_model.packets.log_packets import RECORDS_AT_ONCE, LogRecords
 from firmware_model.packets.sample_record import SampleRecord
 from firmware_model.sampling.flash import Flash
 from firmware_model.sampling.flash_log import FlashLog
-from firmware_model.sampling.sensors import NO_COUNTS, SENSORS, sample
+from firmware_model.sampling.sensors import NO_COUNTS
 
 _PACKETS_AT_ONCE = 4
 """The number of packets sent before the next acknowledgement."""
 
 
 class Logbook:
-    """`samples` and `acknowledged` come from the registers. `seed`, id and sequence key a sample's noise."""
+    """`samples` and `acknowledged` come from the registers."""
 
     def __init__(
-        self, agent_id: int, seed: int, fields: WaterFields, flash: Flash, samples: int, acknowledged: int
+        self, agent_id: int, sensors: SensorBus, flash: Flash, samples: int, acknowledged: int
     ) -> None:
         self.log = FlashLog(flash, samples, acknowledged)
         self._agent_id = agent_id
-        self._seed = seed
-        self._fields = fields
+        self._sensors = sensors
         newest = self.log.newest()
         self.counts = NO_COUNTS if newest is None else newest.counts
         """The counts of the newest sample; zeros if there is none, or if it cannot be read."""
-        self.sensors_answer = True
         self._sent = 0
         """The first sequence that this upload has not sent yet."""
 
-    def take_sample(self, north_um: int, east_um: int, depth_um: int, now_ms: int, clock_ms: int) -> None:
+    def take_sample(self, now_ms: int, clock_ms: int) -> None:
         """Samples the water at agent time `now_ms`, when the board's clock reads `clock_ms`.
 
         While the sensors do not answer, it logs their last counts once more.
         """
-        log = self.log
-        sequence = log.next_sequence
-        counts, saturated = self.counts, 0
-        if self.sensors_answer:
-            counts, saturated = sample(
-                SENSORS,
-                self._fields.values_at(north_um, east_um, depth_um, now_ms),
-                unit_noises(self._seed, self._agent_id, sequence),
-            )
-        log.append(SampleRecord(sequence, clock_ms, counts, saturated))
-        self.counts = counts
+        sequence = self.log.next_sequence
+        self.counts, saturated = self._sensors.read(now_ms, sequence) or (self.counts, 0)
+        self.log.append(SampleRecord(sequence, clock_ms, self.counts, saturated))
 
     def begin_upload(self) -> Iterator[LogRecords]:
         """The first packets of all waiting records; made one by one, so that an agent never holds them all."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from hashlib import sha256
 
 from agents.mussel.logbook import Logbook
+from agents.mussel.sensor_bus import SensorBus
 from agents.water.fields import Constant, WaterFields, unit_noises
 from firmware_model.sampling.flash import MemoryFlash
 
@@ -20,14 +21,20 @@ def test_the_noise_of_a_sample_is_what_it_was() -> None:
     )
 
 
+def place_um(now_ms: int) -> tuple[int, int, int]:
+    n = now_ms // HOUR_MS
+    return 1000 * n, -500 * n, 40_000 * n
+
+
 def test_flash_and_upload_are_byte_for_byte_what_they_were() -> None:
     fields = WaterFields.by_key(
         {"oxygen_mg_l": Constant(6.0), "temperature_c": Constant(21.5), "turbidity_ntu": Constant(2000.0)}
     )
     flash = MemoryFlash()
-    book = Logbook(3, 7, fields, flash, 0, 0)
+    sensors = SensorBus(3, 7, fields, place_um)
+    book = Logbook(3, sensors, flash, 0, 0)
     for n in range(200):
-        book.take_sample(1000 * n, -500 * n, 40_000 * n, HOUR_MS * n, HOUR_MS * n + 7)
+        book.take_sample(HOUR_MS * n, HOUR_MS * n + 7)
     pages = b"".join(flash.read(page * flash.page_bytes, flash.page_bytes) for page in range(flash.pages))
     uploaded = b"".join(packet.encode() for packet in book.begin_upload())
     assert sha256(pages).hexdigest() == "f20e9788457c226c467e8d776a1472068a7b16e0c84e9686174abfb805197ec9"

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from agents.mussel.logbook import Logbook
+from agents.mussel.sensor_bus import SensorBus
 from agents.time_scale import TimeScale
 from agents.water.fields import WaterFields
 from agents.water.patches import CALM
@@ -26,6 +27,7 @@ from firmware_model.states import State
 
 WATER = WaterFields.by_key({key: waters.field() for key, waters in CALM.items()})
 AGENT = 7
+SENSORS = SensorBus(AGENT, 1, WATER, lambda now_ms: (1, 2, 3_000_000))
 
 
 def record(sequence: int) -> SampleRecord:
@@ -168,7 +170,7 @@ class Story:
     def __init__(self, path: Path, pages: int) -> None:
         self.path = path
         self.flash = MemoryFlash(pages, 50 * RECORD_BYTES)
-        self.book = Logbook(AGENT, 1, WATER, self.flash, 0, 0)
+        self.book = Logbook(AGENT, SENSORS, self.flash, 0, 0)
         self.truth: list[SampleRecord] = []
         self.air: list[bytes] = []
         self.torn = 0
@@ -182,7 +184,7 @@ class Story:
     def sample(self, count: int) -> None:
         for _ in range(count):
             now_ms = 1000 * len(self.truth)
-            self.book.take_sample(1, 2, 3_000_000, now_ms, now_ms)
+            self.book.take_sample(now_ms, now_ms)
             newest = self.book.log.newest()
             assert newest is not None
             self.truth.append(newest)
@@ -190,7 +192,7 @@ class Story:
     def reset(self) -> None:
         """A brown-out: registers and flash are as they were."""
         log = self.book.log
-        self.book = Logbook(AGENT, 1, WATER, self.flash, log.next_sequence, log.acknowledged)
+        self.book = Logbook(AGENT, SENSORS, self.flash, log.next_sequence, log.acknowledged)
 
     def wake(self) -> None:
         self.air += [it.encode() for it in self.book.begin_upload()]
