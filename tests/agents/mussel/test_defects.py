@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import pytest
 from fleets import PAPER
 from hypothesis import given
@@ -37,6 +40,9 @@ from firmware_model.stimuli import ResetCause
 
 CODEC = MusselbedCodec()
 PERMISSION = SoundArrived(CODEC.encode(CommandPacket(Kind.PERMISSION, 7)))
+HOUR_MS = 3_600_000
+HALF_MS = HOUR_MS // 2
+"""A whole board samples each hour; a defect half an hour later lies between two samples."""
 
 
 def agent(fleet: FleetConfig = PAPER, charge: float = 0.5, secondary: float = 1.0) -> Agent:
@@ -44,72 +50,206 @@ def agent(fleet: FleetConfig = PAPER, charge: float = 0.5, secondary: float = 1.
     return Agent(fleet.maker().config(7), CODEC, physical, 0, ResetCause.POWER_ON)
 
 
-def lived(mussel: Agent, *story: tuple[int, AgentStimulus] | int) -> None:
-    """Tells it stimuli at their times, and lets it come to times."""
-    for it in story:
-        if isinstance(it, int):
-            mussel.advance(it)
-        else:
-            mussel.receive(it[1], it[0])
-
-
-def floating() -> Agent:
-    mussel = agent()
-    lived(mussel, (3_000, PERMISSION), 70_000)
-    assert mussel.board.state is State.FLOATING
-    return mussel
-
-
-def docked() -> Agent:
-    mussel = floating()
-    lived(mussel, (70_000, ContactClosed(0, 0)), 71_000)
-    assert mussel.board.state is State.CHARGING
-    return mussel
-
-
 def charge(mussel: Agent, now_ms: int) -> int:
     return mussel.config.board.charge.charge_at(mussel.board.primary, now_ms)
 
 
-def test_a_jam_holds_the_body_where_it_is_and_then_lets_the_last_run_be_done() -> None:
-    mussel = agent()
-    lived(mussel, (1_000, BuoyancyJammed(1)), (3_000, PERMISSION), 20_000)
-    assert mussel.board.state is State.SURFACING and mussel.body.depth_at_um(20_000) == 3_000_000
-    lived(mussel, (20_000, BuoyancyJammed(0)), 80_000)
-    assert mussel.board.state is State.FLOATING and mussel.body.depth_at_um(80_000) == 0
+def records(mussel: Agent) -> list[Any]:
+    assert mussel._logbook is not None
+    return list(mussel._logbook.log.read(0, 99))
 
 
-def test_a_false_edge_deceives_the_board_and_charges_nothing() -> None:
-    mussel = floating()
-    before = charge(mussel, 70_000)
-    lived(mussel, (70_000, PinDisturbed(1, 0)), 100_000)
-    assert mussel.board.state is State.CHARGING
-    assert charge(mussel, 100_000) < before and mussel.board.primary.flow is Flow.DISCHARGING
-    lived(mussel, (100_000, PinDisturbed(0, 0)), 101_000)
-    assert mussel.board.state is State.RELEASED
+def first_alike(values: list[Any]) -> list[int]:
+    """For each value the place of the first one that equals it."""
+    return [values.index(it) for it in values]
 
 
-def test_a_missed_edge_is_found_by_the_level() -> None:
-    mussel = floating()
-    lived(mussel, (70_000, PinDisturbed(0, 1)), (70_000, ContactClosed(0, 0)))
-    check_ms = mussel.config.board.pin_check_ms
-    dropped = mussel.advance(70_000 + 2 * check_ms)
-    assert PinFault.MISSED.value in [it.reason for it in dropped if isinstance(it, StimulusDropped)]
-    assert mussel.board.state is State.CHARGING
+FACTS: dict[str, Callable[[Agent, int], Any]] = {
+    "state": lambda it, now_ms: it.board.state,
+    "depth_m": lambda it, now_ms: it.body.depth_at_um(now_ms) / 1e6,
+    "flow": lambda it, now_ms: it.board.primary.flow,
+    "feed": lambda it, now_ms: it.board.feed,
+    "pin": lambda it, now_ms: (it.body.pin_high, it.body.pin_due_ms),
+    "cause": lambda it, now_ms: it.board.reset_cause,
+    "records": lambda it, now_ms: [record.sequence for record in records(it)],
+    "counts": lambda it, now_ms: first_alike([record.counts for record in records(it)]),
+    "samples": lambda it, now_ms: it.physical.samples,
+    "torn": lambda it, now_ms: it._logbook is not None and it._logbook.log.torn,
+    "boots_ms": lambda it, now_ms: [of.at_ms for of in it.take_truths() if of.state is State.BOOTING],
+}
+Step = tuple[int, list[AgentStimulus], dict[str, Any]]
+"""A time in ms, what happens to the aMussel then, and facts afterwards; `drops` are reasons of what it did not take."""
+ASKED: Step = (3_000, [PERMISSION], {})
+FLOATS: list[Step] = [ASKED, (70_000, [], {"state": State.FLOATING})]
+DOCKED: list[Step] = [
+    *FLOATS,
+    (70_000, [ContactClosed(0, 0)], {}),
+    (71_000, [], {"state": State.CHARGING}),
+]
+CHECK_MS, TIMEOUT_MS = 60_000, 180_000
+"""The board's periods: of its looks at the pin's level, and of its wait for the surface."""
+NO_DEPTH: Step = (1_000, [PartFailed(BoardPart.DEPTH, 1)], {})
+SPOILT = {"records": [0, 1, 4], "samples": 5}
 
 
-def test_a_bouncing_contact_chatters_until_it_holds() -> None:
-    mussel = docked()
-    mussel.receive(ContactBounced(50), 71_000)
-    dropped = mussel.advance(73_000)
-    assert PinFault.CHATTER.value in [it.reason for it in dropped if isinstance(it, StimulusDropped)]
-    mussel.advance(74_000)
-    assert mussel.board.state is State.CHARGING and mussel.body.pin_high and mussel.body.pin_due_ms == 0
+def between(first: PartFailed, last: PartFailed, facts: dict[str, Any]) -> list[Step]:
+    """A part fails after the second of five samples, and is healed after the fourth."""
+    after = [(hour * HOUR_MS + HALF_MS, part) for hour, part in ((2, first), (4, last))]
+    return [*((at_ms, [part], {}) for at_ms, part in after), (5 * HOUR_MS + HALF_MS, [], facts)]
 
 
-def test_a_contact_bounces_in_a_dock_only() -> None:
-    reason = "a contact bounced in a dock that does not hold this aMussel"
-    assert floating().receive(ContactBounced(20), 70_000) == [StimulusDropped(70_000, 7, reason)]
+STORIES: dict[str, tuple[FleetConfig, list[Step]]] = {
+    "a jam holds the body where it is and then lets the last run be done": (
+        PAPER,
+        [
+            (1_000, [BuoyancyJammed(1)], {}),
+            ASKED,
+            (20_000, [BuoyancyJammed(0)], {"state": State.SURFACING, "depth_m": 3.0}),
+            (80_000, [], {"state": State.FLOATING, "depth_m": 0.0}),
+        ],
+    ),
+    "a false edge deceives the board and charges nothing": (
+        PAPER,
+        [
+            *FLOATS,
+            (70_000, [PinDisturbed(1, 0)], {}),
+            (100_000, [PinDisturbed(0, 0)], {"state": State.CHARGING, "flow": Flow.DISCHARGING}),
+            (101_000, [], {"state": State.RELEASED}),
+        ],
+    ),
+    "a missed edge is found by the level": (
+        PAPER,
+        [
+            *FLOATS,
+            (70_000, [PinDisturbed(0, 1), ContactClosed(0, 0)], {}),
+            (70_000 + 2 * CHECK_MS, [], {"drops": [PinFault.MISSED.value], "state": State.CHARGING}),
+        ],
+    ),
+    "a bouncing contact chatters until it holds": (
+        PAPER,
+        [
+            *DOCKED,
+            (71_000, [ContactBounced(50)], {}),
+            (73_000, [], {"drops": [PinFault.CHATTER.value]}),
+            (74_000, [], {"state": State.CHARGING, "pin": (True, 0)}),
+        ],
+    ),
+    "a contact bounces in a dock only": (
+        PAPER,
+        [
+            *FLOATS,
+            (
+                *(70_000, [ContactBounced(20)]),
+                {"drops": ["a contact bounced in a dock that does not hold this aMussel"]},
+            ),
+        ],
+    ),
+    "the worst case is empty at once when it lost all its charge": (
+        PAPER,
+        [(60_000, [ChargeLost(grains(1.0), 0)], {}), (60_000, [], {"state": State.EMPTY})],
+    ),
+    "a whole board is fed by its other battery until that is lost too": (
+        WHOLE,
+        [
+            (60_000, [ChargeLost(grains(1.0), 0)], {}),
+            (60_000, [], {"state": State.EMPTY, "feed": ActiveBattery.SECONDARY}),
+            (61_000, [ChargeLost(0, grains(1.0))], {}),
+            (61_000, [], {"feed": ActiveBattery.NEITHER}),
+        ],
+    ),
+    **{
+        f"the worst case has none: {it!r}": (
+            PAPER,
+            [(0, [it], {"drops": [f"a defect of {whose}: the worst case has none"]})],
+        )
+        for it, whose in [
+            (ClockShifted(60_000), "the clock"),
+            *(
+                (PartFailed(getattr(BoardPart, part), 1), f"its {part.lower()}")
+                for part in ("BUS", "WRITES", "CELLS", "SUPPLY", "FLASH")
+            ),
+        ]
+    },
+    "a pressure sensor that stands shows the surface once it is healed": (
+        PAPER,
+        [
+            *(NO_DEPTH, ASKED, (100_000, [], {"state": State.SURFACING, "depth_m": 0.0})),
+            (100_000, [PartFailed(BoardPart.DEPTH, 0)], {"state": State.FLOATING}),
+        ],
+    ),
+    "a board that never notices the surface sinks again in time and then stays sinking": (
+        PAPER,
+        [
+            *(NO_DEPTH, ASKED),
+            (3_000 + 2 * TIMEOUT_MS, [], {"state": State.SINKING, "depth_m": 3.0}),
+            (3_000 + 2 * TIMEOUT_MS, [PartFailed(BoardPart.DEPTH, 0)], {"state": State.ACTIVE}),
+        ],
+    ),
+    **{
+        f"a packet that overruns the UART is dropped: {name}": (
+            fleet,
+            [
+                (3_000, [PartFailed(BoardPart.UARTS, 4)], {}),
+                (4_000, [PERMISSION], {"drops": ["not a command"]}),
+                (5_000, [PartFailed(BoardPart.UARTS, 0)], {}),
+                (6_000, [PERMISSION], {"state": State.SURFACING}),
+            ],
+        )
+        for name, fleet in (("worst case", PAPER), ("whole", WHOLE))
+    },
+    "a silent bus repeats the last counts as another record": (
+        WHOLE,
+        between(PartFailed(BoardPart.BUS, 1), PartFailed(BoardPart.BUS, 0), {"counts": [0, 1, 1, 1, 4]}),
+    ),
+    **{
+        f"a write that fails spoils its record alone: {part.name} {value}": (
+            WHOLE,
+            between(PartFailed(part, value), PartFailed(part, 0), SPOILT),
+        )
+        for part, value in ((BoardPart.WRITES, 10), (BoardPart.WRITES, 1), (BoardPart.CELLS, 16))
+    },
+    "a flash that does not answer misses its records and keeps the others": (
+        WHOLE,
+        [
+            *between(PartFailed(BoardPart.FLASH, 1), PartFailed(BoardPart.FLASH, 0), SPOILT),
+            (6 * HOUR_MS, [PartFailed(BoardPart.FLASH, 1)], {"records": []}),
+        ],
+    ),
+    # The third sample is torn at 3 h and 10 s; the board boots at once, and its next record is the fourth.
+    **{
+        f"a brown-out in a write tears one record and boots the board: {written} bytes": (
+            WHOLE,
+            [
+                (2 * HOUR_MS + HALF_MS, [PartFailed(BoardPart.SUPPLY, written)], {}),
+                (
+                    *(5 * HOUR_MS + HALF_MS, []),
+                    {
+                        **{"boots_ms": [0, 3 * HOUR_MS + 10_000], "cause": ResetCause.BROWN_OUT},
+                        **{"torn": 1, "records": [0, 1, 3, 4]},
+                    },
+                ),
+            ],
+        )
+        for written in (1, 10, 23)
+    },
+    "a brown-out that found no write is forgotten": (
+        WHOLE,
+        [
+            (1_000, [PartFailed(BoardPart.SUPPLY, 10)], {}),
+            (2_000, [PartFailed(BoardPart.SUPPLY, 0)], {}),
+            (2 * HOUR_MS, [], {"cause": ResetCause.POWER_ON}),
+        ],
+    ),
+}
+
+
+@pytest.mark.parametrize(("fleet", "steps"), STORIES.values(), ids=STORIES)
+def test_what_an_aMussel_does_with_its_defects(fleet: FleetConfig, steps: list[Step]) -> None:
+    mussel = agent(fleet)
+    for at_ms, stimuli, facts in steps:
+        came = [*mussel.advance(at_ms), *(out for it in stimuli for out in mussel.receive(it, at_ms))]
+        seen = {"drops": [it.reason for it in came if isinstance(it, StimulusDropped)]}
+        assert facts == {it: seen[it] if it in seen else FACTS[it](mussel, at_ms) for it in facts}, at_ms
 
 
 @given(
@@ -129,40 +269,15 @@ def test_a_loss_takes_its_charge_and_no_more_than_there_is(
         assert mussel.config.board.charge.charge_at(other, at_ms) == mussel.board.secondary.charge
 
 
-def test_a_battery_that_lost_all_its_charge_is_empty_at_once() -> None:
-    worst, whole = agent(PAPER), agent(WHOLE)
-    for mussel in (worst, whole):
-        lived(mussel, (60_000, ChargeLost(grains(1.0), 0)), 60_000)
-    assert worst.board.state is whole.board.state is State.EMPTY
-    assert whole.board.feed is ActiveBattery.SECONDARY
-    lived(whole, (61_000, ChargeLost(0, grains(1.0))), 61_000)
-    assert whole.board.feed is ActiveBattery.NEITHER
-
-
 def test_a_clock_jumps_and_runs_fast_until_it_is_healed() -> None:
-    mussel = agent(WHOLE)
-    drift = mussel.config.board.drift_ppb
-    mussel.receive(ClockShifted(60_000), 10_000)
-    off_ms = mussel.board.clock_ms(10_000) - 10_000
-    assert abs(off_ms - 60_000) <= 1
-    mussel.receive(CrystalSkewed(10**6), 10_000)
-    assert mussel.board.clock_ms(1_010_000) - 1_010_000 - off_ms == 10**6 * (drift + 10**6) // 10**9
-    mussel.receive(CrystalSkewed(0), 1_010_000)
-    fast_ms = mussel.board.clock_ms(1_010_000) - 1_010_000
-    assert abs(mussel.board.clock_ms(2_010_000) - 2_010_000 - fast_ms - drift // 1000) <= 1
-
-
-@pytest.mark.parametrize(
-    "stimulus",
-    [
-        ClockShifted(60_000),
-        *(PartFailed(getattr(BoardPart, it), 1) for it in ("BUS", "WRITES", "CELLS", "SUPPLY", "FLASH")),
-    ],
-    ids=repr,
-)
-def test_the_worst_case_has_neither_clock_nor_sensors_nor_flash(stimulus: AgentStimulus) -> None:
-    (dropped,) = agent(PAPER).receive(stimulus, 0)
-    assert isinstance(dropped, StimulusDropped) and "the worst case has none" in dropped.reason
+    """Off by so much at four times: before, after the jump, after 1000 s that run fast, and 1000 s later."""
+    mussel, off_ms = agent(WHOLE), []
+    acts = (ClockShifted(0), ClockShifted(60_000), CrystalSkewed(10**6), CrystalSkewed(0), ClockShifted(0))
+    for at_ms, act in zip((10_000, 10_000, 10_000, 1_010_000, 2_010_000), acts, strict=True):
+        mussel.receive(act, at_ms)
+        off_ms.append(mussel.board.clock_ms(at_ms) - at_ms)
+    _, jumped, _, fast, _ = off_ms
+    assert off_ms == [0, jumped, jumped, jumped + 1000, fast] and abs(jumped - 60_000) <= 1
 
 
 @given(st.sampled_from([PAPER, WHOLE]), st.integers(0, 10**7))
@@ -180,97 +295,31 @@ def test_readings_scatter_within_their_noise_and_the_charge_does_not(fleet: Flee
 
 def test_noise_outlives_a_reset_of_the_board_and_differs_from_time_to_time() -> None:
     mussel = agent(PAPER)
-    lived(mussel, (0, PartFailed(BoardPart.CONVERTER, grains(0.05))), (1_000, WasReset(ResetCause.BROWN_OUT)))
-    errors = {
-        mussel.board.readings(at_ms)[0] - charge(mussel, at_ms) for at_ms in range(10_000, 20_000, 1_000)
-    }
-    assert len(errors) == 10
-
-
-@pytest.mark.parametrize("fleet", [PAPER, WHOLE], ids=["worst case", "whole"])
-def test_a_converter_that_stands_holds_its_readings_until_it_is_healed(fleet: FleetConfig) -> None:
-    mussel = agent(fleet)
-    mussel.receive(PartFailed(BoardPart.HOLD, 1), 60_000)
-    held = mussel.board.readings(60_000)
-    mussel.advance(4_000_000)
-    assert mussel.board.readings(4_000_000) == held
-    mussel.receive(PartFailed(BoardPart.HOLD, 0), 4_000_000)
-    assert mussel.board.readings(4_000_000)[0] < held[0]
-
-
-def test_a_converter_that_stands_reads_the_batteries_once_after_a_reset() -> None:
-    mussel = agent(PAPER)
-    lived(mussel, (60_000, PartFailed(BoardPart.HOLD, 1)), (4_000_000, WasReset(ResetCause.BROWN_OUT)))
-    at_reset = mussel.board.readings(4_000_000)
-    mussel.advance(8_000_000)
-    assert mussel.board.readings(8_000_000) == at_reset
-    assert charge(mussel, 4_000_000) == at_reset[0] > charge(mussel, 8_000_000)
-
-
-def test_a_pressure_sensor_that_stands_shows_the_surface_once_it_is_healed() -> None:
-    mussel = agent()
-    lived(mussel, (1_000, PartFailed(BoardPart.DEPTH, 1)), (3_000, PERMISSION), 100_000)
-    assert mussel.body.depth_at_um(100_000) == 0 and mussel.board.state is State.SURFACING
-    mussel.receive(PartFailed(BoardPart.DEPTH, 0), 100_000)
-    assert mussel.board.state is State.FLOATING
-
-
-def test_a_board_that_never_notices_the_surface_sinks_again_in_time_and_then_stays_sinking() -> None:
-    mussel = agent()
-    lived(mussel, (1_000, PartFailed(BoardPart.DEPTH, 1)), (3_000, PERMISSION))
-    timeout_ms = mussel.config.board.surfacing_timeout_ms
-    mussel.advance(3_000 + 2 * timeout_ms)
-    assert mussel.board.state is State.SINKING and mussel.body.rests_on_bottom
-    mussel.receive(PartFailed(BoardPart.DEPTH, 0), 3_000 + 2 * timeout_ms)
-    assert mussel.board.state is State.ACTIVE
-
-
-def test_a_packet_that_overruns_the_uart_is_dropped() -> None:
-    for fleet in (PAPER, WHOLE):
-        mussel = agent(fleet)
-        mussel.receive(PartFailed(BoardPart.UARTS, 4), 3_000)
-        dropped = mussel.receive(PERMISSION, 4_000)
-        assert [it.reason for it in dropped if isinstance(it, StimulusDropped)] == ["not a command"]
-        lived(mussel, (5_000, PartFailed(BoardPart.UARTS, 0)), (6_000, PERMISSION))
-        assert mussel.board.state is State.SURFACING
-
-
-HOUR_MS = 3_600_000
-
-
-def sampled(*failing: tuple[int, AgentStimulus], hours: int = 5) -> Agent:
-    """A whole board after so many hourly samples; each failure comes at an hour, half an hour after a sample."""
-    mussel = agent(WHOLE)
-    for hour, stimulus in failing:
-        mussel.receive(stimulus, hour * HOUR_MS + HOUR_MS // 2)
-    mussel.advance(hours * HOUR_MS + HOUR_MS // 2)
-    return mussel
-
-
-def readable(mussel: Agent) -> list[int]:
-    return [record.sequence for record in mussel._logbook.log.read(0, 99)]
-
-
-def test_a_silent_bus_repeats_the_last_counts_as_another_record() -> None:
-    mussel = sampled((2, PartFailed(BoardPart.BUS, 1)), (4, PartFailed(BoardPart.BUS, 0)))
-    counts = [record.counts for record in mussel._logbook.log.read(0, 99)]
-    assert len(counts) == 5
-    assert counts[1] == counts[2] == counts[3] and len(set(counts)) == 3
+    mussel.receive(PartFailed(BoardPart.CONVERTER, grains(0.05)), 0)
+    mussel.receive(WasReset(ResetCause.BROWN_OUT), 1_000)
+    times_ms = range(10_000, 20_000, 1_000)
+    assert len({mussel.board.readings(it)[0] - charge(mussel, it) for it in times_ms}) == 10
 
 
 @pytest.mark.parametrize(
-    ("part", "value"), [(BoardPart.WRITES, 10), (BoardPart.WRITES, 1), (BoardPart.CELLS, 16)]
+    ("fleet", "act"),
+    [
+        pytest.param(PAPER, PartFailed(BoardPart.HOLD, 0), id="worst case: until it is healed"),
+        pytest.param(WHOLE, PartFailed(BoardPart.HOLD, 0), id="whole: until it is healed"),
+        pytest.param(PAPER, WasReset(ResetCause.BROWN_OUT), id="a reset reads the batteries once"),
+    ],
 )
-def test_a_write_that_fails_spoils_its_record_alone(part: BoardPart, value: int) -> None:
-    mussel = sampled((2, PartFailed(part, value)), (4, PartFailed(part, 0)))
-    assert readable(mussel) == [0, 1, 4] and mussel.physical.samples == 5
-
-
-def test_a_flash_that_does_not_answer_misses_its_records_and_keeps_the_others() -> None:
-    mussel = sampled((2, PartFailed(BoardPart.FLASH, 1)), (4, PartFailed(BoardPart.FLASH, 0)))
-    assert readable(mussel) == [0, 1, 4] and mussel.physical.samples == 5
-    mussel.receive(PartFailed(BoardPart.FLASH, 1), 6 * HOUR_MS)
-    assert readable(mussel) == []
+def test_a_converter_that_stands_holds_its_readings(fleet: FleetConfig, act: AgentStimulus) -> None:
+    mussel, seen = agent(fleet), []
+    stands = PartFailed(BoardPart.HOLD, 1)
+    for at_ms, acts in ((60_000, [stands]), (4_000_000, []), (4_000_000, [act]), (8_000_000, [])):
+        mussel.advance(at_ms)
+        for it in acts:
+            mussel.receive(it, at_ms)
+        seen.append((mussel.board.readings(at_ms)[0], charge(mussel, at_ms)))
+    (stood, _), (still, _), (after, exact), (last, falls_to) = seen
+    assert still == stood > after == exact > falls_to
+    assert last == (exact if isinstance(act, WasReset) else falls_to)
 
 
 def test_a_page_whose_erasure_failed_takes_no_record_until_it_is_erased() -> None:
@@ -286,25 +335,3 @@ def test_a_page_whose_erasure_failed_takes_no_record_until_it_is_erased() -> Non
     flash.erase(1)
     flash.program(96, b"new")
     assert flash.read(96, 8) == b"new" + bytes(5)
-
-
-@pytest.mark.parametrize("written", [1, 10, 23])
-def test_a_brown_out_in_a_write_tears_one_record_and_boots_the_board(written: int) -> None:
-    """The third sample is torn at 3 h and 10 s; the board boots at once, and its next record is the fourth."""
-    mussel = sampled((2, PartFailed(BoardPart.SUPPLY, written)))
-    boots = [it.at_ms for it in mussel.take_truths() if it.state is State.BOOTING]
-    assert boots == [0, 3 * HOUR_MS + 10_000]
-    assert mussel.board.reset_cause is ResetCause.BROWN_OUT
-    assert mussel._logbook is not None and mussel._logbook.log.torn == 1
-    assert readable(mussel) == [0, 1, 3, 4]
-
-
-def test_a_brown_out_that_found_no_write_is_forgotten() -> None:
-    mussel = agent(WHOLE)
-    lived(
-        mussel,
-        (1_000, PartFailed(BoardPart.SUPPLY, 10)),
-        (2_000, PartFailed(BoardPart.SUPPLY, 0)),
-        2 * HOUR_MS,
-    )
-    assert mussel.board.reset_cause is ResetCause.POWER_ON
