@@ -10,15 +10,14 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from agents.modem.facts import (
+    AddressChanged,
     Delivered,
     EmitFrame,
     FrameArrived,
-    FrameDropped,
     FrameRequested,
     ModemAction,
     ModemStateChanged,
     ModemStimulus,
-    Pin,
     PinRose,
     PowerCame,
     PowerWent,
@@ -40,8 +39,24 @@ def modem(**config: int) -> Modem:
     return Modem(ModemConfig(**config), 1)
 
 
-def outs(actions: list[ModemAction]) -> list[tuple[int, bytes]]:
-    return [(it.at_ms, it.data) for it in actions if isinstance(it, SerialOut)]
+def word(action: ModemAction) -> str:
+    """An action in a row: what the serial line prints, the name of a new state, or whatever else it does."""
+    match action:
+        case SerialOut(at_ms, data, line):
+            return f"{at_ms} {data.rstrip().decode()}" + f" on {line}" * line
+        case ModemStateChanged(at_ms, _, _, new):
+            return f"{at_ms} {new.name}"
+        case AddressChanged(at_ms, address):
+            return f"{at_ms} is {address}"
+        case EmitFrame(at_ms, frame):
+            return f"{at_ms} emits {frame.kind.name}"
+        case PinRose(at_ms, pin):
+            return f"{at_ms} pin {pin.name}"
+        case Delivered(at_ms, frame):
+            return f"{at_ms} hands on {frame.kind.name}"
+        case QuestionAnswered(at_ms, question, steps):
+            return f"{at_ms} {question.kind.name} to {question.destination}: {steps}"
+    return f"{action.at_ms} loses"
 
 
 @pytest.mark.parametrize("state", ModemState)
@@ -75,204 +90,231 @@ def test_the_table_by_hand() -> None:
     }
 
 
-def test_a_ping_takes_serial_bytes_two_frames_and_two_ways(pair: Pair) -> None:
-    water = pair(turnaround_ms=5)
-    water.write("near", b"$P002", until_ms=5000)
-    came = [(it.at_ms, it.data) for who, it in water.seen if isinstance(it, SerialOut) and who == "near"]
-    # 5 bytes in: 5.2 ms, so the ping leaves at 6. Its acknowledgement, 7 bytes, has left 7.3 ms after 5.2.
-    # Out 105 + 100 ms, 5 ms of turnaround, back 105 + 100: at 421. 13 bytes more take 13.5 ms.
-    assert came == [(13, b"$P002\r\n"), (435, b"#R002T03200\r\n")]
+def told(kind: FrameKind, to: int | None, payload: bytes = b"") -> FrameRequested:
+    return FrameRequested(ModemFrame(kind, 1, to, payload))
 
 
-@pytest.fixture
-def water(pair: Pair) -> Any:
-    return pair()
-
-
-def test_nothing_comes_for_4_s_after_the_question(water: Any) -> None:
-    water.write("near", b"$P050", until_ms=4000)
-    assert water.printed("near") == b"$P050\r\n"
-    water.run(6 + 105 + 4000 + 4)
-    assert water.printed("near") == b""
-    water.run(6 + 105 + 4000 + 6)
-    assert water.printed("near") == b"#TO\r\n"
-
-
-# 66 687 us are 100.03 m: 2133.98 steps.
-@pytest.mark.parametrize(
-    ("way_us", "writes", "printed"),
-    [
-        pytest.param(
-            66_687, [(b"$P002", 1000)], b"$P002\r\n#R002T02134\r\n", id="a range is finer than a millisecond"
-        ),
-        pytest.param(
-            100_000,
-            [(b"$P050", 500), (b"$P002", 8000)],
-            b"$P050\r\nE\r\n#TO\r\n",
-            id="a question while another waits is refused",
-        ),
+Step = tuple[int, ModemStimulus | bytes | None, list[str]]
+STEPS: dict[str, list[Step]] = {
+    "slow bytes are an error 2 ms after the last": [
+        # 3 bytes end at 3.125 ms, 2 ms of silence at 5.125; `E` and CR LF take 3.1 ms more from 6.
+        (0, b"$P0", []),
+        (100, None, ["6 loses", "10 E"]),
+        (100, b"$A009", []),
+        (200, None, ["106 is 9", "113 #A009"]),
     ],
-)
-def test_a_question_is_answered(
-    pair: Pair, way_us: int, writes: list[tuple[bytes, int]], printed: bytes
-) -> None:
-    water = pair(propagation_us=way_us)
-    for command, until_ms in writes:
-        water.write("near", command, until_ms=until_ms)
-    assert water.printed("near") == printed
+    "bytes within 2 ms are one command": [
+        (0, b"$", []),
+        (3, b"A", []),
+        (6, b"0", []),
+        (9, b"0", []),
+        (12, b"9", []),
+        (100, None, ["14 is 9", "21 #A009"]),
+        (100, b"$", []),
+        (104, b"A", ["104 loses"]),
+        (108, b"0", ["106 loses", "108 E"]),
+        (112, b"0", ["110 loses", "111 E"]),
+        (116, b"8", ["114 loses", "114 E"]),
+        (200, b"$?", ["117 E", "118 loses", "121 E"]),
+        (300, None, ["249 #A009V21845R001.006.000B2024-02-15T00:00:00"]),
+    ],
+    "half duplex: what comes while it sends is lost": [
+        (0, b"$B64" + bytes(64), []),
+        (500, None, ["71 TRANSMITTING", "71 emits BROADCAST", "78 $B64"]),
+        (500, SoundBegan(105), []),
+        (605, FrameArrived(PING), ["605 loses"]),
+        # The next frame began while the modem sent.
+        (1200, None, ["1176 LISTENING"]),
+        (1250, FrameArrived(PING), ["1250 loses"]),
+        (1300, FrameArrived(PING), []),
+        (1305, None, ["1305 TRANSMITTING", "1305 emits PING_REPLY"]),
+    ],
+    "told to send it drops what it receives": [
+        (0, SoundBegan(105), ["0 RECEIVING"]),
+        (0, b"$F", []),
+        (50, None, ["3 TRANSMITTING", "3 emits BEACON", "7 $F"]),
+        (105, FrameArrived(PING), ["105 loses"]),
+    ],
+    "asleep it hears nothing and wakes by W repeated": [
+        (0, b"$Z", []),
+        (100, None, ["3 SLEEPING", "7 $Z"]),
+        (400, FrameArrived(PING), ["400 loses"]),
+        (400, b"$?", []),
+        (500, None, []),
+        (500, b"$W", []),
+        (600, None, ["503 LISTENING"]),
+        (600, b"$W", []),
+        (700, None, ["607 $W"]),
+    ],
+    "the address outlives power and the rest does not": [
+        (0, b"$A077$XQE$XTE$P002", []),
+        (
+            1000,
+            None,
+            [
+                "6 is 77",
+                "13 #A077",
+                "19 TRANSMITTING",
+                "19 emits PING",
+                "19 #XQE",
+                "40 #XTE00000000000000",
+                "47 $P002",
+                "124 LISTENING",
+            ],
+        ),
+        (1000, PowerWent(), ["1000 OFF"]),
+        (1100, b"$?", ["1100 loses"]),
+        (1200, PowerCame(), ["1200 LISTENING"]),
+        (1200, b"$?$XTG", []),
+        (1400, None, ["1249 #A077V21845R001.006.000B2024-02-15T00:00:00", "1270 #XTD00000000000000"]),
+        (6000, None, []),
+        (6000, FrameArrived(ModemFrame(FrameKind.BROADCAST, 9, None, b"hi")), ["6000 hands on BROADCAST"]),
+        (6100, None, ["6012 #B00902hi"]),
+    ],
+    "pins rise for a unicast and for any frame": [
+        (
+            1000,
+            FrameArrived(ModemFrame(FrameKind.UNICAST, 9, 1, b"hi")),
+            ["1000 pin RXM", "1000 hands on UNICAST"],
+        ),
+        (1900, None, ["1009 #U02hi"]),
+        (2000, FrameArrived(ModemFrame(FrameKind.UNICAST, 9, 2, b"hi")), []),
+        (2000, b"$XFE", []),
+        (2100, None, ["2011 #XFE"]),
+        (3000, FrameArrived(ModemFrame(FrameKind.UNICAST, 9, 2, b"hi")), ["3000 pin RXS"]),
+    ],
+    "a host without a line is told why not": [
+        (0, told(FrameKind.BROADCAST, None, b"one"), ["0 TRANSMITTING", "0 emits BROADCAST"]),
+        (1, told(FrameKind.BROADCAST, None, b"two"), []),
+        (2, told(FrameKind.BROADCAST, None, b"three"), ["2 loses"]),
+    ],
+    "a pause parts bytes whenever they are told": [
+        (0, b"$P0", []),
+        (0, SerialBytes(b"02", paused=True), []),
+        (100, None, ["6 loses", "7 loses", "10 E", "13 E"]),
+    ],
+}
+"""A time in ms, what the modem is told then, with bytes for bytes at its line, and all that it does up to then."""
 
 
-def test_while_it_sends_bytes_wait(water: Any) -> None:
-    water.write("near", b"$B64" + bytes(64), until_ms=200)
-    water.write("near", b"$?", until_ms=1000)
-    assert b"#A" not in water.printed("near")
-    water.run(1300)
-    assert water.printed("near").startswith(b"#A001")
-
-
-@pytest.fixture
-def modem_1() -> Modem:
-    return modem()
-
-
-def test_slow_bytes_are_an_error_2_ms_after_the_last(modem_1: Modem) -> None:
-    actions = modem_1.receive(SerialBytes(b"$P0"), 0)
-    actions += modem_1.advance(100)
-    # 3 bytes end at 3.125 ms, 2 ms of silence at 5.125; `E` and CR LF take 3.1 ms more from 6.
-    assert outs(actions) == [(10, b"E\r\n")]
-    assert outs(modem_1.receive(SerialBytes(b"$A009"), 100) + modem_1.advance(200)) == [(113, b"#A009\r\n")]
-
-
-def test_bytes_within_2_ms_are_one_command(modem_1: Modem) -> None:
-    actions: list[ModemAction] = []
-    for n, byte in enumerate(b"$A009"):
-        actions += modem_1.receive(SerialBytes(bytes([byte])), 3 * n)
-    assert [data for _, data in outs(actions + modem_1.advance(100))] == [b"#A009\r\n"]
-    for n, byte in enumerate(b"$A008"):
-        actions += modem_1.receive(SerialBytes(bytes([byte])), 100 + 4 * n)
-    assert modem_1.address == 9
-    assert b"E\r\n" in [data for _, data in outs(actions + modem_1.advance(200))]
-
-
-def test_half_duplex_what_comes_while_it_sends_is_lost(modem_1: Modem) -> None:
-    modem_1.receive(SerialBytes(b"$B64" + bytes(64)), 0)
-    modem_1.advance(500)
-    assert modem_1.state is ModemState.TRANSMITTING
-    modem_1.receive(SoundBegan(105), 500)
-    (lost,) = modem_1.receive(FrameArrived(PING), 605)
-    assert isinstance(lost, FrameDropped)
-    modem_1.advance(1200)
-    assert modem_1.state is ModemState.LISTENING
-    # This frame began while the modem sent.
-    (lost,) = modem_1.receive(FrameArrived(PING), 1250)
-    assert isinstance(lost, FrameDropped)
-    assert modem_1.receive(FrameArrived(PING), 1300) == []
-    assert [type(action) for action in modem_1.advance(1305)] == [ModemStateChanged, EmitFrame]
-
-
-def test_told_to_send_it_drops_what_it_receives(modem_1: Modem) -> None:
-    modem_1.receive(SoundBegan(105), 0)
-    assert modem_1.state is ModemState.RECEIVING
-    modem_1.receive(SerialBytes(b"$F"), 0)
-    modem_1.advance(50)
-    assert modem_1.state is ModemState.TRANSMITTING
-    (lost,) = modem_1.receive(FrameArrived(PING), 105)
-    assert isinstance(lost, FrameDropped)
-
-
-def test_asleep_it_hears_nothing_and_wakes_by_w_repeated(modem_1: Modem) -> None:
-    assert outs(modem_1.receive(SerialBytes(b"$Z"), 0) + modem_1.advance(100)) == [(7, b"$Z\r\n")]
-    assert modem_1.state is ModemState.SLEEPING
-    (lost,) = modem_1.receive(FrameArrived(PING), 400)
-    assert isinstance(lost, FrameDropped)
-    assert outs(modem_1.receive(SerialBytes(b"$?"), 400) + modem_1.advance(500)) == []
-    assert outs(modem_1.receive(SerialBytes(b"$W"), 500) + modem_1.advance(600)) == []
-    assert modem_1.state is ModemState.LISTENING
-    assert outs(modem_1.receive(SerialBytes(b"$W"), 600) + modem_1.advance(700)) == [(607, b"$W\r\n")]
-
-
-def test_the_address_outlives_power_and_the_rest_does_not(modem_1: Modem) -> None:
-    modem_1.receive(SerialBytes(b"$A077$XQE$XTE$P002"), 0)
-    modem_1.advance(1000)
-    assert modem_1.question is not None and modem_1.reports_quality
-    modem_1.receive(PowerWent(), 1000)
-    assert modem_1.next_due_ms is None
-    assert [type(action) for action in modem_1.receive(SerialBytes(b"$?"), 1100)] == [FrameDropped]
-    modem_1.receive(PowerCame(), 1200)
-    answer = outs(modem_1.receive(SerialBytes(b"$?$XTG"), 1200) + modem_1.advance(1400))
-    assert answer[0][1].startswith(b"#A077V21845")
-    assert answer[1][1] == b"#XTD00000000000000\r\n"
-    assert modem_1.question is None and not modem_1.reports_quality
-
-
-def test_pins_rise_for_a_unicast_and_for_any_frame(modem_1: Modem) -> None:
-    unicast = FrameArrived(ModemFrame(FrameKind.UNICAST, 9, 1, b"hi"))
-    other = FrameArrived(ModemFrame(FrameKind.UNICAST, 9, 2, b"hi"))
-    assert modem_1.receive(unicast, 1000) == [PinRose(1000, Pin.RXM), Delivered(1000, unicast.frame)]
-    modem_1.advance(1900)
-    assert modem_1.receive(other, 2000) == []
-    modem_1.receive(SerialBytes(b"$XFE"), 2000)
-    modem_1.advance(2100)
-    assert PinRose(3000, Pin.RXS) in modem_1.receive(other, 3000)
-
-
-def test_energy_by_state(modem_1: Modem) -> None:
-    modem_1.receive(SoundBegan(1105), 1000)  # listened 1 s, received 1.105 s
-    modem_1.receive(SerialBytes(b"$F"), 3000)  # 2 bytes: sent from 3.003 to 3.108 s
-    modem_1.receive(SerialBytes(b"$Z"), 4000)  # asleep from 4.003 s
-    modem_1.advance(60_000)
-    listened_ms = 4003 - 1105 - 105
-    assert modem_1.drawn_ua_ms(60_000) == 2_500 * listened_ms + 5_000 * 1105 + 300_000 * 105
-
-
-def test_two_lines_get_their_own_answers_and_both_what_is_heard(pair: Pair) -> None:
-    water = pair(lines=2)
-    water.write("near", b"$P002", line=0)
-    water.write("near", b"$?", line=1, until_ms=1000)
-    water.write("far", b"$B02hi", until_ms=2000)
-    assert water.printed("near", 0) == b"$P002\r\n#R002T03200\r\n#B00202hi\r\n"
-    assert water.printed("near", 1).endswith(b":00\r\n#B00202hi\r\n")
-
-
-def test_a_host_without_a_line_asks_and_is_told(water: Any) -> None:
-    ping = ModemFrame(FrameKind.PING, 1, 2)
-    water.tell("near", FrameRequested(ping), until_ms=1000)
-    lost = ModemFrame(FrameKind.PING, 1, 3)
-    water.tell("near", FrameRequested(lost), until_ms=6000)
-    words = ModemFrame(FrameKind.UNICAST, 1, 2, b"words")
-    water.tell("near", FrameRequested(words), until_ms=7000)
-    # 105 ms out, 100 of way, 5 of turnaround, and the same back; the other ping is given up after 4 s.
-    assert water.of("near", QuestionAnswered) == [
-        QuestionAnswered(415, ping, 3200),
-        QuestionAnswered(1000 + 105 + 4000, lost, None),
-    ]
-    assert [(it.at_ms, it.frame) for it in water.of("near", EmitFrame)] == [
-        (0, ping),
-        (1000, lost),
-        (6000, words),
-    ]
-    assert water.of("far", Delivered) == [Delivered(6000 + words.duration_ms + 100, words)]
-    assert water.printed("near") == b""
-    assert water.printed("far") == b"#U05words\r\n"
-
-
-def test_a_host_without_a_line_is_told_why_not(modem_1: Modem) -> None:
-    modem_1.receive(FrameRequested(ModemFrame(FrameKind.BROADCAST, 1, None, b"one")), 0)
-    assert modem_1.receive(FrameRequested(ModemFrame(FrameKind.BROADCAST, 1, None, b"two")), 1) == []
-    (refused,) = modem_1.receive(FrameRequested(ModemFrame(FrameKind.BROADCAST, 1, None, b"three")), 2)
-    assert isinstance(refused, FrameDropped)
-
-
-def test_a_pause_parts_bytes_whenever_they_are_told(modem_1: Modem) -> None:
-    modem_1.receive(SerialBytes(b"$P0"), 0)
-    actions = modem_1.receive(SerialBytes(b"02", paused=True), 0) + modem_1.advance(100)
-    assert [data for _, data in outs(actions)] == [b"E\r\n", b"E\r\n"]
-
-
-def test_time_does_not_go_back(modem_1: Modem) -> None:
-    modem_1.advance(5)
+@pytest.mark.parametrize("steps", STEPS.values(), ids=STEPS)
+def test_what_one_modem_does(steps: list[Step]) -> None:
+    alone = modem()
+    for at_ms, it, does in steps:
+        stimulus = SerialBytes(it) if isinstance(it, bytes) else it
+        did = alone.advance(at_ms) if stimulus is None else alone.receive(stimulus, at_ms)
+        assert list(map(word, did)) == does, at_ms
     with pytest.raises(ValueError, match="went back"):
-        modem_1.advance(4)
+        alone.advance(at_ms - 1)
+
+
+PAIRS: dict[
+    str, tuple[dict[str, int], list[tuple[str, ModemStimulus | bytes, int]], dict[str, list[str]]]
+] = {
+    "a ping takes serial bytes, two frames and two ways": (
+        {"turnaround_ms": 5},
+        [
+            # 5 bytes in: 5.2 ms, so the ping leaves at 6. Its acknowledgement, 7 bytes, has left 7.3 ms after 5.2.
+            # Out 105 + 100 ms, 5 ms of turnaround, back 105 + 100: at 421. 13 bytes more take 13.5 ms.
+            ("near", b"$P002", 5000),
+        ],
+        {"near": ["6 emits PING", "13 $P002", "435 #R002T03200"]},
+    ),
+    "nothing comes for 4 s after the question": (
+        {},
+        [
+            ("near", b"$P050", 6000),
+        ],
+        {"near": ["6 emits PING", "13 $P050", "4117 #TO"]},
+    ),
+    "a range is finer than a millisecond": (
+        {"propagation_us": 66_687},
+        [
+            # 66 687 us are 100.03 m: 2133.98 steps.
+            ("near", b"$P002", 1000),
+        ],
+        {"near": ["6 emits PING", "13 $P002", "369 #R002T02134"]},
+    ),
+    "a question while another waits is refused": (
+        {},
+        [
+            ("near", b"$P050", 500),
+            ("near", b"$P002", 8000),
+        ],
+        {"near": ["6 emits PING", "13 $P050", "506 loses", "509 E", "4117 #TO"], "far": []},
+    ),
+    "while it sends bytes wait": (
+        {},
+        [
+            ("near", b"$B64" + bytes(64), 200),
+            ("near", b"$?", 1300),
+        ],
+        {"near": ["71 emits BROADCAST", "78 $B64", "1222 #A001V21845R001.006.000B2024-02-15T00:00:00"]},
+    ),
+    "two lines get their own answers and both what is heard": (
+        {"lines": 2},
+        [
+            ("near", b"$P002", 0),
+            ("near", SerialBytes(b"$?", 1), 1000),
+            ("far", b"$B02hi", 2000),
+        ],
+        {
+            "near": [
+                "6 emits PING",
+                "13 $P002",
+                "49 #A001V21845R001.006.000B2024-02-15T00:00:00 on 1",
+                "435 #R002T03200",
+                "1437 hands on BROADCAST",
+                "1449 #B00202hi",
+                "1449 #B00202hi on 1",
+            ]
+        },
+    ),
+    "a host without a line asks and is told": (
+        {},
+        [
+            # 105 ms out, 100 of way, 5 of turnaround, and the same back; the other ping is given up after 4 s.
+            ("near", told(FrameKind.PING, 2), 1000),
+            ("near", told(FrameKind.PING, 3), 6000),
+            ("near", told(FrameKind.UNICAST, 2, b"words"), 7000),
+        ],
+        {
+            "near": [
+                "0 emits PING",
+                "415 PING to 2: 3200",
+                "1000 emits PING",
+                "5105 PING to 3: None",
+                "6000 emits UNICAST",
+            ],
+            "far": ["210 emits PING_REPLY", "6468 pin RXM", "6468 hands on UNICAST", "6480 #U05words"],
+        },
+    ),
+}
+"""A pair's configuration; who is told what, and until when time runs then; and all that each does but change its state."""
+
+
+@pytest.mark.parametrize(("config", "acts", "does"), PAIRS.values(), ids=PAIRS)
+def test_what_two_modems_do(
+    config: dict[str, int],
+    acts: list[tuple[str, ModemStimulus | bytes, int]],
+    does: dict[str, list[str]],
+    pair: Pair,
+) -> None:
+    water = pair(**config)
+    for who, it, until_ms in acts:
+        water.tell(who, SerialBytes(it) if isinstance(it, bytes) else it, until_ms)
+    seen = [(who, word(it)) for who, it in water.seen if not isinstance(it, ModemStateChanged)]
+    assert {who: [it for by, it in seen if by == who] for who in does} == does
+
+
+def test_energy_by_state() -> None:
+    alone = modem()
+    alone.receive(SoundBegan(1105), 1000)  # listened 1 s, received 1.105 s
+    alone.receive(SerialBytes(b"$F"), 3000)  # 2 bytes: sent from 3.003 to 3.108 s
+    alone.receive(SerialBytes(b"$Z"), 4000)  # asleep from 4.003 s
+    alone.advance(60_000)
+    listened_ms = 4003 - 1105 - 105
+    assert alone.drawn_ua_ms(60_000) == 2_500 * listened_ms + 5_000 * 1105 + 300_000 * 105
 
 
 STIMULI: list[ModemStimulus] = [
