@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import re
+from collections.abc import Callable
 from math import inf
 from typing import Any
 
@@ -30,44 +31,198 @@ D, C = 0.0010427134, 0.002911
 """The paper's rates an agent minute: equation (1), and the fast end of equation (2)."""
 
 
-def pool(seed: int = 1, count: int = 12, **changes: Any) -> Scenario:
+Row = tuple[Any, Any]
+"""A bound, or several, and the same by hand."""
+FULL_MIN = 0.16197 / 0.001045 + (0.5634 - 0.16197) / 0.00223 + (1 - 0.5634) / C
+"""From empty to full: 485 min in Table I."""
+ABOVE_KNEE = 0.4366
+"""From 0.5634 to 1, where a charge is fastest."""
+
+
+def pool(
+    count: int = 12, start: tuple[float, float] = (0.6, 1.0), motor_run: float = 0.0, **changes: Any
+) -> Scenario:
     data = resolve(load(POOL_FILE))
-    data["seed"] = seed
-    data["fleet"].update(start={"charge": [0.6, 1.0]}, count=count, agent_ids=[])
-    data["mission"].update({key: changes.pop(key) for key in list(changes) if key in data["mission"]})
+    data["fleet"].update(start={"charge": list(start)}, count=count, agent_ids=[])
+    data["board"]["motor_run_charge"] = motor_run
     return from_data({**data, **changes}, "test")
 
 
-def test_the_paper_s_fleet_by_hand() -> None:
-    found = bounds_of([pool(count=24)])
-    assert found.sustained == pytest.approx(4 * (1 + C / D))  # 15.2
-    full_min = 0.16197 / 0.001045 + (0.5634 - 0.16197) / 0.00223 + (1 - 0.5634) / C
-    assert full_min == pytest.approx(485, abs=0.1)  # Table I
-    assert found.sustained_from_empty == pytest.approx(4 * (1 + 1 / full_min / D))  # 11.9
-    assert found.uptime_for_ever_percent == pytest.approx(100 * 4 * C / D / 24)  # 11.17 of 24 active
-    assert bounds_of([pool(count=12)]).uptime_for_ever_percent == pytest.approx(100 * C / (C + D))  # 73.6 %
+LOW = (0.6, 0.6)
+FEW = pool(start=LOW)
+"""12 that begin with 0.6, for 1200 minutes of theirs."""
+FEW_MIN = 12 * 1200
+CROWD = pool(count=24, start=LOW, duration_s=9600.0)
+"""For 4800 minutes of theirs; its docks close for 7.5 of them."""
 
 
-def test_surfacing_lowers_what_the_docks_sustain_by_hand() -> None:
-    for motor, gained in ((0.01, 0.4366 - 0.02), (0.025, 0.4366 - 0.05), (0.045, 0.4366 - 0.09)):
-        scenario = resolve(pool(count=24))
-        scenario["board"]["motor_run_charge"] = motor
-        found = bounds_of([from_data(scenario, "test")])
-        above_knee_min = 0.4366 / C  # from 0.5634 to 1
-        assert found.sustained == pytest.approx(4 * (1 + gained / above_knee_min / D), rel=1e-3)
-        few = bounds_of([from_data({**scenario, "fleet": {**scenario["fleet"], "count": 12}}, "test")])
-        assert few.uptime_for_ever_percent == pytest.approx(100 * (1 - 4 / found.sustained), rel=1e-3)
+def sustained_by_hand(motor_run: float) -> float:
+    """Each run of the motors lowers what a charge above the knee gains."""
+    return 4 * (1 + (ABOVE_KNEE - 2 * motor_run) / (ABOVE_KNEE / C) / D)
 
 
-def test_where_motors_take_much_an_amussel_gains_most_from_empty_by_hand() -> None:
-    """The backup battery carries it up; a run of 0.2 down is all that it pays of its whole charge, in Table I's 485 min."""
-    scenario = resolve(pool())
-    scenario["board"]["motor_run_charge"] = 0.2
-    found = rates_of(from_data(scenario, "test"))[0]
-    assert found.charge == pytest.approx((1 - 0.2) / 485, rel=1e-3)
-    assert (
-        found.charge > (1 - 0.4) / 485 > (0.4366 - 0.4) / 150
-    )  # both runs from the primary: from empty, above the knee
+def sampled(motor_run: float) -> Row:
+    """A board that never sleeps takes no samples on its ways and in a closing dock.
+
+    A service above the knee takes 150 min in the dock, and 9.5 more: the ways 1 each, and 15 s of closing 7.5.
+    """
+    gain = (ABOVE_KNEE - 2 * motor_run - 9.5 * D) / (ABOVE_KNEE / C + 9.5)
+    away = (1200 * D - 0.6 - motor_run) / (gain + D)
+    # A sample every 30 s of theirs.
+    return bounds_of([pool(start=LOW, motor_run=motor_run)]).samples, 12 * (1201 - away) * 2
+
+
+def seven_services() -> Row:
+    """Each of seven gains the fast 0.4366 in 150 minutes, and more at the middle rate, until no time is left."""
+    more_min = (FEW_MIN - (12 * 0.6 + 7 * ABOVE_KNEE) / D - 7 * ABOVE_KNEE / C) / (1 + 0.00223 / D)
+    docked_min = 7 * ABOVE_KNEE / C + more_min
+    return uptime_with_services(FEW, 7), 100 * (1 - docked_min / FEW_MIN)
+
+
+def cycles() -> Row:
+    """Twelve charges one after the other in four docks: three rounds of hotel load, twelve of a dock's."""
+    scenario, full_h = pool(theta=1), FULL_MIN / 60
+    battery = scenario.apad.battery
+    needed_wh = full_h * (12 * battery.charging_w_per_dock + 3 * battery.hotel_w)
+    return bounds_of([scenario]).cycles_per_apad_charge, battery.capacity_wh / needed_wh
+
+
+MW = 1 / 7400 / 60
+"""A milliwatt, as charge a minute."""
+ASLEEP = 3.92756e-05 + 12.5 * MW
+"""The MU asleep, and its modem listening."""
+TWO_COILS, PATH, MOTOR_RUN = 0.0036198285, 0.6037, 0.0268
+"""Of Table I: its primary takes 390 min through two coils; and the heavy run's fit."""
+
+
+def whole(kept_on: tuple[str, ...] = (), **cycle: Any) -> Scenario:
+    """12 whole boards that begin with 0.6; without a cycle they never sleep."""
+    data = resolve(load(WHOLE_FILE))
+    data["fleet"].update(count=12, agent_ids=[], start={"charge": [0.6, 0.6]})
+    own = data["board"]["whole"]
+    own["cycle"] = {**own["cycle"], **cycle} if cycle else None
+    own["power"]["kept_on"] = list(kept_on)
+    return from_data(data, "test")
+
+
+def drain_by_hand(processing_s: int, slot: int) -> float:
+    """A minute of a cycle: 10 s of sensors, the Pi, the wait for a timeslot of 5 s in frames of 300 s, 1 s of sending."""
+    waits_s = (5 * slot - 10 - processing_s) % 300
+    awake = 10 * (D + 160 * MW) + processing_s * (D + 1000 * MW) + waits_s * D + (D + 1487.5 * MW)
+    return (awake + (3600 - 11 - processing_s - waits_s) * ASLEEP) / 3600
+
+
+def charge_by_hand(awake: float, docked: float) -> float:
+    """Above the knee, less two runs of the motors, three minutes awake, and what the board draws in its dock."""
+    return (ABOVE_KNEE - 2 * MOTOR_RUN - 3 * awake) / (ABOVE_KNEE / (TWO_COILS - docked * PATH))
+
+
+REPORTS = (D + 160 * MW + 500 * MW + 59 * ASLEEP) / 60
+"""In a dock: a report of a minute in an hour's sleep."""
+ONCE = whole(processing_s=60)
+TIMED = charge_by_hand(D - ASLEEP, ASLEEP)
+"""Services that are timed to skip wakes: no alarm rings in a dock."""
+
+
+def rates(scenario: Scenario, **how: bool) -> list[tuple[float, float]]:
+    return [(it.drain, it.charge) for it in rates_of(scenario, **how)]
+
+
+def each_board() -> Row:
+    """A whole board pays for its service and its reports; its start has a way down and a wake added."""
+    by_hand: list[float] = []
+    for slot in range(12):
+        drain = drain_by_hand(60, slot)
+        start = 0.6 + MOTOR_RUN + 2 * (D - drain) + 60 * (drain - ASLEEP)
+        by_hand += [drain, charge_by_hand(D - drain, REPORTS), start]
+    return [found for it in rates_of(ONCE) for found in (it.drain, it.charge, it.start)], by_hand
+
+
+def mean_share() -> Row:
+    """With 600 s of processing the third board sends at once, and the second waits for 295 s."""
+    drains = [drain_by_hand(600, slot) for slot in range(12)]
+    shares = [drain / (drain + charge_by_hand(D - drain, REPORTS)) for drain in drains]
+    return bounds_of([whole(processing_s=600)]).sustained, 4 * 12 / sum(shares)
+
+
+PI = whole(kept_on=("pi",))
+"""With the Pi and its sensors always on, a dock gives less than the board draws up to the knee."""
+BY_HAND: dict[str, Callable[[], Row]] = {
+    "docks sustain 15.2": lambda: (bounds_of([pool(count=24)]).sustained, 4 * (1 + C / D)),
+    "from empty docks sustain 11.9": lambda: (
+        bounds_of([pool(count=24)]).sustained_from_empty,
+        4 * (1 + 1 / FULL_MIN / D),
+    ),
+    "11.17 of 24 are active": lambda: (
+        bounds_of([pool(count=24)]).uptime_for_ever_percent,
+        100 * 4 * C / D / 24,
+    ),
+    "73.6 % of 12": lambda: (bounds_of([pool()]).uptime_for_ever_percent, 100 * C / (C + D)),
+    **{
+        f"motors that take {it} lower what docks sustain": lambda it=it: (
+            bounds_of([pool(count=24, motor_run=it)]).sustained,
+            sustained_by_hand(it),
+        )
+        for it in (0.01, 0.025, 0.045)
+    },
+    **{
+        f"motors that take {it} lower the uptime": lambda it=it: (
+            bounds_of([pool(motor_run=it)]).uptime_for_ever_percent,
+            100 * (1 - 4 / sustained_by_hand(it)),
+        )
+        for it in (0.01, 0.025, 0.045)
+    },
+    # The backup battery carries it up; a run of 0.2 down is all that it pays of its whole charge. With both runs of the
+    # primary it would gain less: from empty, and above the knee.
+    "where motors take much it gains most from empty": lambda: (
+        rates_of(pool(motor_run=0.2))[0].charge,
+        (1 - 0.2) / FULL_MIN,
+    ),
+    "samples": lambda: sampled(0.0),
+    "samples of one that surfaces": lambda: sampled(0.025),
+    # Four whole batteries on top, in 1940 of the docks' minutes.
+    "four services": lambda: (uptime_with_services(FEW, 4), 100 * (12 * 0.6 + 4) / D / FEW_MIN),
+    "seven services": seven_services,
+    # So many that all are on the fast part: the linear programme's bound.
+    "99 services": lambda: (uptime_with_services(FEW, 99), bounds_of([FEW]).uptime_percent),
+    "a closing dock charges nobody": lambda: (
+        uptime_with_closing(CROWD),
+        100 * (24 * 0.6 / D + 4 * 4800 * ABOVE_KNEE / (ABOVE_KNEE / C + 7.5) / D) / (24 * 4800),
+    ),
+    "docks that have time to close": lambda: (
+        uptime_with_closing(pool()),
+        bounds_of([pool()]).uptime_percent,
+    ),
+    "cycles that an aPad's charge affords": cycles,
+    "a whole board pays for its service": each_board,
+    "boards that never sleep are awake in their docks": lambda: (
+        [*rates(whole())[0]],
+        [D, charge_by_hand(0.0, D)],
+    ),
+    "services that skip wakes": lambda: ([*rates(ONCE, skips_wakes=True)[0]], [ASLEEP, TIMED]),
+    "their uptime": lambda: (
+        bounds_of([ONCE]).timed_uptime_for_ever_percent,
+        100 * TIMED / (TIMED + ASLEEP),
+    ),
+    "a fleet whose timeslots differ is sustained by its mean share": mean_share,
+    "a dock that gives less than the board draws fills nobody from empty": lambda: (
+        [rates_of(PI)[0].full_charge_min, rates_of(PI)[0].charge],
+        [inf, charge_by_hand(0.0, D + 1000 * MW)],
+    ),
+    "and sustains whom it holds alone": lambda: (bounds_of([PI]).sustained_from_empty, 4),
+    "and affords no cycle": lambda: (bounds_of([PI]).cycles_per_apad_charge, 0),
+}
+
+
+@pytest.mark.parametrize("row", BY_HAND.values(), ids=BY_HAND)
+def test_a_bound_by_hand(row: Callable[[], Row]) -> None:
+    found, by_hand = row()
+    assert found == pytest.approx(by_hand)
+
+
+def test_no_bound_of_services_that_skip_wakes_is_told_where_boards_do_not_sleep() -> None:
+    assert "No strategy that does not time its services to skip wakes exceeds" in bounds_of([ONCE]).text
+    assert bounds_of([pool()]).timed_uptime_percent is None
 
 
 @given(
@@ -111,52 +266,6 @@ def test_a_mission_of_1000_minutes_by_hand(fleet: list[Rates], docks: int, activ
     assert active_minutes(fleet, 1000.0, docks) == pytest.approx(active)
 
 
-@pytest.mark.parametrize("surfacing", [0.0, 0.05])
-def test_a_board_that_never_sleeps_takes_no_samples_on_its_ways_and_in_a_closing_dock_by_hand(
-    surfacing: float,
-) -> None:
-    """12 from a charge of 0.6 for 20 hours of theirs at theta 30, which the docks serve as they like.
-
-    A service above the knee takes 150 min in the dock, and 9.5 more: the ways 1 each, and 15 s of closing 7.5.
-    """
-    data = resolve(pool())
-    data["fleet"]["start"] = {"charge": [0.6, 0.6]}
-    data["board"]["motor_run_charge"] = surfacing / 2
-    scenario = from_data(data, "test")
-    away_min = 0.4366 / C + 9.5
-    gain = (0.4366 - surfacing - 9.5 * D) / away_min
-    away = (1200 * D - 0.6 - surfacing / 2) / (gain + D)
-    found = bounds_of([scenario])
-    assert found.samples == pytest.approx(12 * (1201 - away) * 2, rel=1e-4)  # a sample every 30 s of theirs
-    assert found.samples < found.active * scenario.duration_s
-
-
-def test_few_services_by_hand() -> None:
-    """The pool's 12 from a charge of 0.6 for 1200 minutes."""
-    data = resolve(pool())
-    data["fleet"]["start"] = {"charge": [0.6, 0.6]}
-    scenario, time_min = from_data(data, "test"), 12 * 1200
-    # Four whole batteries on top, in 1940 of the docks' minutes.
-    assert uptime_with_services(scenario, 4) == pytest.approx(100 * (12 * 0.6 + 4) / D / time_min, rel=1e-3)
-    # Each of seven gains the fast 0.4366 in 150 minutes, and g more at the middle rate, until no time is left.
-    more_min = (time_min - (12 * 0.6 + 7 * 0.4366) / D - 7 * 0.4366 / C) / (1 + 0.00223 / D)
-    docked_min = 7 * 0.4366 / C + more_min
-    assert uptime_with_services(scenario, 7) == pytest.approx(100 * (1 - docked_min / time_min), rel=1e-3)
-    # So many that all are on the fast part: the linear programme's bound.
-    assert uptime_with_services(scenario, 99) == pytest.approx(bounds_of([scenario]).uptime_percent, rel=1e-6)
-
-
-def test_a_closing_dock_charges_nobody() -> None:
-    data = resolve(pool(count=24, duration_s=9600.0))
-    data["fleet"]["start"] = {"charge": [0.6, 0.6]}
-    time_min = 4800.0  # of the aMussels; the docks close for 7.5 of them
-    assert uptime_with_closing(from_data(data, "test")) == pytest.approx(
-        100 * (24 * 0.6 / D + 4 * time_min * 0.4366 / (0.4366 / C + 7.5) / D) / (24 * time_min), rel=1e-6
-    )
-    held = pool(count=12)  # its docks have time to close
-    assert uptime_with_closing(held) == pytest.approx(bounds_of([held]).uptime_percent)
-
-
 fleets = st.lists(
     st.builds(Rates, st.floats(0, 1), *[st.floats(1e-4, 1e-2)] * 2, st.just(500.0), *[st.just(0.0)] * 3),
     min_size=1,
@@ -180,84 +289,6 @@ def test_the_closed_form_is_the_linear_programme(fleet: list[Rates], minutes: fl
     assert active_minutes(fleet, minutes, docks) == pytest.approx(-solved.fun, rel=1e-6, abs=1e-6)
 
 
-MW = 1 / 7400 / 60
-"""A milliwatt, as charge a minute."""
-ASLEEP = 3.92756e-05 + 12.5 * MW
-"""The MU asleep, and its modem listening."""
-TWO_COILS, PATH, MOTOR_RUN = 0.0036198285, 0.6037, 0.0268
-"""Of Table I: its primary takes 390 min through two coils; and the heavy run's fit."""
-ABOVE_KNEE = 0.4366
-
-
-def drain_by_hand(processing_s: int, slot: int) -> float:
-    """A minute of a cycle: 10 s of sensors, the Pi, the wait for a timeslot of 5 s in frames of 300 s, 1 s of sending."""
-    waits_s = (5 * slot - 10 - processing_s) % 300
-    awake = 10 * (D + 160 * MW) + processing_s * (D + 1000 * MW) + waits_s * D + (D + 1487.5 * MW)
-    return (awake + (3600 - 11 - processing_s - waits_s) * ASLEEP) / 3600
-
-
-def charge_by_hand(drain: float) -> float:
-    """Above the knee, less two runs of the motors, three minutes awake, and a report of a minute in an hour's sleep."""
-    report = D + 160 * MW + 500 * MW
-    docked = (report + 59 * ASLEEP) / 60 * PATH
-    gained = ABOVE_KNEE - 2 * MOTOR_RUN - 3 * (D - drain)
-    return gained / (ABOVE_KNEE / (TWO_COILS - docked))
-
-
-def test_a_whole_board_pays_for_its_service_and_its_reports_by_hand() -> None:
-    """Its start has a way down and a wake added."""
-    data = resolve(load(WHOLE_FILE))
-    data["fleet"].update(count=12, agent_ids=[], start={"charge": [0.6, 0.6]})
-    for slot, found in enumerate(rates_of(from_data(data, "test"))):
-        drain = drain_by_hand(60, slot)
-        start = 0.6 + MOTOR_RUN + 2 * (D - drain) + 60 * (drain - ASLEEP)
-        by_hand = (drain, charge_by_hand(drain), start)
-        assert (found.drain, found.charge, found.start) == pytest.approx(by_hand, rel=1e-4)
-
-
-def test_a_board_that_never_sleeps_is_awake_in_its_dock_by_hand() -> None:
-    found = rates_of(awake_all_the_time(load(WHOLE_FILE)))[0]
-    charge = (ABOVE_KNEE - 2 * MOTOR_RUN) / (ABOVE_KNEE / (TWO_COILS - D * PATH))
-    assert (found.drain, found.charge) == pytest.approx((D, charge), rel=1e-4)
-
-
-def test_services_that_are_timed_to_skip_wakes_have_a_bound_of_their_own_by_hand() -> None:
-    """The board draws what sleep takes alone: between its services, and no alarm rings in its dock."""
-    scenario = load(WHOLE_FILE)
-    found, rates = bounds_of([scenario]), rates_of(scenario, skips_wakes=True)[0]
-    gained = ABOVE_KNEE - 2 * MOTOR_RUN - 3 * (D - ASLEEP)
-    charge = gained / (ABOVE_KNEE / (TWO_COILS - ASLEEP * PATH))
-    assert (rates.drain, rates.charge) == (pytest.approx(ASLEEP, rel=1e-4), pytest.approx(charge, rel=1e-4))
-    assert found.timed_uptime_for_ever_percent == pytest.approx(100 * charge / (charge + ASLEEP), rel=1e-4)
-    assert found.timed_uptime_for_ever_percent > found.uptime_for_ever_percent
-    assert "No strategy that does not time its services to skip wakes exceeds" in found.text
-    assert bounds_of([pool(count=12)]).timed_uptime_percent is None
-
-
-def test_a_fleet_whose_timeslots_differ_is_sustained_by_its_mean_share_by_hand() -> None:
-    """With 600 s of processing the third board sends at once, and the second waits for 295 s."""
-    data = resolve(load(WHOLE_FILE))
-    data["board"]["whole"]["cycle"]["processing_s"] = 600
-    drains = [drain_by_hand(600, slot) for slot in range(12)]
-    shares = [drain / (drain + charge_by_hand(drain)) for drain in drains]
-    found = bounds_of([from_data(data, "test")])
-    assert found.sustained == pytest.approx(4 * 12 / sum(shares), rel=1e-4)
-    assert 4 * (1 / max(shares)) < found.sustained < 4 * (1 / min(shares))
-
-
-def test_a_dock_that_gives_less_than_the_board_draws_fills_nobody_from_empty() -> None:
-    """With the Pi and its sensors always on, the curve's first part is a loss."""
-    data = resolve(awake_all_the_time(load(WHOLE_FILE)))
-    data["board"]["whole"]["power"]["kept_on"] = ["pi"]
-    found, rates = bounds_of([from_data(data, "test")]), rates_of(from_data(data, "test"))[0]
-    docked = (D + 1000 * MW) * PATH
-    assert rates.full_charge_min == inf
-    assert rates.charge == pytest.approx(
-        (ABOVE_KNEE - 2 * MOTOR_RUN) / (ABOVE_KNEE / (TWO_COILS - docked)), rel=1e-4
-    )
-    assert (found.sustained_from_empty, found.cycles_per_apad_charge) == (4, 0)
-
-
 @given(st.integers(1, 4), st.floats(1e-4, 1e-2), st.floats(1e-4, 1e-2), st.integers(1, 30))
 def test_docks_that_always_charge_at_the_law_s_rate_measure_the_law(
     docks: int, drain: float, charge: float, amussels: int
@@ -267,21 +298,6 @@ def test_docks_that_always_charge_at_the_law_s_rate_measure_the_law(
     gained = docks * charge * minutes - (amussels - docks) * drain * minutes
     law = docks * (1 + charge / drain)
     assert sustained_by_balance(amussels, gained, drain, minutes) == pytest.approx(law)
-
-
-def awake_all_the_time(scenario: Scenario) -> Scenario:
-    data = resolve(scenario)
-    data["board"]["whole"]["cycle"] = None
-    return from_data(data, "test")
-
-
-def test_the_cycles_of_a_fleet_that_one_apad_affords_by_hand() -> None:
-    scenario = pool(theta=1)
-    battery, full_h = scenario.apad.battery, 485 / 60
-    # Twelve charges one after the other in four docks: three rounds of hotel load, twelve of a dock's.
-    needed_wh = full_h * (12 * battery.charging_w_per_dock + 3 * battery.hotel_w)
-    found = bounds_of([scenario]).cycles_per_apad_charge
-    assert found == pytest.approx(battery.capacity_wh / needed_wh, rel=1e-3)
 
 
 @given(*(st.floats(0.001, 1e5) for _ in range(5)))
