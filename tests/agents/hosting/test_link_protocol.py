@@ -5,8 +5,10 @@ from __future__ import annotations
 import os
 import socket
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import msgpack
 import pytest
@@ -144,49 +146,24 @@ def test_a_window_too_large_for_the_link_is_the_granters_mistake() -> None:
         decode_to_agent(bytes(LIMIT_BYTES + 1))
 
 
-@pytest.fixture
-def served() -> Iterator[tuple[WindowHandler, socket.socket, RecordRing]]:
-    """An agent of FLEET behind its link, the end of its truth socket, and its records."""
-    yield from serving(FLEET)
-
-
-def serving(fleet: FleetConfig) -> Iterator[tuple[WindowHandler, socket.socket, RecordRing]]:
+@contextmanager
+def serving(fleet: FleetConfig = FLEET) -> Iterator[tuple[WindowHandler, socket.socket, RecordRing]]:
+    """An agent behind its link, the end of its truth socket, and its records."""
     slots = os.memfd_create("slots")
-    pair = RecordRing(slots, 0, 7)
+    ring = RecordRing(slots, 0, 7)
     physical = resting_on_bottom(1.0, 2.0, 3.0, 0.5, 1.0)
-    pair.initial_state(physical)
+    ring.initial_state(physical)
     hearer, witness = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     agent = Agent(fleet.maker().config(7), MusselbedCodec(), physical, 0, ResetCause.POWER_ON)
     with hearer, witness:
-        yield WindowHandler(agent, pair, witness, NEVER, 0), hearer, pair
+        yield WindowHandler(agent, ring, witness, NEVER, 0), hearer, ring
     os.close(slots)
 
 
-def test_the_same_question_gets_the_same_answer_and_happens_once(
-    served: tuple[WindowHandler, socket.socket, RecordRing],
-) -> None:
-    servant, hearer, pair = served
-    window = WindowGrant((1, 1), Grant(40_000)).encode()
-    first = servant.take(window)
-    told = decode_telling(hearer.recv(LIMIT_BYTES))
-    assert servant.take(window) == first
-    with pytest.raises(BlockingIOError):
-        hearer.recv(LIMIT_BYTES, socket.MSG_DONTWAIT)
-    answer = decode_from_agent(first[0], 7)
-    assert isinstance(answer, WindowAnswer)
-    assert (answer.granted_ms, answer.truths) == (40_000, len(told.truths))
-    assert [type(output) for output in answer.reply.outputs] == [WifiSent]
-    newest = pair.newest(None)
-    assert newest is not None and (newest.key, newest.granted_ms) == ((1, 1), 40_000)
-
-
 @pytest.mark.parametrize("closes", ["before the answer", "with the answer unread", "with the answer read"])
-def test_an_agent_ends_with_its_link(
-    closes: str, served: tuple[WindowHandler, socket.socket, RecordRing]
-) -> None:
-    servant, _, _ = served
+def test_an_agent_ends_with_its_link(closes: str) -> None:
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    with theirs:
+    with theirs, serving() as (servant, _, _):
         ours.send(WindowGrant((1, 1), Grant(40_000)).encode())
         if closes != "before the answer":
             assert answer_one(theirs, message_buffer(), servant)
@@ -196,129 +173,248 @@ def test_an_agent_ends_with_its_link(
         serve(theirs, message_buffer(), servant)
 
 
-def test_an_old_epoch_is_fenced_off_and_moves_nothing(
-    served: tuple[WindowHandler, socket.socket, RecordRing],
-) -> None:
-    servant, _, pair = served
-    servant.take(WindowGrant((1, 5), Grant(10_000)).encode())
-    servant.take(Repeat((2, 0)).encode())
-    refusal = decode_from_agent(servant.take(WindowGrant((1, 6), Grant(20_000)).encode())[0], 7)
-    assert refusal == WindowRefusal((1, 6), True, "fenced off: epoch 2 has taken over from epoch 1")
-    newest = pair.newest(None)
-    assert newest is not None and newest.granted_ms == 10_000
+def outputs_of(reply: Reply) -> str:
+    told = [f"{type(it).__name__} at {it.at_ms}" for it in reply.outputs]
+    times = [it.at_ms for it in reply.outputs]
+    return f"{len(told)}, {times[0]} to {times[-1]}" if len(told) > 3 else ", ".join(told)
 
 
-def test_repeat_says_the_last_window_again_and_the_present_truth(
-    served: tuple[WindowHandler, socket.socket, RecordRing],
-) -> None:
-    servant, hearer, _ = served
-    last = decode_from_agent(servant.take(WindowGrant((1, 5), Grant(40_000)).encode())[0], 7)
-    hearer.recv(LIMIT_BYTES)
-    again = decode_from_agent(servant.take(Repeat((2, 0)).encode())[0], 7)
-    assert isinstance(last, WindowAnswer) and isinstance(again, WindowAnswer)
-    assert (again.key, again.window, again.granted_ms) == ((2, 0), (1, 5), 40_000)
-    assert again.reply == last.reply
-    telling = decode_telling(hearer.recv(LIMIT_BYTES))
-    assert telling.key == (2, 0)
-    assert [truth.at_ms for truth in telling.truths] == [40_000]
+def word(data: bytes) -> str:
+    """An agent's message in a row."""
+    match decode_from_agent(data, 7):
+        case WindowAnswer(key, window, granted_ms, truths, reply=reply):
+            due = f"{truths} truths, due at {reply.next_due_ms}"
+            return f"{key} answers {window} to {granted_ms}, {due}: {outputs_of(reply)}"
+        case WindowRefusal(key, fenced, reason):
+            return f"{key} is refused: {reason}" + ", for ever" * fenced
+        case Ahead(key, windows):
+            return f"{key} " + "; ".join(f"to {it.until_ms}: {outputs_of(it.reply)}" for it in windows)
 
 
-@pytest.mark.parametrize(
-    ("data", "reason"),
-    [
-        (b"", "not msgpack"),
-        (b"\xc1", "not msgpack"),
-        (bytes(LIMIT_BYTES + 1), "longer than 65536 bytes"),
-        (WindowGrant((1, 2), Grant(9_999)).encode(), "time went back: 9999 before 10000"),
-        (WindowGrant((1, 2), Grant(20_000, ((30_000, ContactOpened()),))).encode(), "time went back: 20000"),
-        (WindowGrant((1, 0), Grant(20_000)).encode(), "not after the last window: "),
-    ],
+def window(
+    number: int, until_ms: int, *facts: tuple[int, Any], epoch: int = 1, back_ms: int | None = None
+) -> bytes:
+    return WindowGrant((epoch, number), Grant(until_ms, facts), back_ms).encode()
+
+
+def ahead(number: int, windows: int, counted_ms: int) -> bytes:
+    return RunAhead((1, number), windows, counted_ms).encode()
+
+
+OFTEN = replace(FLEET, reports=replace(FLEET.reports, period_ms=300))
+"""100 reports a mission second, which would be more than 100 000 bytes in 31 windows; FLEET's have one, 30 s of theirs."""
+FIRST = (window(1, 30_000), "(1, 1) answers (1, 1) to 30000, 2 truths, due at 60000: WifiSent at 30000")
+# It has run to 120 s, and its windows count to 60 s: two are left that may be undone.
+RAN_AHEAD = [
+    FIRST,
+    (
+        ahead(2, 3, 30_000),
+        "(1, 2) to 60000: WifiSent at 60000; to 90000: WifiSent at 90000; to 120000: WifiSent at 120000",
+    ),
+]
+AGAIN = (
+    window(10, 90_000, back_ms=60_000),
+    "(1, 10) answers (1, 10) to 90000, 0 truths, due at 120000: WifiSent at 90000",
 )
-def test_a_bad_message_is_refused_and_the_next_good_one_works(
-    served: tuple[WindowHandler, socket.socket, RecordRing], data: bytes, reason: str
-) -> None:
-    servant, _, _ = served
-    servant.take(WindowGrant((1, 1), Grant(10_000)).encode())
-    refusal = decode_from_agent(servant.take(data)[0], 7)
-    assert isinstance(refusal, WindowRefusal) and not refusal.fenced and reason in refusal.reason
-    answer = decode_from_agent(servant.take(WindowGrant((1, 2), Grant(20_000)).encode())[0], 7)
-    assert isinstance(answer, WindowAnswer) and answer.granted_ms == 20_000
+TEN = (window(1, 10_000), "(1, 1) answers (1, 1) to 10000, 2 truths, due at 30000: ")
+Step = tuple[bytes | tuple[Any, ...], str]
+STORIES: dict[str, tuple[FleetConfig, list[Step]]] = {
+    "the same question gets the same answer and happens once": (
+        FLEET,
+        [
+            (window(1, 40_000), "(1, 1) answers (1, 1) to 40000, 2 truths, due at 60000: WifiSent at 30000"),
+            ((), "(1, 1) [0, 2000]"),
+            (window(1, 40_000), "(1, 1) answers (1, 1) to 40000, 2 truths, due at 60000: WifiSent at 30000"),
+            ((), ""),
+            ((None,), "(1, 1) to 40000"),
+        ],
+    ),
+    "an old epoch is fenced off and moves nothing": (
+        FLEET,
+        [
+            (window(5, 10_000), "(1, 5) answers (1, 5) to 10000, 2 truths, due at 30000: "),
+            (Repeat((2, 0)).encode(), "(2, 0) answers (1, 5) to 10000, 1 truths, due at 30000: "),
+            (
+                window(6, 20_000),
+                "(1, 6) is refused: fenced off: epoch 2 has taken over from epoch 1, for ever",
+            ),
+            ((None,), "(1, 5) to 10000"),
+        ],
+    ),
+    "a repeat says the last window again and the present truth": (
+        FLEET,
+        [
+            (window(5, 40_000), "(1, 5) answers (1, 5) to 40000, 2 truths, due at 60000: WifiSent at 30000"),
+            ((), "(1, 5) [0, 2000]"),
+            (
+                Repeat((2, 0)).encode(),
+                "(2, 0) answers (1, 5) to 40000, 1 truths, due at 60000: WifiSent at 30000",
+            ),
+            ((), "(2, 0) [40000]"),
+        ],
+    ),
+    "a bad message is refused and the next good one works: empty": (
+        FLEET,
+        [
+            TEN,
+            (b"", "(1, 1) is refused: not msgpack: ValueError"),
+            (window(2, 20_000), "(1, 2) answers (1, 2) to 20000, 0 truths, due at 30000: "),
+        ],
+    ),
+    "a bad message is refused and the next good one works: no msgpack": (
+        FLEET,
+        [
+            TEN,
+            (b"\xc1", "(1, 1) is refused: not msgpack: FormatError"),
+            (window(2, 20_000), "(1, 2) answers (1, 2) to 20000, 0 truths, due at 30000: "),
+        ],
+    ),
+    "a bad message is refused and the next good one works: too long": (
+        FLEET,
+        [
+            TEN,
+            (bytes(LIMIT_BYTES + 1), "(1, 1) is refused: longer than 65536 bytes"),
+            (window(2, 20_000), "(1, 2) answers (1, 2) to 20000, 0 truths, due at 30000: "),
+        ],
+    ),
+    "a bad message is refused and the next good one works: time went back": (
+        FLEET,
+        [
+            TEN,
+            (window(2, 9_999), "(1, 2) is refused: time went back: 9999 before 10000"),
+            (window(2, 20_000), "(1, 2) answers (1, 2) to 20000, 0 truths, due at 30000: "),
+        ],
+    ),
+    "a bad message is refused and the next good one works: a fact beyond the end": (
+        FLEET,
+        [
+            TEN,
+            (
+                window(2, 20_000, (30_000, ContactOpened())),
+                "(1, 2) is refused: time went back: 20000 before 30000",
+            ),
+            (window(2, 20_000), "(1, 2) answers (1, 2) to 20000, 0 truths, due at 30000: "),
+        ],
+    ),
+    "a bad message is refused and the next good one works: not after the last": (
+        FLEET,
+        [
+            TEN,
+            (window(0, 20_000), "(1, 0) is refused: not after the last window: (1, 0) after (1, 1)"),
+            (window(2, 20_000), "(1, 2) answers (1, 2) to 20000, 0 truths, due at 30000: "),
+        ],
+    ),
+    "windows ahead are those that would be granted": (
+        FLEET,
+        [
+            *RAN_AHEAD,
+            (((1, 2), 59_999), "(1, 1) to 30000"),
+            (((1, 2), 60_000), "(1, 2) to 60000"),
+            (((1, 2), 119_999), "(1, 2) to 90000"),
+        ],
+    ),
+    "an agent goes back and what happens then counts": (
+        FLEET,
+        [
+            *RAN_AHEAD,
+            (
+                ahead(3, 3, 60_000),
+                "(1, 3) to 150000: WifiSent at 150000; to 180000: WifiSent at 180000; to 210000: WifiSent at 210000",
+            ),
+            (
+                window(4, 120_000, (90_000, ContactClosed(0, 0)), back_ms=90_000),
+                "(1, 4) answers (1, 4) to 120000, 0 truths, due at 150000: StimulusDropped at 90000, WifiSent at 120000",
+            ),
+            (((1, 3), 90_000), "(1, 2) to 90000"),
+            (((1, 4), 120_000), "(1, 4) to 120000"),
+        ],
+    ),
+    "windows with many outputs are fewer so that one message carries them": (
+        OFTEN,
+        [
+            (window(1, 30_000), "(1, 1) answers (1, 1) to 30000, 2 truths, due at 30300: 94, 2100 to 30000"),
+            (
+                ahead(2, 31, 30_000),
+                "(1, 2) to 60000: 100, 30300 to 60000; to 90000: 100, 60300 to 90000; to 120000: 100, 90300 to 120000",
+            ),
+            (
+                ahead(3, 31, 120_000),
+                "(1, 3) to 150000: 100, 120300 to 150000; to 180000: 100, 150300 to 180000; to 210000: 100, 180300 to 210000",
+            ),
+        ],
+    ),
+    "an agent ahead refuses what would lose its time: farther than its records": (
+        FLEET,
+        [
+            *RAN_AHEAD,
+            (ahead(9, MOST_AHEAD + 1, 60_000), "(1, 9) is refused: farther ahead than its records reach"),
+            AGAIN,
+        ],
+    ),
+    "an agent ahead refuses what would lose its time: farther by one": (
+        FLEET,
+        [
+            *RAN_AHEAD,
+            (ahead(9, MOST_AHEAD - 1, 60_000), "(1, 9) is refused: farther ahead than its records reach"),
+            AGAIN,
+        ],
+    ),
+    "an agent ahead refuses what would lose its time: a repeat": (
+        FLEET,
+        [
+            *RAN_AHEAD,
+            (
+                Repeat((2, 0)).encode(),
+                "(2, 0) is refused: it ran ahead, and nobody names the time to go back to",
+            ),
+            AGAIN,
+        ],
+    ),
+    "an agent ahead refuses what would lose its time: no time to go back to": (
+        FLEET,
+        [
+            *RAN_AHEAD,
+            (window(9, 120_000), "(1, 9) is refused: it ran ahead, and nobody names the time to go back to"),
+            AGAIN,
+        ],
+    ),
+    "an agent ahead refuses what would lose its time: back beyond what counts": (
+        FLEET,
+        [
+            *RAN_AHEAD,
+            (window(9, 120_000, back_ms=29_999), "(1, 9) is refused: time went back: 29999 before 30000"),
+            AGAIN,
+        ],
+    ),
+    "an agent ahead refuses what would lose its time: an end before that time": (
+        FLEET,
+        [
+            *RAN_AHEAD,
+            (window(9, 59_999, back_ms=60_000), "(1, 9) is refused: time went back: 59999 before 60000"),
+            AGAIN,
+        ],
+    ),
+}
+"""A message, and the agent's; or a key and a time, and the newest record up to them; or no key, and what it told since."""
 
 
-def ran_ahead(servant: WindowHandler, key: tuple[int, int], windows: int, counted_ms: int) -> Ahead:
-    ahead = decode_from_agent(servant.take(RunAhead(key, windows, counted_ms).encode())[0], 7)
-    assert isinstance(ahead, Ahead)
-    return ahead
+@pytest.mark.parametrize(("fleet", "steps"), STORIES.values(), ids=STORIES)
+def test_what_an_agent_answers(fleet: FleetConfig, steps: list[Step]) -> None:
+    with serving(fleet) as (servant, hearer, ring):
+        for asked, expected in steps:
+            if isinstance(asked, bytes):
+                assert word(servant.take(asked)[0]) == expected
+            elif asked:
+                newest = ring.newest(*asked)
+                assert newest is not None and f"{newest.key} to {newest.granted_ms}" == expected
+            else:
+                assert told(hearer) == expected
 
 
-def test_windows_ahead_are_those_that_would_be_granted(
-    served: tuple[WindowHandler, socket.socket, RecordRing],
-) -> None:
-    """FLEET's aMussels report once a mission second, which is 30 s of theirs."""
-    servant, _, ring = served
-    servant.take(WindowGrant((1, 1), Grant(30_000)).encode())
-    ahead = ran_ahead(servant, (1, 2), 3, 30_000)
-    assert [it.until_ms for it in ahead.windows] == [60_000, 90_000, 120_000]
-    assert [[output.at_ms for output in it.reply.outputs] for it in ahead.windows] == [
-        [60_000],
-        [90_000],
-        [120_000],
-    ]
-    assert [ring.newest((1, 2), at_ms).granted_ms for at_ms in (59_999, 60_000, 119_999)] == [
-        30_000,
-        60_000,
-        90_000,
-    ]  # type: ignore[union-attr]
-
-
-def test_an_agent_goes_back_and_what_happens_then_counts(
-    served: tuple[WindowHandler, socket.socket, RecordRing],
-) -> None:
-    servant, _, ring = served
-    servant.take(WindowGrant((1, 1), Grant(30_000)).encode())
-    ran_ahead(servant, (1, 2), 3, 30_000)
-    ran_ahead(servant, (1, 3), 3, 60_000)
-    sunk = WindowGrant((1, 4), Grant(120_000, ((90_000, ContactClosed(0, 0)),)), 90_000)
-    answer = decode_from_agent(servant.take(sunk.encode())[0], 7)
-    assert isinstance(answer, WindowAnswer)
-    assert [type(output) for output in answer.reply.outputs] == [StimulusDropped, WifiSent]
-    assert [output.at_ms for output in answer.reply.outputs] == [90_000, 120_000]
-    assert ring.newest((1, 3), 90_000).granted_ms == 90_000  # type: ignore[union-attr]
-    assert ring.newest((1, 4), 120_000).key == (1, 4)  # type: ignore[union-attr]
-
-
-def test_windows_with_many_outputs_are_fewer_so_that_one_message_carries_them() -> None:
-    """Its 100 reports a mission second would be more than 100 000 bytes in 31 windows."""
-    often = replace(FLEET, reports=replace(FLEET.reports, period_ms=300))
-    for servant, _, _ in serving(often):
-        servant.take(WindowGrant((1, 1), Grant(30_000)).encode())
-        ahead = ran_ahead(servant, (1, 2), 31, 30_000)
-        assert [window.until_ms for window in ahead.windows] == [60_000, 90_000, 120_000]
-        assert [len(window.reply.outputs) for window in ahead.windows] == [100, 100, 100]
-        assert ran_ahead(servant, (1, 3), 31, 120_000).windows[0].until_ms == 150_000
-
-
-@pytest.mark.parametrize(
-    ("message", "reason"),
-    [
-        (RunAhead((1, 9), MOST_AHEAD + 1, 60_000), "farther ahead than its records reach"),
-        (RunAhead((1, 9), MOST_AHEAD - 1, 60_000), "farther ahead than its records reach"),
-        (Repeat((2, 0)), "it ran ahead, and nobody names the time to go back to"),
-        (WindowGrant((1, 9), Grant(120_000)), "it ran ahead, and nobody names the time to go back to"),
-        (WindowGrant((1, 9), Grant(120_000), 29_999), "time went back: 29999 before 30000"),
-        (WindowGrant((1, 9), Grant(59_999), 60_000), "time went back: 59999 before 60000"),
-    ],
-)
-def test_an_agent_ahead_refuses_what_would_lose_its_time(
-    served: tuple[WindowHandler, socket.socket, RecordRing],
-    message: RunAhead | Repeat | WindowGrant,
-    reason: str,
-) -> None:
-    """It has run to 120 s, and its windows count to 60 s: two are left that may be undone."""
-    servant, _, _ = served
-    servant.take(WindowGrant((1, 1), Grant(30_000)).encode())
-    ran_ahead(servant, (1, 2), 3, 30_000)
-    refusal = decode_from_agent(servant.take(message.encode())[0], 7)
-    assert refusal == WindowRefusal(message.key, False, reason)
-    answer = decode_from_agent(servant.take(WindowGrant((1, 10), Grant(90_000), 60_000).encode())[0], 7)
-    assert isinstance(answer, WindowAnswer) and answer.granted_ms == 90_000
+def told(hearer: socket.socket) -> str:
+    """The truths that have come since the last call, each message with its key and its times."""
+    try:
+        telling = decode_telling(hearer.recv(LIMIT_BYTES, socket.MSG_DONTWAIT))
+    except BlockingIOError:
+        return ""
+    return f"{telling.key} {[it.at_ms for it in telling.truths]}{told(hearer)}"
