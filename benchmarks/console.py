@@ -15,7 +15,6 @@ import select
 import socket
 import subprocess
 import sys
-import tempfile
 import threading
 import time
 from collections.abc import Iterable, Mapping, Sequence
@@ -28,9 +27,8 @@ from urllib.parse import parse_qs, urlsplit
 import yaml
 from rich.console import Console
 
-from apad_bridge.ros.system.master import loopback_environment, start_master
 from apad_bridge.supervisor.control_protocol import listens
-from benchmarks.gateway import NODES, TIMEOUT_S, Node, flown
+from benchmarks.gateway import NODES, TIMEOUT_S, Node, apad_node, flown, on_master
 from benchmarks.rows import told
 
 AGENTS = 24
@@ -144,17 +142,11 @@ class Flight:
     """A mission at real time and theta 30, beside the simulated aPad's node, a console and a rospy node."""
 
     def __init__(self, stack: ExitStack, duration_s: int, agents: int = AGENTS) -> None:
-        home = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="musselbed-")))
+        home, environment = on_master(stack)
         scenario, self.run = home / "flown.yaml", home / "run"
         scenario.write_text(yaml.safe_dump(flown(duration_s, agents)))
-        self._duration_s = duration_s
-        master = start_master(home, timeout_s=20, orphan_s=0)
-        stack.callback(master.stop)
-        self._stack, self._environment = stack, loopback_environment(home, master.uri)
-        environment = self._environment
-        environment["PYTHONPATH"] = str(NODES.parents[1])
-        words = ["--scenario", str(scenario), "--time", "wall"]
-        self.apad = Node(stack, environment, "-m", "apad_bridge.ros.simulated_node.apad_node", *words)
+        self._duration_s, self._stack, self._environment = duration_s, stack, environment
+        self.apad = apad_node(stack, environment, scenario)
         self.reader = Node(stack, environment, str(NODES / "tick_reader.py"))
         assert self.reader.line() == "reading"
         self.command = self._begun("run", scenario, "--apad", "ros", "--time", "wall", "--out", self.run)

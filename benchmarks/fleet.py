@@ -18,18 +18,17 @@ would leave less than `SPARE_MB` of memory is left out, with the reason. "object
 
 from __future__ import annotations
 
-import json
 import os
 import select
-import socket
-import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from functools import partial
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +46,7 @@ from agents.mussel.stimuli import ContactClosed, ContactOpened, DockMoved, Sound
 from agents.nursery.flash_file import FLASH_NAME, FlashRegion
 from agents.nursery.launch import launch_nursery, prepare
 from agents.time_scale import MissionMs, TimeScale
+from benchmarks.gateway import NODES, Node, on_master
 from benchmarks.rows import told
 from firmware_model.config import FullFirmware, LastResort, Timeslots
 from firmware_model.packets import CommandPacket, Kind
@@ -76,8 +76,6 @@ SERVICE_S = (0, 10, 100, 200)
 """Permission, contact, release and the command to sink, in seconds from an aMussel's turn."""
 MERGING = Path("/sys/kernel/mm/ksm/run")
 MERGING_TIMEOUT_S = 120.0
-NODE = Path(__file__).parent / "nodes" / "bare_rospy.py"
-NODE_TIMEOUT_S = 120.0
 FLEET = replace(PAPER, board=replace(PAPER.board, float_timeout_ms=43_200_000))
 WAKES = replace(FIELD, slots=Timeslots(frame_ms=300_000, slot_ms=300))
 """Every hour: sample, process, await the timeslot and transmit; with a timeslot for each of a thousand."""
@@ -96,21 +94,18 @@ def measure(short: bool = False) -> dict[str, Any]:
     hourly, nodes_of = ((SHORT_AGENTS,),) * 2 if short else (HOURLY_FLEETS, ROSPY_NODES)
     rows: list[dict[str, Any]] = []
 
-    def keep(row: dict[str, Any]) -> None:
-        rows.append(told(row))
+    def keep_all(rows_in: Callable[[str], Iterator[dict[str, Any]]]) -> None:
+        with tempfile.TemporaryDirectory(prefix="musselbed-") as folder:
+            for row in rows_in(folder):
+                rows.append(told(row))
 
     for board, agents, window_s in boards:
-        with tempfile.TemporaryDirectory(prefix="musselbed-") as run_dir:
-            for row in musselbed_rows(run_dir, board, agents, window_s):
-                keep(row)
+        keep_all(partial(musselbed_rows, board=board, agents=agents, window_s=window_s))
     for agents in hourly:
-        keep(in_child(partial(hourly_objects, agents)))
-        with tempfile.TemporaryDirectory(prefix="musselbed-") as run_dir:
-            keep(hourly_processes(run_dir, agents, rows))
+        rows.append(told(in_child(partial(hourly_objects, agents))))
+        keep_all(lambda folder, agents=agents: iter([hourly_processes(folder, agents, rows)]))
     for nodes in nodes_of:
-        with tempfile.TemporaryDirectory(prefix="musselbed-") as ros_home:
-            for row in rospy_rows(ros_home, nodes):
-                keep(row)
+        keep_all(lambda _, nodes=nodes: rospy_rows(nodes))
     return {"merging": merges(), "rows": rows}
 
 
@@ -136,24 +131,15 @@ def show(result: dict[str, Any], console: Console) -> None:
 
 
 def musselbed_rows(run_dir: str, board: str, agents: int, window_s: int) -> Iterator[dict[str, Any]]:
+    samples = LOGGED if board == FULL_LOG else 0
     initial_states = {
-        agent_id: resting_on_bottom(agent_id, 0.0, 3.0, 0.9, 1.0) for agent_id in range(1, agents + 1)
+        agent_id: replace(resting_on_bottom(agent_id, 0.0, 3.0, 0.9, 1.0), samples=samples)
+        for agent_id in range(1, agents + 1)
     }
-    if board == FULL_LOG:
-        initial_states = {
-            agent_id: replace(initial_state, samples=LOGGED)
-            for agent_id, initial_state in initial_states.items()
-        }
+    if samples:
         fill_logs(run_dir, agents)
-    prepare(run_dir, FLEETS[board], initial_states)
-    kernel_before_kb = kernel_kb()
-    began_s = time.monotonic()
-    nursery = launch_nursery(run_dir)
-    host = ProcessHost.adopt(run_dir, 1)
-    try:
-        clock = Coordinator(host, dict.fromkeys(initial_states, 0), TimeScale(THETA))
-        clock.advance(MissionMs(0))
-        ready_s = time.monotonic() - began_s
+    with in_processes(run_dir, FLEETS[board], initial_states) as (host, kernel_before_kb, began_s):
+        clock, ready_s = clock_of(host, agents, began_s, THETA)
 
         def row(at: str) -> dict[str, Any]:
             wait_for_merging()
@@ -169,6 +155,20 @@ def musselbed_rows(run_dir: str, board: str, agents: int, window_s: int) -> Iter
             clock.advance(MissionMs(now_s * 1000))
             host.take_truths()
         yield row("after_20h")
+
+
+@contextmanager
+def in_processes(
+    run_dir: str, fleet: FleetConfig, initial_states: dict[int, Physical]
+) -> Iterator[tuple[ProcessHost, int, float]]:
+    """The host of a fleet, the kernel's memory before it, and the time at which its nursery began."""
+    prepare(run_dir, fleet, initial_states)
+    kernel_before_kb = kernel_kb()
+    began_s = time.monotonic()
+    nursery = launch_nursery(run_dir)
+    host = ProcessHost.adopt(run_dir, 1)
+    try:
+        yield host, kernel_before_kb, began_s
     finally:
         host.close()
         nursery.wait()
@@ -183,13 +183,9 @@ def hourly_processes(run_dir: str, agents: int, rows: list[dict[str, Any]]) -> d
         if available_mb() - needed_mb < SPARE_MB:
             why = f"it needs {needed_mb:.0f} MB, and {available_mb():.0f} MB are available"
             return {"kind": kind, "agents": agents, "left_out": why}
-    prepare(run_dir, hourly_fleet(agents), hourly_states(agents))
-    kernel_before_kb = kernel_kb()
-    began_s = time.monotonic()
-    nursery = launch_nursery(run_dir)
-    host = ProcessHost.adopt(run_dir, 1)
-    try:
-        clock, ready_s = hourly_clock(host, agents, began_s)
+    fleet = hourly_fleet(agents), hourly_states(agents)
+    with in_processes(run_dir, *fleet) as (host, kernel_before_kb, began_s):
+        clock, ready_s = clock_of(host, agents, began_s)
         pids = [os.getpid(), *host.pids.values()]
         cpu_s = cpu_of_hours(clock, pids, f"{kind}, {agents}")
         if len(host.pids) < agents:
@@ -197,9 +193,6 @@ def hourly_processes(run_dir: str, agents: int, rows: list[dict[str, Any]]) -> d
         wait_for_merging()
         pids = [host.nursery_pid, *host.pids.values()]
         row = cost_row(kind, agents, f"after_{HOURS}h", pids, kernel_before_kb, ready_s)
-    finally:
-        host.close()
-        nursery.wait()
     return row | {"cpu_s_per_agent_hour": round(cpu_s / agents / HOURS, 6)}
 
 
@@ -209,7 +202,7 @@ def hourly_objects(agents: int) -> dict[str, Any]:
     kernel_before_kb = kernel_kb()
     began_s = time.monotonic()
     host = InProcessHost(hourly_fleet(agents), hourly_states(agents))
-    clock, ready_s = hourly_clock(host, agents, began_s)
+    clock, ready_s = clock_of(host, agents, began_s)
     cpu_s = cpu_of_hours(clock, [os.getpid()], f"objects, {agents}")
     row = cost_row("hourly, objects", agents, f"after_{HOURS}h", [], kernel_before_kb, ready_s)
     used_kb = fields_kb("/proc/self/smaps_rollup")["Private_Dirty"] - before_kb
@@ -232,9 +225,9 @@ def hourly_states(agents: int) -> dict[int, Physical]:
     }
 
 
-def hourly_clock(host: Host, agents: int, began_s: float) -> tuple[Coordinator, float]:
+def clock_of(host: Host, agents: int, began_s: float, theta: int = 1) -> tuple[Coordinator, float]:
     """The fleet's clock after everyone's first answer, and how long that took."""
-    clock = Coordinator(host, dict.fromkeys(range(1, agents + 1), 0), TimeScale(1))
+    clock = Coordinator(host, dict.fromkeys(range(1, agents + 1), 0), TimeScale(theta))
     clock.advance(MissionMs(0))
     return clock, time.monotonic() - began_s
 
@@ -266,23 +259,8 @@ def available_mb() -> float:
 
 def in_child(measure_row: Callable[[], dict[str, Any]]) -> dict[str, Any]:
     """Measures in a forked process, so that one row's memory is not the next one's."""
-    reading, writing = os.pipe()
-    pid = os.fork()
-    if pid == 0:
-        status = 1
-        try:
-            os.write(writing, json.dumps(measure_row()).encode())
-            status = 0
-        except BaseException:
-            sys.excepthook(*sys.exc_info())
-        finally:
-            os._exit(status)
-    os.close(writing)
-    with open(reading, encoding="utf-8") as pipe:
-        text = pipe.read()
-    os.waitpid(pid, 0)
-    row: dict[str, Any] = json.loads(text)
-    return row
+    with ProcessPoolExecutor(1, get_context("fork")) as child:
+        return child.submit(measure_row).result()
 
 
 def merges() -> bool:
@@ -328,81 +306,28 @@ def serve(clock: Coordinator, agents: int, now_s: int, window_s: int) -> None:
                 clock.receive(agent_id, stimulus, MissionMs(at_ms))
 
 
-def rospy_rows(ros_home: str, nodes: int) -> Iterator[dict[str, Any]]:
+def rospy_rows(nodes: int) -> Iterator[dict[str, Any]]:
     with ExitStack() as stack:
-        environment = stack.enter_context(master(ros_home))
+        _, environment = on_master(stack)
         kernel_before_kb = kernel_kb()
         began_s = time.monotonic()
-        processes = [
-            stack.enter_context(
-                subprocess.Popen(
-                    [sys.executable, NODE, str(number)],
-                    env=environment,
-                    stdin=subprocess.PIPE,
-                    stdout=subprocess.PIPE,
-                )
-            )
-            for number in range(nodes)
+        bare = [
+            Node(stack, environment, str(NODES / "bare_rospy.py"), str(number)) for number in range(nodes)
         ]
-        for process in processes:
-            stack.callback(process.kill)
-        publish(processes, 1)
+        publish(bare, 1)
         ready_s = time.monotonic() - began_s
-        pids = [process.pid for process in processes]
+        pids = [node.process.pid for node in bare]
         yield cost_row("rospy", nodes, "first_status", pids, kernel_before_kb, ready_s)
-        publish(processes, MISSION_S)
+        publish(bare, MISSION_S)
         yield cost_row("rospy", nodes, "after_20h", pids, kernel_before_kb, ready_s)
 
 
-@contextmanager
-def master(ros_home: str) -> Iterator[dict[str, str]]:
-    """A master on a free port of the loopback interface, and the environment of its nodes."""
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        port = free.getsockname()[1]
-    environment = {
-        **os.environ,
-        "ROS_MASTER_URI": f"http://127.0.0.1:{port}",
-        "ROS_IP": "127.0.0.1",
-        "ROS_HOME": ros_home,
-        "ROS_LOG_DIR": ros_home,
-    }
-    process = subprocess.Popen(
-        [sys.executable, "-c", "import rosmaster; rosmaster.rosmaster_main()", "--core", "-p", str(port)],
-        env=environment,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
-    try:
-        deadline_s = time.monotonic() + NODE_TIMEOUT_S
-        while not reachable(port):
-            if time.monotonic() > deadline_s or process.poll() is not None:
-                raise RuntimeError("no ROS master came up: is python3-rosmaster installed?")
-            select.select([], [], [], 0.05)
-        yield environment
-    finally:
-        process.terminate()
-        process.wait()
-
-
-def reachable(port: int) -> bool:
-    try:
-        socket.create_connection(("127.0.0.1", port), 1.0).close()
-    except OSError:
-        return False
-    return True
-
-
-def publish(processes: Iterable[subprocess.Popen[bytes]], count: int) -> None:
+def publish(nodes: list[Node], count: int) -> None:
     """Lets every node publish, and waits for all of them."""
-    for process in processes:
-        assert process.stdin is not None
-        process.stdin.write(f"publish {count}\n".encode())
-        process.stdin.flush()
-    for process in processes:
-        assert process.stdout is not None
-        ready = select.select([process.stdout], [], [], NODE_TIMEOUT_S)[0]
-        if not ready or process.stdout.readline() != b"done\n":
-            raise RuntimeError(f"a rospy node did not publish within {NODE_TIMEOUT_S:g} s")
+    for node in nodes:
+        node.write_line(f"publish {count}")
+    if any(node.line() != "done" for node in nodes):
+        raise RuntimeError("a rospy node did not publish")
 
 
 def cost_row(

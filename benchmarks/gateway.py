@@ -79,11 +79,7 @@ def show(result: dict[str, Any], console: Console) -> None:
 
 def row(agents: int, ticks: int, *, stalled: bool) -> dict[str, Any]:
     with ExitStack() as stack:
-        home = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="musselbed-")))
-        master = start_master(home, timeout_s=20, orphan_s=0)
-        stack.callback(master.stop)
-        environment = loopback_environment(home, master.uri)
-        environment["PYTHONPATH"] = str(NODES.parents[1])
+        _, environment = on_master(stack)
         listened = map(str, range(1, agents + 1, agents // 20))
         gateway = Node(stack, environment, str(NODES / "gateway.py"), str(agents))
         _, open_s, uri = gateway.line().split()
@@ -124,23 +120,11 @@ def row(agents: int, ticks: int, *, stalled: bool) -> dict[str, Any]:
 
 def ticks(duration_s: int = FLOWN_S) -> dict[str, Any]:
     with ExitStack() as stack:
-        home = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="musselbed-")))
+        home, environment = on_master(stack)
         scenario = home / "flown.yaml"
         scenario.write_text(yaml.safe_dump(flown(duration_s)))
-        master = start_master(home, timeout_s=20, orphan_s=0)
-        stack.callback(master.stop)
-        environment = loopback_environment(home, master.uri)
-        environment["PYTHONPATH"] = str(NODES.parents[1])
-        apad = [
-            "-m",
-            "apad_bridge.ros.simulated_node.apad_node",
-            "--scenario",
-            str(scenario),
-            "--time",
-            "wall",
-        ]
         # Before it is ready, the checks find an aPad without its origin.
-        assert Node(stack, environment, *apad).line() == "ready"
+        assert apad_node(stack, environment, scenario).line() == "ready"
         reader = Node(stack, environment, str(NODES / "tick_reader.py"))
         assert reader.line() == "reading"
         control = Node(stack, environment, str(NODES / "control.py"))
@@ -184,6 +168,14 @@ def lateness_ms(heard: list[tuple[float, float]]) -> list[float]:
     return sorted(1000 * (offset_s - min(offsets_s)) for offset_s in offsets_s)
 
 
+def on_master(stack: ExitStack) -> tuple[Path, dict[str, str]]:
+    """A folder and a master that end with the stack, and the environment of nodes, which find these benchmarks."""
+    home = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="musselbed-")))
+    master = start_master(home, timeout_s=20, orphan_s=0)
+    stack.callback(master.stop)
+    return home, loopback_environment(home, master.uri) | {"PYTHONPATH": str(NODES.parents[1])}
+
+
 class Node:
     """One Python program as a process; reads its lines with a time-out."""
 
@@ -215,3 +207,9 @@ class Node:
     def _kill(self) -> None:
         self.process.kill()
         self.process.wait()
+
+
+def apad_node(stack: ExitStack, environment: dict[str, str], scenario: Path) -> Node:
+    """The simulated aPad at wall time; it says when it is ready."""
+    words = ("-m", "apad_bridge.ros.simulated_node.apad_node", "--scenario", str(scenario), "--time", "wall")
+    return Node(stack, environment, *words)

@@ -16,16 +16,14 @@ import copy
 import io
 import json
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager, redirect_stdout
+from contextlib import redirect_stdout
 from pathlib import Path
 from typing import Any
 
 import yaml
+from browsers import chromium
 from rich.console import Console
 from rich.table import Table
-from selenium import webdriver
-from selenium.webdriver.chrome.service import Service
 
 from apad_bridge.analysis.replay.build import build_replay, render
 from apad_bridge.analysis.replay.series import COLUMNS, MAX_PACKETS, MAX_TRACE, MAX_VALUES
@@ -68,13 +66,6 @@ function frame() {
   if (nowMs >= endMs) playing = null; else requestAnimationFrame(frame);
 }
 </script>"""
-FLAGS = (
-    "--headless=new",
-    "--no-sandbox",
-    "--disable-gpu",
-    "--window-size=1400,1200",
-    "--disable-background-networking",
-)
 _PLAYED = """
 const [seconds, done] = arguments, took = [], shown = window.show;
 window.show = (ms) => {
@@ -170,7 +161,7 @@ def _row(folder: Path, runs: list[dict[str, Any]], hours: float, tries: int, pla
     data_bytes = len(json.dumps(runs, separators=(",", ":")).encode())
     painted, ready, frames, least = [], [], [], []
     for _ in range(tries):
-        with _browser() as browser:
+        with chromium() as browser:
             browser.get(page.as_uri())
             paint_ms, ready_ms = browser.execute_async_script(
                 "const done = arguments[0]; requestAnimationFrame(() => setTimeout(() => done((() => {"
@@ -199,15 +190,3 @@ def _row(folder: Path, runs: list[dict[str, Any]], hours: float, tries: int, pla
         "fps": len(frames) / (tries * played_s),
         "floor_fps": len(least) / (tries * played_s),
     }
-
-
-@contextmanager
-def _browser() -> Iterator[webdriver.Chrome]:
-    options = webdriver.ChromeOptions()
-    for flag in FLAGS:
-        options.add_argument(flag)
-    browser = webdriver.Chrome(options=options, service=Service("/usr/bin/chromedriver"))
-    try:
-        yield browser
-    finally:
-        browser.quit()
