@@ -131,6 +131,8 @@ def flight(pairs: int) -> tuple[list[tuple[float, float]], list[Span], int]:
                     clients.close()
                 messages += clients.messages
                 told({"pair": pair, "browsers": browsers, "messages": clients.messages})
+                if bool(clients.messages) is not bool(browsers):
+                    raise RuntimeError(f"{browsers} browsers got {clients.messages} messages")
         return flight.ticks(), spans, messages
 
 
@@ -188,7 +190,7 @@ class Clients:
         assert address.hostname is not None and address.port is not None
         token = parse_qs(address.query)["token"][0]
         request = (
-            f"GET /live?token={token}&counts=0,0,0,0 HTTP/1.1\r\nHost: {address.netloc}\r\n\r\n"
+            f"GET /live?token={token}&counts=0,0,0,0,0 HTTP/1.1\r\nHost: {address.netloc}\r\n\r\n"
         ).encode()
         self.messages = 0
         self._links = [socket.create_connection((address.hostname, address.port)) for _ in range(count)]
