@@ -12,6 +12,7 @@ time. `in_real_time` is the number of agents that would fly with 1, if the time 
 
 from __future__ import annotations
 
+import os
 import subprocess
 import tempfile
 import time
@@ -28,10 +29,9 @@ from rich.table import Table
 from agents.coordinator import Coordinator
 from agents.fleet_config import FirmwareConfig, resting_on_bottom
 from agents.hosting.process_host import ProcessHost
-from agents.nursery.launch import launch_nursery, prepare
-from agents.time_scale import MissionMs, TimeScale
+from agents.time_scale import MissionMs
 from apad_bridge.commands.firmware.mu_program import bench_of
-from benchmarks.fleet import cost_row, kernel_kb, processor_s, serve, wait_for_merging
+from benchmarks.fleet import clock_of, cost_row, in_processes, processor_s, serve, wait_for_merging
 from benchmarks.rows import told
 from firmware_model.bench import Bench
 from firmware_model.packets import CommandPacket, Kind
@@ -49,7 +49,9 @@ def measure(short: bool = False) -> dict[str, Any]:
     fleets, mission_s = (SHORT_FLEETS, SHORT_S) if short else (FLEETS, MISSION_S)
     with tempfile.TemporaryDirectory(prefix="musselbed-") as folder:
         board = Path(folder) / "board"
-        _compile(NATIVE / "worst_case.c", board)
+        subprocess.run(
+            [*_CC, board, NATIVE / "worst_case.c", NATIVE / "musselbed.c"], timeout=120, check=True
+        )
         rows = [told(fleet_row(agents, it, mission_s)) for agents in fleets for it in (None, board)]
         return {"turn_us": turn_us(board), "fleets": rows, "ratios": list(_ratios(rows))}
 
@@ -104,24 +106,16 @@ def fleet_row(agents: int, board: Path | None, mission_s: int = MISSION_S) -> di
     states = {n: resting_on_bottom(n, 0.0, 3.0, 0.9, 1.0) for n in range(1, agents + 1)}
     firmware = () if board is None else (FirmwareConfig((str(board),)),)
     kind = "ours" if board is None else "C"
-    with tempfile.TemporaryDirectory(prefix="musselbed-") as run_dir:
-        prepare(run_dir, replace(PAPER, firmware=firmware), states)
-        kernel_before_kb, began_s = kernel_kb(), time.monotonic()
-        nursery = launch_nursery(run_dir)
-        host = ProcessHost.adopt(run_dir, 1)
-        try:
-            clock = Coordinator(host, dict.fromkeys(states, 0), TimeScale(THETA))
-            clock.advance(MissionMs(0))
-            ready_s = time.monotonic() - began_s
-            pids = [it for pid in host.pids.values() for it in (pid, *_children(pid))]
-            cpu_s, wall_s = _flown(clock, host, agents, mission_s, [*pids, *_own()])
-            wait_for_merging()
-            row = cost_row(
-                kind, agents, f"after_{mission_s}s", [host.nursery_pid, *pids], kernel_before_kb, ready_s
-            )
-        finally:
-            host.close()
-            nursery.wait()
+    with (
+        tempfile.TemporaryDirectory(prefix="musselbed-") as run_dir,
+        in_processes(run_dir, replace(PAPER, firmware=firmware), states) as (host, kernel_before_kb, began_s),
+    ):
+        clock, ready_s = clock_of(host, agents, began_s, THETA)
+        pids = [it for pid in host.pids.values() for it in (pid, *_children(pid))]
+        cpu_s, wall_s = _flown(clock, host, agents, mission_s, [*pids, os.getpid()])
+        wait_for_merging()
+        every = [host.nursery_pid, *pids]
+        row = cost_row(kind, agents, f"after_{mission_s}s", every, kernel_before_kb, ready_s)
     hours = agents * mission_s * THETA / 3600
     return row | {
         "cpu_ms_per_agent_hour": 1000 * cpu_s / hours,
@@ -145,14 +139,5 @@ def _flown(
     return sum(map(processor_s, pids)) - before_s, time.monotonic() - began_s
 
 
-def _own() -> Iterator[int]:
-    yield int(Path("/proc/self").resolve().name)
-
-
 def _children(pid: int) -> list[int]:
     return [int(it) for it in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
-
-
-def _compile(source: Path, program: Path) -> bool:
-    command = [*_CC, str(program), str(source), str(NATIVE / "musselbed.c")]
-    return subprocess.run(command, capture_output=True, timeout=120, check=False).returncode == 0
