@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
+from unittest.mock import Mock
 
 import pytest
 
@@ -67,43 +70,59 @@ def test_our_board_has_the_times_of_the_paper_s_table_one(name: str) -> None:
     found = shown(CASES[name])
     assert judged(CASES[name], found, AgentRig, Died, {}).verdict is Verdict.PASSED
     late = tuple(replace(it, at_ms=it.at_ms * 1007 // 1000) for it in found.ends)
-    result = judged(CASES[name], found, lambda case: _Fixed(replace(found, ends=late)), Died, {})
+    result = judged(CASES[name], found, fixed(replace(found, ends=late)), Died, {})
     assert result.verdict is Verdict.FAILED
     assert "in the paper, and here after" in result.reason
 
 
-class _Fixed(AgentRig):
-    """A rig that shows this history, whatever is played."""
-
-    def __init__(self, found: RigHistory) -> None:
-        self._found = found
-
-    def play(self, word: str) -> None:
-        pass
-
-    def run(self, ms: int) -> None:
-        pass
-
-    def shown(self) -> RigHistory:
-        return self._found
+def fixed(found: RigHistory) -> Callable[[Case], Any]:
+    """Rigs that show this history, whatever is played."""
+    return lambda case: Mock(AgentRig, **{"shown.return_value": found})
 
 
-def test_a_dive_of_a_whole_board_by_hand() -> None:
-    """Up at 3 s, there at 63 s; its dock charges at once; released and told to sink, it runs its motors once more."""
-    case = Case(
-        "dive",
-        RequirementSource.PAPER,
-        "",
-        "3s permission 70s rises 10min falls 1s release 5min",
-        0.4,
-        whole=Whole(),
-    )
-    assert [str(it) for it in shown(case).events] == [
-        "3.000 s motors float",
-        "73.000 s charges",
-        "673.000 s stops charging",
-        "674.000 s motors sink",
-    ]
+SINK = CommandPacket(Kind.SINK, 1)
+PLAYS: dict[str, tuple[Case, list[str], list[str]]] = {
+    # Up at 3 s, there at 63 s; its dock charges at once; released and told to sink, it runs its motors once more.
+    "a dive": (
+        Case(
+            *(
+                "dive",
+                RequirementSource.PAPER,
+                "",
+                "3s permission 70s rises 10min falls 1s release 5min",
+                0.4,
+            ),
+            whole=Whole(),
+        ),
+        [],
+        ["3.000 s motors float", "73.000 s charges", "673.000 s stops charging", "674.000 s motors sink"],
+    ),
+    "a dock below is a pin that rises without a charger": (
+        replace(CASES["surfaces"], script="10min rises 5min falls 5min"),
+        ["600.050 s state CHARGING", "900.050 s state RELEASED", "1020.050 s state ACTIVE"],
+        ["1020.050 s motors sink"],
+    ),
+    # Lifted at 100 s it floats; told to sink at 110 s, put down at 115 s; then 2 min up.
+    "a hand brings a body up and down, and it may travel slowly": (
+        replace(
+            CASES["surfaces"],
+            script=f"100s surfaced 10s wifi:{SINK.encode().hex()} 5s landed 1s travel:2min permission 3min",
+        ),
+        [
+            *("100.000 s state FLOATING", "110.000 s state SINKING", "115.000 s state ACTIVE"),
+            *("116.000 s state SURFACING", "236.000 s state FLOATING"),
+        ],
+        ["110.000 s motors sink", "116.000 s motors float"],
+    ),
+}
+"""By hand: a script's states after those of the boot, where they are looked at, and its events."""
+
+
+@pytest.mark.parametrize(("case", "states", "events"), PLAYS.values(), ids=PLAYS)
+def test_what_a_script_plays(case: Case, states: list[str], events: list[str]) -> None:
+    found = shown(case)
+    assert [str(it) for it in found.events] == events
+    assert [str(it) for it in found.states or ()][3 : 3 + len(states)] == states
 
 
 def test_a_report_of_the_experiment_is_a_status_of_the_board() -> None:
@@ -127,32 +146,6 @@ def test_a_report_tells_the_clock_minus_the_beacon(name: str, offset_ms: int) ->
     assert [it.clock_offset_ms for it in sent if isinstance(it, WifiStatus)] == [offset_ms, 0]
 
 
-def test_a_dock_below_is_a_pin_that_rises_without_a_charger() -> None:
-    found = shown(replace(CASES["surfaces"], script="10min rises 5min falls 5min"))
-    assert found.states is not None
-    assert [str(it) for it in found.states][3:6] == [
-        "600.050 s state CHARGING",
-        "900.050 s state RELEASED",
-        "1020.050 s state ACTIVE",
-    ]
-    assert [str(it) for it in found.events] == ["1020.050 s motors sink"]
-
-
-def test_a_hand_brings_a_body_up_and_down_and_it_may_travel_slowly() -> None:
-    """By hand: lifted at 100 s it floats; told to sink at 110 s, put down at 115 s; then 2 min up."""
-    script = "100s surfaced 10s sink 5s landed 1s travel:2min permission 3min"
-    found = shown(replace(CASES["surfaces"], script=script.replace("sink", f"wifi:{SINK.encode().hex()}")))
-    assert found.states is not None
-    assert [str(it) for it in found.states][3:] == [
-        "100.000 s state FLOATING",
-        "110.000 s state SINKING",
-        "115.000 s state ACTIVE",
-        "116.000 s state SURFACING",
-        "236.000 s state FLOATING",
-    ]
-
-
-SINK = CommandPacket(Kind.SINK, 1)
 STATUS = StatusPacket(1, 4, State.ACTIVE, 0.5, 0.9, 1.0, 2.0, 3.0, 70_000)
 CASE = Case("status", RequirementSource.PACKETS, "", "1s", whole=Whole())
 
@@ -179,7 +172,7 @@ def test_a_packet_may_differ_in_its_time_and_its_charges_by_their_tolerance(
     changes: dict[str, object], verdict: Verdict
 ) -> None:
     found = sent(replace(STATUS, **changes))  # type: ignore[arg-type]
-    assert judged(CASE, sent(STATUS), lambda case: _Fixed(found), Died, {}).verdict is verdict
+    assert judged(CASE, sent(STATUS), fixed(found), Died, {}).verdict is verdict
 
 
 @pytest.mark.parametrize("word", ["jump", "travel:60", "loses:much"])

@@ -131,31 +131,32 @@ def test_acknowledged_once_it_is_sent_no_more_and_a_reset_does_not_forget_that()
     assert [it.sequence for it in records(outputs)] == [2]
 
 
-def test_an_acknowledgement_that_moves_nothing_asks_for_what_is_missing() -> None:
-    mussel, wake_ms, outputs = docked_after(3)
-    repeated = mussel.receive(WifiArrived(LogAck(7, 0).encode()), wake_ms + 1000)
-    assert records(repeated) == records(outputs)
-    asked = mussel.receive(WifiArrived(CommandPacket(Kind.BACK_UP_LOG, 7).encode()), wake_ms + 2000)
-    assert records(asked) == records(outputs)
+ON, OFF = State.REPORTING, State.CHARGING
+TOLD: dict[str, list[tuple[int, Packet | None, list[int | str], State]]] = {
+    "an acknowledgement that moves nothing asks for what is missing": [
+        (1000, LogAck(7, 0), [0, 1, 2], ON),
+        (2000, CommandPacket(Kind.BACK_UP_LOG, 7), [0, 1, 2], ON),
+    ],
+    "an acknowledgement of what was never taken is dropped, and counts nothing": [
+        (1000, LogAck(7, 4), ["an acknowledgement of records that were never taken"], ON),
+        (2000, LogAck(7, 0), [0, 1, 2], ON),
+    ],
+    "it stays awake while somebody takes its log": [
+        *((15_000 * n, LogAck(7, n), [], ON) for n in (1, 2, 3)),
+        *((64_999, None, [], ON), (65_000, None, [], OFF), (70_000, LogAck(7, 3), ["Wi-Fi is off"], OFF)),
+    ],
+}
+"""What is told by Wi-Fi, at a time after its wake; the records that it sends then or why it took nothing, and its state."""
 
 
-def test_an_acknowledgement_of_what_was_never_taken_is_dropped() -> None:
+@pytest.mark.parametrize("steps", TOLD.values(), ids=TOLD)
+def test_three_samples_in_a_dock(steps: list[tuple[int, Packet | None, list[int | str], State]]) -> None:
     mussel, wake_ms, _ = docked_after(3)
-    said = mussel.receive(WifiArrived(LogAck(7, 4).encode()), wake_ms + 1000)
-    assert [type(it) for it in said] == [StimulusDropped]
-    assert mussel.physical.acknowledged == 0
-
-
-def test_it_stays_awake_while_somebody_takes_its_log() -> None:
-    mussel, wake_ms, _ = docked_after(3)
-    for n in range(1, 4):
-        mussel.receive(WifiArrived(LogAck(7, n).encode()), wake_ms + 15_000 * n)
-    mussel.advance(wake_ms + 64_999)
-    assert mussel.board.state is State.REPORTING
-    mussel.advance(wake_ms + 65_000)
-    assert mussel.board.state is State.CHARGING
-    (late,) = mussel.receive(WifiArrived(LogAck(7, 3).encode()), wake_ms + 70_000)
-    assert late == StimulusDropped(wake_ms + 70_000, 7, "Wi-Fi is off")
+    for after_ms, packet, sent, state in steps:
+        mussel.advance(wake_ms + after_ms)
+        told = mussel.receive(WifiArrived(packet.encode()), wake_ms + after_ms) if packet else []
+        dropped = [it.reason for it in told if isinstance(it, StimulusDropped)]
+        assert ([*dropped, *(it.sequence for it in records(told))], mussel.board.state) == (sent, state)
 
 
 def test_a_long_log_goes_out_four_packets_at_once() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 
@@ -55,32 +56,41 @@ def test_another_agents_slot_or_none_is_no_slot(file: int) -> None:
     assert RecordRing(file, 5, 7).newest(None) is None
 
 
-def test_the_higher_epoch_is_the_newer_one(ring: RecordRing, file: int) -> None:
+FULL = [("write", (1, 4), 10 * n, place(n)) for n in range(1, RECORDS)]
+WRITTEN: dict[str, tuple[list[tuple[Any, ...]], dict[tuple[Any, ...], StateRecord]]] = {
+    "the higher epoch is the newer one": (
+        [("write", (1, 900), 10, place(1)), ("write", (2, 1), 20, place(2))],
+        {(None,): StateRecord((2, 1), 20, place(2))},
+    ),
+    "of windows with one key the newest up to a time counts": (
+        FULL,
+        {
+            ((1, 4), 45): StateRecord((1, 4), 40, place(4)),
+            ((1, 3), 45): StateRecord(NEVER, 0, place(0)),
+            ((1, 4),): StateRecord((1, 4), 10 * (RECORDS - 1), place(RECORDS - 1)),
+        },
+    ),
+    "windows that are taken back are overwritten, and no others": (
+        [
+            *(*FULL, ("take_back", RECORDS - 3)),
+            *(("write", (1, 5), 25 + n, place(100 + n)) for n in range(RECORDS - 3)),
+        ],
+        {
+            ((1, 4),): StateRecord((1, 4), 20, place(2)),
+            ((1, 5), 26): StateRecord((1, 5), 26, place(101)),
+        },
+    ),
+}
+
+
+@pytest.mark.parametrize(("acts", "newest"), WRITTEN.values(), ids=WRITTEN)
+def test_the_newest_record(
+    acts: list[tuple[Any, ...]], newest: dict[tuple[Any, ...], StateRecord], ring: RecordRing, file: int
+) -> None:
     ring.initial_state(place(0))
-    ring.write((1, 900), 10, place(1))
-    ring.write((2, 1), 20, place(2))
-    assert RecordRing(file, 0, 7).newest(None) == StateRecord((2, 1), 20, place(2))
-
-
-def test_of_windows_with_one_key_the_newest_up_to_a_time_counts(ring: RecordRing, file: int) -> None:
-    ring.initial_state(place(0))
-    for n in range(1, RECORDS):
-        ring.write((1, 4), 10 * n, place(n))
-    again = RecordRing(file, 0, 7)
-    assert again.newest((1, 4), 45) == StateRecord((1, 4), 40, place(4))
-    assert again.newest((1, 3), 45) == StateRecord(NEVER, 0, place(0))
-    assert again.newest((1, 4)) == StateRecord((1, 4), 10 * (RECORDS - 1), place(RECORDS - 1))
-
-
-def test_windows_that_are_taken_back_are_overwritten_and_no_others(ring: RecordRing, file: int) -> None:
-    ring.initial_state(place(0))
-    for n in range(1, RECORDS):
-        ring.write((1, 4), 10 * n, place(n))
-    ring.take_back(RECORDS - 3)
-    for n in range(RECORDS - 3):
-        ring.write((1, 5), 25 + n, place(100 + n))
-    assert RecordRing(file, 0, 7).newest((1, 4)) == StateRecord((1, 4), 20, place(2))
-    assert RecordRing(file, 0, 7).newest((1, 5), 26) == StateRecord((1, 5), 26, place(101))
+    for name, *words in acts:
+        getattr(ring, name)(*words)
+    assert {up_to: RecordRing(file, 0, 7).newest(*up_to) for up_to in newest} == newest
 
 
 def test_records_written_at_once_are_those_written_one_by_one(file: int) -> None:
