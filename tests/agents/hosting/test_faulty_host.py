@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import pytest
 from fleets import PAPER
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -116,27 +117,36 @@ def test_flipped_bits_do_not_depend_on_how_time_is_cut(
     assert heard({LinkDefect.FLIPS: 0.0}, sent, cuts) == heard({}, sent, [])
 
 
-def test_every_bit_flips_at_probability_one() -> None:
-    ((_, echo),) = heard({LinkDefect.FLIPS: 1.0}, [(5, WifiArrived(b"\x00\xf0"))], [])
-    assert isinstance(echo, WifiSent) and echo.data == b"\x00\xf0"  # twice, there and back
+SENT: list[tuple[int, AgentStimulus]] = [(1, WifiArrived(b"a")), (2, SoundArrived(b"b")), (3, PingArrived(5))]
+LOST = "a packet on a link that was cut"
 
 
-def test_a_cut_link_loses_all_and_counts_it() -> None:
-    sent: list[tuple[int, AgentStimulus]] = [
-        (1, WifiArrived(b"a")),
-        (2, SoundArrived(b"b")),
-        (3, PingArrived(5)),
-    ]
-    assert heard({LinkDefect.CUT: 0}, sent, []) == [
-        (at_ms, StimulusDropped(at_ms, 1, "a packet on a link that was cut")) for at_ms in (1, 2, 3)
-    ]
-
-
-def test_a_deaf_modem_hears_no_sound_and_the_radio_goes_on() -> None:
-    came = heard(
-        {LinkDefect.DEAF: 0}, [(1, WifiArrived(b"a")), (2, SoundArrived(b"b")), (3, PingArrived(5))], []
-    )
-    assert [type(it) for _, it in came] == [WifiSent, StimulusDropped, StimulusDropped]
+@pytest.mark.parametrize(
+    ("defect", "sent", "came"),
+    [
+        pytest.param(
+            *(LinkDefect.FLIPS, [(5, WifiArrived(b"\x00\xf0"))], [WifiSent(5, 1, b"\x00\xf0")]),
+            id="every bit flips, there and back",
+        ),
+        pytest.param(
+            *(LinkDefect.CUT, SENT, [StimulusDropped(n, 1, LOST) for n in (1, 2, 3)]),
+            id="a cut link loses all and counts it",
+        ),
+        pytest.param(
+            LinkDefect.DEAF,
+            SENT,
+            [
+                WifiSent(1, 1, b"a"),
+                *(StimulusDropped(n, 1, "a sound that a deaf modem did not hear") for n in (2, 3)),
+            ],
+            id="a deaf modem hears no sound, and the radio goes on",
+        ),
+    ],
+)
+def test_what_comes_back(
+    defect: LinkDefect, sent: list[tuple[int, AgentStimulus]], came: list[Output]
+) -> None:
+    assert [it for _, it in heard({defect: 1.0}, sent, [])] == came
 
 
 @settings(deadline=None, max_examples=20)

@@ -69,6 +69,7 @@ FACTS: dict[str, Callable[[Agent, int], Any]] = {
     "depth_m": lambda it, now_ms: it.body.depth_at_um(now_ms) / 1e6,
     "flow": lambda it, now_ms: it.board.primary.flow,
     "feed": lambda it, now_ms: it.board.feed,
+    "anchor_ms": lambda it, now_ms: it.physical.primary.anchor_ms,
     "pin": lambda it, now_ms: (it.body.pin_high, it.body.pin_due_ms),
     "cause": lambda it, now_ms: it.board.reset_cause,
     "records": lambda it, now_ms: [record.sequence for record in records(it)],
@@ -245,7 +246,11 @@ STORIES: dict[str, tuple[FleetConfig, list[Step]]] = {
 
 @pytest.mark.parametrize(("fleet", "steps"), STORIES.values(), ids=STORIES)
 def test_what_an_aMussel_does_with_its_defects(fleet: FleetConfig, steps: list[Step]) -> None:
-    mussel = agent(fleet)
+    lived(agent(fleet), steps)
+
+
+def lived(mussel: Agent, steps: list[Step]) -> None:
+    """Plays the steps, and compares the facts after each."""
     for at_ms, stimuli, facts in steps:
         came = [*mussel.advance(at_ms), *(out for it in stimuli for out in mussel.receive(it, at_ms))]
         seen = {"drops": [it.reason for it in came if isinstance(it, StimulusDropped)]}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import pytest
 from fleets import PAPER, STILL
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
@@ -51,6 +52,7 @@ from firmware_model.sampling.flash import MemoryFlash
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
 from firmware_model.table_one import FIELD, METERING, board, power
+from tests.agents.mussel.test_defects import Step, lived
 
 CODEC = MusselbedCodec()
 COMMANDS = {kind: CODEC.encode(CommandPacket(kind, 7)) for kind in sorted(PLAIN)}
@@ -168,21 +170,15 @@ def test_any_cuts_and_the_wire_give_the_same_life(
 
 
 def test_it_hovers_at_the_depth_that_it_is_told_and_a_reset_leaves_it_there() -> None:
+    """From 3 m, at 3 m in 60 s: 1.75 m take 35 s. 1.5 m down at 3 m in 45 s, and no deeper than the bottom."""
     mussel = agent()
-    mussel.receive(SoundArrived(CODEC.encode(HoverAt(7, 1.25))), 70_000)
-    # From 3 m, at 3 m in 60 s: 1.75 m take 35 s.
-    mussel.advance(90_000)
-    assert mussel.body.depth_at_um(90_000) == 2_000_000
+    told = (70_000, [SoundArrived(CODEC.encode(HoverAt(7, 1.25)))], {})
+    lived(mussel, [told, (90_000, [], {"depth_m": 2.0})])
     again = Agent(CONFIG, CODEC, Physical.unpack(mussel.physical.pack()), 90_000, ResetCause.BROWN_OUT)
-    again.advance(105_000)
-    assert again.body.depth_at_um(105_000) == 1_250_000
-    again.advance(500_000)
-    assert again.body.depth_at_um(500_000) == 1_250_000
-    mussel.receive(SoundArrived(CODEC.encode(HoverAt(7, 60.0))), 100_000)
-    # 1.5 m down at 3 m in 45 s, and no deeper than the bottom.
-    assert mussel.body.depth_at_um(115_000) == 2_500_000
-    mussel.advance(200_000)
-    assert (mussel.board.state, mussel.body.depth_at_um(200_000)) == (State.HOVERING, 3_000_000)
+    lived(again, [(105_000, [], {"depth_m": 1.25}), (500_000, [], {"depth_m": 1.25})])
+    deeper = (100_000, [SoundArrived(CODEC.encode(HoverAt(7, 60.0)))], {})
+    on_bottom = {"state": State.HOVERING, "depth_m": 3.0}
+    lived(mussel, [deeper, (115_000, [], {"depth_m": 2.5}), (200_000, [], on_bottom)])
 
 
 def reported(config: AgentConfig) -> tuple[int, StatusPacket]:
@@ -215,40 +211,33 @@ def test_what_it_was_told_outlives_its_process() -> None:
     assert again.board.clock_ms(100_000) == mussel.board.clock_ms(100_000)
 
 
-def docked(contact_ms: int) -> Agent:
-    """An aMussel at the surface since 130 s; the dock closes at `contact_ms`."""
-    mussel = agent(0.5, 0.5)
-    mussel.receive(SoundArrived(COMMANDS[Kind.PERMISSION]), 70_000)
-    mussel.receive(ContactClosed(0, 0), contact_ms)
-    return mussel
+RELEASED, FLOATING, CHARGING = State.RELEASED, State.FLOATING, State.CHARGING
+CONTACT: list[Step] = [
+    (70_000, [SoundArrived(COMMANDS[Kind.PERMISSION])], {}),
+    (140_000, [ContactClosed(0, 0)], {"pin": (False, 160_000)}),
+]
+"""At the surface since 130 s; a dock closes at 140 s, and its coils are aligned at 160 s."""
+DOCKED: dict[str, list[Step]] = {
+    "the charger starts when the coils are aligned and not at the contact": [
+        *CONTACT,
+        (160_049, [], {"state": FLOATING, "flow": Flow.CHARGING, "anchor_ms": 160_000}),
+        (160_050, [], {"state": CHARGING}),
+    ],
+    "coils that slip release nothing when they align again in time": [
+        *(*CONTACT, (163_000, [CoilSlipped()], {})),
+        (163_050, [], {"state": RELEASED, "flow": Flow.DISCHARGING}),
+        (183_050, [], {"state": CHARGING, "flow": Flow.CHARGING}),
+    ],
+    # Over and over: after 120 s without the charger it believes that it is free.
+    "a body that a dock holds does not sink until it is let go": [
+        *CONTACT,
+        *((at_ms, [CoilSlipped()], {}) for at_ms in range(170_000, 310_000, 15_000)),
+        (310_000, [], {"state": State.SINKING, "depth_m": 0.0}),
+        *((310_000, [ContactOpened()], {}), (355_000, [], {"state": State.ACTIVE, "depth_m": 3.0})),
+    ],
+}
 
 
-def test_the_charger_starts_when_the_coils_are_aligned_and_not_at_the_contact() -> None:
-    mussel = docked(140_000)
-    assert (mussel.body.pin_high, mussel.body.pin_due_ms) == (False, 160_000)
-    mussel.advance(160_049)
-    assert (mussel.board.state, mussel.physical.primary.flow) == (State.FLOATING, Flow.CHARGING)
-    assert mussel.physical.primary.anchor_ms == 160_000
-    mussel.advance(160_050)
-    assert mussel.board.state is State.CHARGING
-
-
-def test_coils_that_slip_release_nothing_when_they_align_again_in_time() -> None:
-    mussel = docked(140_000)
-    mussel.receive(CoilSlipped(), 163_000)
-    mussel.advance(163_050)
-    assert (mussel.board.state, mussel.physical.primary.flow) == (State.RELEASED, Flow.DISCHARGING)
-    mussel.advance(183_050)
-    assert (mussel.board.state, mussel.physical.primary.flow) == (State.CHARGING, Flow.CHARGING)
-
-
-def test_a_body_that_a_dock_holds_does_not_sink_until_it_is_let_go() -> None:
-    mussel = docked(140_000)
-    for at_ms in range(170_000, 310_000, 15_000):
-        mussel.receive(
-            CoilSlipped(), at_ms
-        )  # over and over: after 120 s without the charger it believes that it is free
-    assert (mussel.board.state, mussel.body.depth_at_um(309_000)) == (State.SINKING, 0)
-    mussel.receive(ContactOpened(), 310_000)
-    mussel.advance(355_000)
-    assert (mussel.board.state, mussel.body.depth_at_um(355_000)) == (State.ACTIVE, 3_000_000)
+@pytest.mark.parametrize("steps", DOCKED.values(), ids=DOCKED)
+def test_what_a_dock_does_to_it(steps: list[Step]) -> None:
+    lived(agent(0.5, 0.5), steps)
