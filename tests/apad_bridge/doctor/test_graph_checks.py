@@ -143,28 +143,30 @@ def test_whose_time_it_is(parameter: list[Any], publishers: list[str], status: s
     assert finding.status == status and says in finding.found
 
 
+TWENTY = [f"/n{number}" for number in range(20)]
+
+
 @pytest.mark.parametrize(
-    ("address", "checked", "told"),
+    ("address", "nodes", "lines", "checked", "told"),
     [
-        ("alive", "OK ", "2 on the graph"),
-        ("closed", "WARN /a", ""),
-        ("http://amussel7.invalid:40000/", "FAIL /a", "/etc/hosts"),
+        ("alive", ["/a", "/b"], 1, "OK ", "2 on the graph"),
+        ("closed", ["/a", "/b"], 2, "WARN /b", ""),
+        ("http://amussel7.invalid:40000/", ["/a", "/b"], 2, "FAIL /b", "/etc/hosts"),
+        ("closed", TWENTY, 9, "WARN ", "12 more"),  # few lines for a graph full of dead nodes
     ],
 )
-def test_nodes_are_called_one_by_one(closed: str, address: str, checked: str, told: str) -> None:
+def test_nodes_are_called_one_by_one(
+    closed: str, address: str, nodes: list[str], lines: int, checked: str, told: str
+) -> None:
     with answering(getPid=[1, "", 7]) as alive:
         api = {"alive": alive, "closed": closed}.get(address, address)
         with answering(lookupNode=[1, "", api]) as master:
-            finding, *_ = graph_checks.check_nodes(a_graph(master, a=["/a"], b=["/b"]))
-    assert f"{finding.status} {finding.check}" == checked and told in f"{finding.found} {finding.mend}"
-
-
-def test_a_graph_full_of_dead_nodes_is_told_in_few_lines(closed: str) -> None:
-    with answering(lookupNode=[1, "", closed]) as master:
-        findings = list(
-            graph_checks.check_nodes(a_graph(master, many=[f"/n{number}" for number in range(20)]))
-        )
-    assert len(findings) == 9 and "12 more" in findings[-1].found
+            *others, finding = graph_checks.check_nodes(a_graph(master, many=nodes))
+    assert (
+        len(others) == lines - 1
+        and f"{finding.status} {finding.check}" == checked
+        and told in f"{finding.found} {finding.mend}"
+    )
 
 
 OURS = {"amussel3__position": ["/musselbed_1"], "clock": ["/musselbed_clock"]}

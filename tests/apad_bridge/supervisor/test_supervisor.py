@@ -95,12 +95,14 @@ def test_a_docked_amussel_that_reports_to_lie_on_the_bottom_is_told_once_until_i
     assert told == [(2, {"id": 7, "reason": reason}), (6, {"id": 7, "reason": reason})]
 
 
-def test_a_fact_of_the_future_waits_for_its_tick(supervisor: Supervisor) -> None:
+def test_a_fact_of_the_future_waits_for_its_tick_and_time_does_not_go_back(supervisor: Supervisor) -> None:
     supervisor.receive(PoseReported(1500, 7.0, 7.0, 0.0))
     supervisor.advance(1000)
     assert supervisor.pose is None
     supervisor.advance(2000)
     assert supervisor.pose is not None
+    with pytest.raises(ValueError, match="time went back"):
+        supervisor.advance(1000)
 
 
 def test_bytes_that_are_nothing_are_counted_and_disturb_nothing(supervisor: Supervisor) -> None:
@@ -159,35 +161,28 @@ def test_a_sudden_fall_of_the_battery_counts_after_three_seconds_of_readings(
     assert supervisor.mission.state.ended_by == ("the aPad's battery" if told[-1] == 0 else None)
 
 
-def test_time_going_back_is_refused(supervisor: Supervisor) -> None:
-    supervisor.advance(2000)
-    with pytest.raises(ValueError, match="time went back"):
-        supervisor.advance(1000)
+BASIC = (1, 8, State.EMPTY, 0.0, 0.8, 1.0, 2.0, 3.0, 60_000)
+SINCE = (9, 0, 0, 0, 0, ResetCause.POWER_ON, ActiveBattery.SECONDARY, 0, 0)
 
 
-@pytest.mark.parametrize("by", ["wifi", "sound", "short"])
-def test_every_kind_of_status_is_believed(by: str) -> None:
-    basic = (1, 8, State.EMPTY, 0.0, 0.8, 1.0, 2.0, 3.0, 60_000)
-    fact_by_medium: dict[str, Fact] = {
-        "wifi": AMusselHeard(
-            Medium.WIFI,
-            2000,
-            WifiStatus(
-                *basic, (1, 2, 3, 4), 9, 0, 0, 0, 0, ResetCause.POWER_ON, ActiveBattery.SECONDARY, 0, 0
-            ).encode(),
-        ),
-        "sound": AMusselHeard(Medium.SOUND, 2000, AcousticStatus(*basic, (1, 2, 3, 4), 9, 9).encode()),
-        "short": AMusselHeard(Medium.SOUND, 2000, ShortStatus(1, State.EMPTY, 0.0, 0.8).encode()),
-    }
-    supervisor = flight_parts.supervisor(flight_config(SCENARIO))
+@pytest.mark.parametrize(
+    ("medium", "packet"),
+    [
+        (Medium.WIFI, WifiStatus(*BASIC, (1, 2, 3, 4), *SINCE)),
+        (Medium.SOUND, AcousticStatus(*BASIC, (1, 2, 3, 4), 9, 9)),
+        (Medium.SOUND, ShortStatus(1, State.EMPTY, 0.0, 0.8)),
+    ],
+    ids=["wifi", "sound", "short"],
+)
+def test_every_kind_of_status_is_believed(
+    supervisor: Supervisor, medium: Medium, packet: WifiStatus | AcousticStatus | ShortStatus
+) -> None:
     supervisor.receive(AMusselHeard(Medium.WIFI, 1000, status(1, 0.5)))
-    supervisor.receive(fact_by_medium[by])
+    supervisor.receive(AMusselHeard(medium, 2000, packet.encode()))
     supervisor.advance(2000)
-    belief = supervisor.beliefs.get(1)
-    assert (belief.heard_ms, belief.state, belief.primary) == (2000, State.EMPTY, 0.0)
-    assert belief.secondary == pytest.approx(0.8, abs=1e-5)
-    assert (belief.north_m, belief.east_m) == (1.0, 2.0)
-    assert supervisor.dropped == {}
+    it = supervisor.beliefs.get(1)
+    assert (it.heard_ms, it.state, it.primary, it.north_m, it.east_m) == (2000, State.EMPTY, 0.0, 1.0, 2.0)
+    assert it.secondary == pytest.approx(0.8, abs=1e-5) and supervisor.dropped == {}
 
 
 def test_an_amussel_becomes_suspect_once_until_it_is_over_and_another_supervisor_tells_nothing_anew() -> None:
