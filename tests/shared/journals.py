@@ -9,12 +9,14 @@ from typing import Any
 
 from scenario_files import POOL_FILE
 
+from agents.mussel.outputs import Truth
 from agents.time_scale import MissionMs
 from apad_bridge.events.all_events import event_of
 from apad_bridge.records.journal import Entry, JournalContents
 from apad_bridge.records.run_state import RunState
 from apad_bridge.runs.in_memory import MemoryRecorder
 from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.schema import Scenario
 
 Line = dict[str, Any]
 
@@ -41,3 +43,15 @@ def facts_of(entries: MemoryRecorder | Iterable[Entry]) -> list[tuple[int, str, 
     """The time, the kind and the fields of each event."""
     found = entries.journal.entries if isinstance(entries, MemoryRecorder) else entries
     return [(at_ms, event.kind, event.data) for at_ms, event in found]
+
+
+class Witness(MemoryRecorder):
+    """Keeps the truths, too."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        super().__init__(scenario)
+        self.kept: list[Truth] = []
+
+    def truths(self, truths: list[Truth]) -> None:
+        super().truths(truths)
+        self.kept += truths

@@ -7,34 +7,31 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from journals import facts_of
+from journals import Witness, facts_of
 from scenario_files import POOL_FILE, SOUND_FILE, WHOLE_FILE
 
-from agents.coordinator import Coordinator
 from agents.hosting.host import Grant
 from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Truth
 from agents.mussel.stimuli import from_wire
-from apad_bridge.assembly import fleet_parts, flight_parts
+from apad_bridge.assembly import fleet_parts
 from apad_bridge.assembly.division import members
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.display import MakeStatus, ParentDisplay
-from apad_bridge.runs.in_memory import MemoryRecorder, open_flight
+from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.runs.several.lockstep import fly_in_step
 from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.loader import from_data as scenario_from
 from apad_bridge.scenario.loader import load, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
-from apad_bridge.supervisor.clock import AsFastAsPossible
-from apad_bridge.supervisor.context import FlightContext
-from apad_bridge.supervisor.loop import Flight
 from apad_bridge.supervisor.packet_relay import (
     FLEET_ALONE,
     FLEET_WITH_DOCKS,
@@ -47,7 +44,7 @@ from apad_bridge.supervisor.packet_relay import (
 )
 from apad_bridge.world.apad.in_process import InProcessVehicle
 from apad_bridge.world.apad.simulated_apad import SimulatedAPad
-from apad_bridge.world.simulated_fleet import FlightFleet, NoFleet, WithoutWater
+from apad_bridge.world.simulated_fleet import FlightFleet, NoFleet
 from apad_bridge.world.world import World
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
@@ -74,49 +71,25 @@ def short_scenario(board: dict[str, Any] | None = None, **changes: Any) -> Scena
     return scenario_from(data, "short")
 
 
-class Witness(MemoryRecorder):
-    def __init__(self, scenario: Scenario) -> None:
-        super().__init__(scenario)
-        self.kept: list[Truth] = []
-
-    def truths(self, truths: list[Truth]) -> None:
-        self.kept += truths
-
-
-def new_host(scenario: Scenario) -> InProcessHost:
-    initial_states = fleet_parts.initial_states(scenario, starts_of(scenario))
-    return InProcessHost(fleet_parts.fleet_config(flight_config(scenario)), initial_states)
-
-
-def fleet_in(host: InProcessHost, scenario: Scenario) -> FlightFleet:
-    coordinator = Coordinator(host, dict.fromkeys(scenario.fleet.ids, 0), scenario.time_scale)
-    return FlightFleet(coordinator, host, WithoutWater(coordinator, host))
-
-
-def flown(scenario: Scenario, kill_at_ms: dict[int, int] | None = None) -> tuple[Witness, Flight]:
-    host, witness = new_host(scenario), Witness(scenario)
-    fleet = fleet_in(host, scenario)
-    flight = flight_parts.flight(
-        flight_config(scenario),
-        FlightContext(
-            vehicle=InProcessVehicle(SimulatedAPad(scenario.apad)),
-            pace=AsFastAsPossible(),
-            world=World(fleet),
-        ),
-        witness,
+def flown(scenario: Scenario, kill_at_ms: dict[int, int] | None = None) -> Witness:
+    """A flight whose aMussels are killed at these times."""
+    fleets: list[FlightFleet] = []
+    flight, witness = open_flight(
+        scenario, join=lambda it: fleets.append(it.world.fleet) or it, recorder_of=Witness
     )
+    assert isinstance(witness, Witness)
     while not flight.supervisor.has_ended:
         for agent_id, at_ms in (kill_at_ms or {}).items():
             if at_ms == flight.now_ms:
-                host.kill(agent_id)
+                fleets[0].host.kill(agent_id)
         flight.tick(flight.now_ms)
         flight.now_ms += 1000
-    return witness, flight
+    return witness
 
 
 def test_the_same_seed_gives_the_same_events_and_truths() -> None:
     scenario = short_scenario()
-    first, second = flown(scenario)[0], flown(scenario)[0]
+    first, second = flown(scenario), flown(scenario)
     assert facts_of(first) == facts_of(second) and first.kept == second.kept
     assert sum(kind == "released" for _, kind, _ in facts_of(first)) >= 4
 
@@ -134,7 +107,7 @@ SCENARIOS = {"worst case": short_scenario(), "whole": short_scenario(whole_board
 @cache
 def recorded_flight(name: str) -> Witness:
     """A flight in which two aMussels are killed."""
-    return flown(SCENARIOS[name], kill_at_ms={2: 20_000, 5: 60_000})[0]
+    return flown(SCENARIOS[name], kill_at_ms={2: 20_000, 5: 60_000})
 
 
 def test_what_was_recorded_of_whole_boards_has_all_that_there_is_to_cut() -> None:
@@ -204,29 +177,21 @@ def joined(division: Division, out: list[RelayedPacket], into: list[RelayedPacke
     return PacketRelay(division, [take], {RelayOutcome.PUBLISH: out.append})
 
 
-class Observed:
-    """The mission's vehicle as a fleet without a mission sees it: contacts, no poses, no commands."""
-
-    def __init__(self, vehicle: InProcessVehicle) -> None:
-        self._vehicle = vehicle
-        self.facts: list[Any] = []
-
-    def advance(self, now_ms: int) -> list[Any]:
-        facts, self.facts = self.facts, []
-        return facts
-
-
 class Shared(InProcessVehicle):
-    """Passes the contacts to an observer too."""
+    """The mission's vehicle; a fleet without a mission sees its contacts alone: no poses, no commands."""
 
     def __init__(self, apad: SimulatedAPad) -> None:
         super().__init__(apad)
-        self.observer = Observed(self)
+        self.contacts: list[Any] = []
 
     def advance(self, now_ms: int) -> list[Any]:
         facts = super().advance(now_ms)
-        self.observer.facts += [fact for fact in facts if type(fact).__name__ in ("Carried", "LetGo")]
+        self.contacts += [fact for fact in facts if type(fact).__name__ in ("Carried", "LetGo")]
         return facts
+
+    def take_contacts(self, now_ms: int) -> list[Any]:
+        taken, self.contacts = self.contacts, []
+        return taken
 
 
 @pytest.mark.parametrize("division", [FLEET_ALONE, FLEET_WITH_DOCKS])
@@ -236,47 +201,21 @@ def test_a_fleet_alone_and_a_mission_alone_joined_by_a_relay_serve_aMussels(divi
     to_fleet: list[RelayedPacket] = []
     to_mission: list[RelayedPacket] = []
     vehicle = Shared(SimulatedAPad(scenario.apad))
-    alone = short_scenario(collection="none")
-    fleet_side = flight_parts.flight(
-        flight_config(alone),
-        FlightContext(
-            vehicle=vehicle.observer if division is FLEET_ALONE else Observed(vehicle),  # type: ignore[arg-type]
-            pace=AsFastAsPossible(),
-            world=World(fleet_in(new_host(alone), alone)),
-            relay=joined(division, to_mission, to_fleet),
-        ),
-        Witness(alone),
+    sees = vehicle.take_contacts if division is FLEET_ALONE else lambda now_ms: []
+    seen: Any = SimpleNamespace(advance=sees, close=lambda: None)
+    relays = joined(division, to_mission, to_fleet), joined(MISSION_ALONE, to_fleet, to_mission)
+    fleet_side, _ = open_flight(
+        short_scenario(collection="none"), join=lambda it: replace(it, vehicle=seen, relay=relays[0])
     )
-    mission_side = flight_parts.flight(
-        flight_config(scenario),
-        FlightContext(
-            vehicle=vehicle,
-            pace=AsFastAsPossible(),
-            world=World(NoFleet()),
-            relay=joined(MISSION_ALONE, to_fleet, to_mission),
-        ),
-        Witness(scenario),
+    alone = World(NoFleet())
+    mission_side, _ = open_flight(
+        scenario, join=lambda it: replace(it, vehicle=vehicle, world=alone, relay=relays[1])
     )
     for now_ms in range(0, 120_000, 1000):
         fleet_side.tick(now_ms)
         mission_side.tick(now_ms)
     assert mission_side.supervisor.mission.state.services >= 4
     assert fleet_side.supervisor.mission.state.cost_m == 0
-
-
-class DoomedHost(InProcessHost):
-    """Restarts nobody."""
-
-    def __init__(self, scenario: Scenario, lost: str | None) -> None:
-        super().__init__(
-            fleet_parts.fleet_config(flight_config(scenario)),
-            fleet_parts.initial_states(scenario, list(starts_of(scenario))),
-        )
-        self._lost = lost
-
-    def restart(self, agent_id: int, at_ms: int, cause: ResetCause) -> str | None:
-        self.lost = self._lost
-        return "it stays dead"
 
 
 @pytest.mark.parametrize(
@@ -290,16 +229,14 @@ class DoomedHost(InProcessHost):
 def test_a_mission_ends_with_its_whole_fleet_and_not_with_a_part_of_it(
     lost: str | None, killed: int, ended_by: str
 ) -> None:
-    scenario = short_scenario()
-    host = DoomedHost(scenario, lost)
-    ids = scenario.fleet.ids
-    vehicle = InProcessVehicle(SimulatedAPad(scenario.apad))
-    context = FlightContext(vehicle=vehicle, pace=AsFastAsPossible(), world=World(fleet_in(host, scenario)))
-    recorder = MemoryRecorder(scenario)
-    flight = flight_parts.flight(flight_config(scenario), context, recorder)
+    """Its host restarts nobody."""
+    hosts: list[Any] = []
+    flight, recorder = open_flight(short_scenario(), join=lambda it: hosts.append(it.world.fleet.host) or it)
+    (host,) = hosts
+    host.restart = lambda *_: setattr(host._host, "lost", lost) or "it stays dead"
     for _ in range(5):
         flight.step()
-    for agent_id in list(ids)[:killed]:
+    for agent_id in range(1, 1 + killed):
         host.kill(agent_id)
     assert str(flight.run()) == ended_by
     gave_up = [data["gave_up"] for _, kind, data in facts_of(recorder) if kind == "died"]

@@ -2,71 +2,49 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import pytest
-from journals import facts_of
+from journals import Witness, facts_of
 from scenario_files import WHOLE_FILE
 
-from agents.coordinator import Coordinator
-from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Truth
-from apad_bridge.assembly import fleet_parts, flight_parts
-from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.records.samples import TruthExtrapolator
 from apad_bridge.records.uptime_figures import uptime_figures
-from apad_bridge.runs.in_memory import MemoryRecorder
+from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.scenario.starts import starts_of
+from apad_bridge.scenario.starts import save_starts
 from apad_bridge.scenario.starts_table import Start
-from apad_bridge.supervisor.clock import AsFastAsPossible
-from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.loop import Flight
-from apad_bridge.world.apad.in_process import InProcessVehicle
-from apad_bridge.world.apad.simulated_apad import SimulatedAPad
-from apad_bridge.world.simulated_fleet import FlightFleet, WithoutWater
-from apad_bridge.world.world import World
 from firmware_model.power.charge import FULL, grains
 from firmware_model.states import State
 
 
-class Witness(MemoryRecorder):
-    def __init__(self, scenario: Scenario) -> None:
-        super().__init__(scenario)
-        self.kept: list[Truth] = []
-
-    def truths(self, truths: list[Truth]) -> None:
-        super().truths(truths)
-        self.kept += truths
-
-    def states_of(self, agent_id: int) -> list[Truth]:
-        """The first truth of each state that the aMussel entered."""
-        of_it = [truth for truth in self.kept if truth.agent_id == agent_id]
-        return [
-            now
-            for before, now in zip([None, *of_it], of_it, strict=False)
-            if before is None or before.state is not now.state
-        ]
-
-    def said(self, kind: str) -> list[dict[str, Any]]:
-        return [data for _, it, data in facts_of(self) if it == kind]
-
-
-def flown(scenario: Scenario, starts: tuple[Start, ...] | None = None) -> tuple[Witness, Flight]:
-    initial_states = fleet_parts.initial_states(scenario, starts or starts_of(scenario))
-    host = InProcessHost(fleet_parts.fleet_config(flight_config(scenario)), initial_states)
-    coordinator = Coordinator(host, dict.fromkeys(initial_states, 0), scenario.time_scale)
-    fleet = FlightFleet(coordinator, host, WithoutWater(coordinator, host))
-    witness = Witness(scenario)
-    vehicle = InProcessVehicle(SimulatedAPad(scenario.apad))
-    flight = flight_parts.flight(
-        flight_config(scenario),
-        FlightContext(vehicle=vehicle, pace=AsFastAsPossible(), world=World(fleet)),
-        witness,
-    )
+def flown(
+    scenario: Scenario, starts: tuple[Start, ...] | None = None, folder: Path | None = None
+) -> tuple[Witness, Flight]:
+    """A flight from the scenario's starts, or from these, by a file in the folder."""
+    if starts is not None and folder is not None:
+        save_starts(folder / "starts.csv", starts, scenario.area.origin)
+        scenario = replace(scenario, fleet=replace(scenario.fleet, start=str(folder / "starts.csv")))
+    flight, witness = open_flight(scenario, recorder_of=Witness)
+    assert isinstance(witness, Witness)
     flight.run()
     return witness, flight
+
+
+def states_of(witness: Witness, agent_id: int) -> list[Truth]:
+    """The first truth of each state that the aMussel entered."""
+    of_it = [truth for truth in witness.kept if truth.agent_id == agent_id]
+    return of_it[:1] + [now for before, now in pairwise(of_it) if before.state is not now.state]
+
+
+def said(witness: Witness, kind: str) -> list[dict[str, Any]]:
+    return [data for _, it, data in facts_of(witness) if it == kind]
 
 
 def changed(**changes: Any) -> Scenario:
@@ -111,12 +89,12 @@ STORY = """\
 
 def test_the_story_of_a_docking() -> None:
     witness, flight = flown(changed(duration_s=2160))
-    truths = [truth for truth in witness.states_of(4) if truth.at_ms >= 13 * 3_600_000]
+    truths = [truth for truth in states_of(witness, 4) if truth.at_ms >= 13 * 3_600_000]
     assert "\n".join(f"{clock(truth.at_ms)} {truth.state.name}" for truth in truths) == STORY
-    assert [note["agent"] for note in witness.said("released")] == [6, 10, 4, 7]
+    assert [note["agent"] for note in said(witness, "released")] == [6, 10, 4, 7]
     # The release packet that goes with the opened dock finds its Wi-Fi asleep; it is repeated when a packet arrives.
     assert flight.dropped == {"Wi-Fi is off": 4}
-    assert {note["full"] for note in witness.said("released")} == {True}
+    assert {note["full"] for note in said(witness, "released")} == {True}
     # At every alarm until it surfaced, and at none in the dock.
     (fourth,) = (uptime for uptime in witness.meter.at(2_161_000) if uptime.agent_id == 4)
     assert fourth.samples == 13
@@ -125,7 +103,7 @@ def test_the_story_of_a_docking() -> None:
 def test_in_the_dock_the_primary_charges_by_two_coils_less_what_the_load_takes_on_the_way() -> None:
     scenario = changed(duration_s=1679)
     witness, flight = flown(scenario)
-    docked = witness.states_of(4)[-1]
+    docked = states_of(witness, 4)[-1]
     assert docked.state is State.CHARGING
     minutes = (1679 * 30_000 - docked.at_ms) / 60_000
     # Equation (2)'s middle segment, through two coils; the MU asleep and the modem listening, in part.
@@ -139,19 +117,19 @@ def test_in_the_dock_the_primary_charges_by_two_coils_less_what_the_load_takes_o
     assert recorded - 5 * net <= believed.primary + 1e-4 and believed.primary <= recorded + 1e-4
 
 
-def test_who_is_lost_is_counted_and_not_waited_for() -> None:
+def test_who_is_lost_is_counted_and_not_waited_for(tmp_path: Path) -> None:
     scenario = changed(duration_s=1200, fleet={"count": 4}, mission={"pool_threshold": 0.8})
     starts = (
         Start(1, 5.0, 5.0, 0.01, 0.01),
         *(Start(agent_id, 5.0 * agent_id, 10.0, 0.7, 1.0) for agent_id in (2, 3, 4)),
     )
-    witness, flight = flown(scenario, starts)
-    assert witness.states_of(1)[-1].state is State.LOST
+    witness, flight = flown(scenario, starts, tmp_path)
+    assert states_of(witness, 1)[-1].state is State.LOST
     assert uptime_figures(witness.meter, flight.now_ms)["amussels_lost"] == 1
-    assert {note["agent"] for note in witness.said("released")} == {2, 3, 4}
+    assert {note["agent"] for note in said(witness, "released")} == {2, 3, 4}
 
 
-def test_one_that_came_up_for_its_life_is_left_up_there_and_fetched_alone() -> None:
+def test_one_that_came_up_for_its_life_is_left_up_there_and_fetched_alone(tmp_path: Path) -> None:
     scenario = changed(
         duration_s=2000,
         fleet={"count": 4},
@@ -161,13 +139,13 @@ def test_one_that_came_up_for_its_life_is_left_up_there_and_fetched_alone() -> N
         Start(1, 5.0, 5.0, 0.01, 0.201),
         *(Start(agent_id, 5.0 * agent_id, 10.0, 0.62, 1.0) for agent_id in (2, 3, 4)),
     )
-    witness, _ = flown(scenario, starts)
-    states = [truth.state for truth in witness.states_of(1)]
+    witness, _ = flown(scenario, starts, tmp_path)
+    states = [truth.state for truth in states_of(witness, 1)]
     up = states.index(State.FLOATING)
     assert states[up - 2 : up + 2] == [State.EMPTY, State.SURFACING, State.FLOATING, State.CHARGING]
-    assert [step["agent"] for step in witness.said("plan")[0]["steps"]] == [1]
-    docked = next(truth for truth in witness.states_of(1) if truth.state is State.CHARGING)
+    assert [step["agent"] for step in said(witness, "plan")[0]["steps"]] == [1]
+    docked = next(truth for truth in states_of(witness, 1) if truth.state is State.CHARGING)
     assert 0 < docked.physical.secondary.charge < grains(0.201)
     assert docked.physical.primary.charge == 0
-    (released,) = (note for note in witness.said("released") if note["agent"] == 1)
+    (released,) = (note for note in said(witness, "released") if note["agent"] == 1)
     assert released["full"]
