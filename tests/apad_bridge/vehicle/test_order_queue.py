@@ -281,6 +281,18 @@ STORIES: dict[str, list[Step]] = {
         ("opened", "orders", 20, [Write(FIRST)]),
         ("ended", "orders", 30, [Ended(FIRST, "the connection ended"), OpenLine("orders")]),
     ],
+    "an order whose line ended makes way for a newer one that waits": [
+        ("put", FIRST, 0, [Write(FIRST)]),
+        ("put", SECOND, 10, []),
+        ("ended", "orders", 20, [Ended(FIRST, "the connection ended"), OpenLine("orders")]),
+        ("opened", "orders", 30, [Write(SECOND)]),
+    ],
+    "a hold whose line ended makes way for another one that waits": [
+        ("put", HOLD, 0, [Write(HOLD)]),
+        ("put", LATER, 10, []),
+        ("ended", "hold", 20, [Ended(HOLD, "the connection ended"), OpenLine("hold")]),
+        ("opened", "hold", 30, [Write(LATER)]),
+    ],
     "a stop without a line waits for one and fails in time": [
         ("ended", "off", 0, [OpenLine("off")]),
         ("put", OFF_ORDER, 0, []),
@@ -305,6 +317,18 @@ def test_the_queue_alone(story: list[Step]) -> None:
     for number, (what, argument, now_ms, actions) in enumerate(story):
         told[what](argument, now_ms)
         assert queue.advance(now_ms) == actions, number
+
+
+def test_a_line_is_open_while_it_carries_a_call_and_not_after_its_end() -> None:
+    road, seen = road_of(lambda _: True), {}
+    for what, act in (
+        ("free", lambda: None),
+        ("busy", lambda: (road.put(FIRST, 0), road.advance(0))),
+        ("ended", lambda: road.ended("orders", 10)),
+    ):
+        act()
+        seen[what] = road.is_open("orders")
+    assert seen == {"free": True, "busy": True, "ended": False}
 
 
 @pytest.mark.parametrize(("order", "patience_ms"), [(FIRST, PATIENCE_MS), (OFF_ORDER, STOP_PATIENCE_MS)])

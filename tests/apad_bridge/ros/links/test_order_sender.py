@@ -12,6 +12,7 @@ from unittest.mock import MagicMock
 
 import pytest
 import rospy
+from std_srvs.srv import Trigger, TriggerRequest
 
 from apad_bridge.ros.links import order_sender
 from apad_bridge.ros.links.order_sender import LOST, OrderSender
@@ -109,3 +110,36 @@ def test_a_server_whose_connection_ends_has_not_taken_the_stop(bench: Bench) -> 
     bench.off()
     assert bench.answer() == "nobody reads /apad/cancel"
     server.close()
+
+
+class Dead(socket.socket):
+    """A connection whose end nobody has noticed before something is written."""
+
+    def send(self, *_: Any) -> int:
+        raise BrokenPipeError
+
+
+def test_an_order_whose_line_turns_out_to_have_ended_goes_out_by_a_new_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    (near, gone), (second, far) = socket.socketpair(), socket.socketpair()
+    opened = iter([Dead(fileno=near.detach()), second])
+    address = SimpleNamespace(name="/apad/go", kind=Trigger, open=lambda: next(opened))
+    monkeypatch.setattr(order_sender, "ServiceAddress", lambda *_: address)
+    sender, answers, cleared = (
+        OrderSender(lambda order: True),
+        SimpleQueue[str | None](),
+        SimpleNamespace(under=0),
+    )
+    sender.add_service("orders", "/apad/go", Trigger)
+    sender.begin()
+    sender.wait_until_open(["orders"])
+    sender.send("orders", Rank.ORDER, cleared, TriggerRequest(), lambda _, why, cut: answers.put(why))  # type: ignore[arg-type]
+    for end in (gone, far):
+        end.settimeout(LONGEST_S)
+    assert (gone.recv(9), far.recv(9)) == (b"", bytes(4))
+    far.send(b"\1" + (5).to_bytes(4, "little") + bytes(5))
+    assert answers.get(timeout=LONGEST_S) is None
+    sender.close()
+    for end in (gone, far):
+        end.close()

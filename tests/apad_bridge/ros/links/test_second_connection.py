@@ -163,13 +163,16 @@ def test_a_silent_publisher_is_asked_as_soon_as_over_the_first_connection(publis
     connections.close()
 
 
-def test_a_publisher_that_refuses_is_asked_again_only_later() -> None:
-    publisher = Publisher(takes=False)
-    connections = SecondConnections(lambda raw: None)
-    connections.follow(subscriber_of(publisher))
-    assert publisher.asked.get(timeout=SOON_S)[1] == TOPIC
-    connections.follow(subscriber_of(publisher))
-    assert publisher.asked.empty()
+def test_a_publisher_that_refuses_is_asked_again_after_5_s(monkeypatch: pytest.MonkeyPatch) -> None:
+    now_s = iter([100.0] * 2 + [104.9] + [105.0] * 2)
+    monkeypatch.setattr(second_connection, "time", SimpleNamespace(monotonic=lambda: next(now_s)))
+    publisher, connections = Publisher(takes=False), SecondConnections(lambda raw: None)
+    for is_asked in (True, False, True):
+        connections.follow(subscriber_of(publisher))
+        while connections._open:  # until its thread has ended
+            pass
+        assert publisher.asked.qsize() == is_asked
+        assert not is_asked or publisher.asked.get()[1] == TOPIC
     publisher.close()
 
 
