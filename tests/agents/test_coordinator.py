@@ -88,12 +88,6 @@ class NotingHost:
         self.restarts.append((agent_id, at_ms, cause))
         return self.gave_up
 
-    def take_truths(self) -> list[Truth]:
-        return []
-
-    def close(self) -> None:
-        pass
-
 
 def test_only_what_is_due_is_granted() -> None:
     host = NotingHost(next_due_ms=300_000)

@@ -8,6 +8,9 @@ import signal
 import subprocess
 import sys
 import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -30,20 +33,26 @@ def test_a_signal_waits_until_it_is_let_in(number: int) -> None:
     assert reached == ["begun"] and handlers() == before
 
 
+@pytest.fixture
+def handled() -> Iterator[Callable[[int, Any], None]]:
+    """Sets handlers of signals, which are as they were after the test."""
+    before = {number: signal.getsignal(number) for number in ENDING}
+    yield signal.signal
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_it_acts_at_the_end_as_it_did_before(number: int) -> None:
+def test_it_acts_at_the_end_as_it_did_before(number: int, handled: Callable[[int, Any], None]) -> None:
     acted: list[int] = []
-    before = signal.signal(number, lambda it, _: acted.append(it))
-    try:
+    handled(number, lambda it, _: acted.append(it))
+    with held_back():
         with held_back():
-            with held_back():
-                signal.raise_signal(number)
-            assert acted == []
-        assert acted == [number]
-        signal.raise_signal(number)
-        assert acted == [number, number]
-    finally:
-        signal.signal(number, before)
+            signal.raise_signal(number)
+        assert acted == []
+    assert acted == [number]
+    signal.raise_signal(number)
+    assert acted == [number, number]
 
 
 def test_a_second_ctrl_c_does_not_tear_what_the_first_one_ends() -> None:
@@ -77,13 +86,10 @@ def test_an_error_of_ours_is_not_hidden_by_a_signal_that_was_held_back() -> None
         pass  # nothing is left of it
 
 
-def test_nohup_stays_asked_for() -> None:
-    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
-    try:
-        with interruptible():
-            assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
-    finally:
-        signal.signal(signal.SIGHUP, before)
+def test_nohup_stays_asked_for(handled: Callable[[int, Any], None]) -> None:
+    handled(signal.SIGHUP, signal.SIG_IGN)
+    with interruptible():
+        assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
 
 
 def test_in_another_thread_nothing_is_held() -> None:
@@ -111,13 +117,12 @@ sys.stdin.read()
 
 
 @pytest.mark.parametrize("outlives", [False, True])
-def test_a_child_that_is_not_ready_ends_with_its_starter(outlives: bool, tmp_path: os.PathLike[str]) -> None:
+def test_a_child_that_is_not_ready_ends_with_its_starter(outlives: bool, tmp_path: Path) -> None:
     lines = ["import sys", "from agents.hosting.started import outlive_starter"]
     lines += ["outlive_starter()"] if outlives else []
     lines += ["open('begun', 'w').close()", "import select", "select.select([], [], [], 60)"]
-    with open(os.path.join(tmp_path, "some_child.py"), "w") as module:
-        module.write("\n".join(lines))
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([os.fspath(tmp_path), os.getcwd()])}
+    (tmp_path / "some_child.py").write_text("\n".join(lines))
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), os.getcwd()])}
     starter = subprocess.Popen(
         [sys.executable, "-c", STARTER.format(module="some_child")],
         stdin=subprocess.PIPE,
@@ -129,7 +134,7 @@ def test_a_child_that_is_not_ready_ends_with_its_starter(outlives: bool, tmp_pat
     child = os.pidfd_open(int(starter.stdout.readline()))
     poll = select.poll()
     poll.register(child)
-    while not os.path.exists(os.path.join(tmp_path, "begun")):
+    while not (tmp_path / "begun").exists():
         assert not poll.poll(10), "the child ended by itself"
     starter.kill()
     starter.wait(60)
@@ -141,24 +146,25 @@ def test_a_child_that_is_not_ready_ends_with_its_starter(outlives: bool, tmp_pat
     os.close(child)
 
 
-def test_a_child_whose_starter_ended_before_it_began_ends_too() -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", "agents.hosting.started", "this"],
-        env={**os.environ, **started.environment(), "MUSSELBED_STARTER": "1"},
-        capture_output=True,
-        timeout=60,
-    )
-    assert done.returncode == 1 and done.stdout == b""
+RAISES = "import signal; signal.raise_signal({}); print('reached')"
 
 
-@pytest.mark.parametrize("number", ENDING)
-def test_a_child_leaves_in_silence_while_it_is_imported(number: int, tmp_path: os.PathLike[str]) -> None:
-    with open(os.path.join(tmp_path, "slow_to_import.py"), "w") as module:
-        module.write(f"import signal; signal.raise_signal({int(number)}); print('reached')")
+@pytest.mark.parametrize(
+    ("text", "starter", "code"),
+    [
+        *(pytest.param(RAISES.format(int(it)), "", INTERRUPTED, id=it.name) for it in ENDING),
+        pytest.param("print('reached')", "1", 1, id="its starter ended before it began"),
+    ],
+)
+def test_a_child_leaves_in_silence_while_it_is_imported(
+    text: str, starter: str, code: int, tmp_path: Path
+) -> None:
+    (tmp_path / "slow_to_import.py").write_text(text)
+    told = started.environment() | ({"MUSSELBED_STARTER": starter} if starter else {})
     done = subprocess.run(
         [sys.executable, "-m", "agents.hosting.started", "slow_to_import"],
-        env={**os.environ, "PYTHONPATH": os.pathsep.join([os.fspath(tmp_path), os.getcwd()])},
+        env={**os.environ, **told, "PYTHONPATH": os.pathsep.join([str(tmp_path), os.getcwd()])},
         capture_output=True,
         timeout=60,
     )
-    assert (done.returncode, done.stdout, done.stderr) == (INTERRUPTED, b"", b"")
+    assert (done.returncode, done.stdout, done.stderr) == (code, b"", b"")
