@@ -223,14 +223,30 @@ def small_instance(**changes: object) -> dict[str, object]:
     }
 
 
-def test_a_plan_is_scored_as_by_hand() -> None:
-    """aMussel 0 is docked from 35 s on, with 0.465, for 165 s: 14 s to the knee, then 151 s at 0.005 give 1 in 100 s."""
-    plan = {"steps": [["collect", 0], ["wait", 160.0], ["deploy", 0]]}
-    found = check.scored(small_instance(), plan)
-    assert found["uptime_percent"] == pytest.approx((100 * (35 + 800) / 1000 + 100) / 2)
-    assert found["charge_gained"] == pytest.approx((0.2 - 0.5 + 0.0 - 1.0) / 2)
-    assert found["score"] == pytest.approx(found["uptime_percent"] + 20 * found["charge_gained"])
-    assert (found["metres"], found["services"]) == (10.0, 1)
+# aMussel 0 is docked from 35 s on, with 0.465, for 165 s: 14 s to the knee, then 151 s at 0.005 give 1 in 100 s.
+SCORED = [
+    pytest.param(
+        *({}, [["collect", 0], ["wait", 160.0], ["deploy", 0]], (0.2 - 0.5 + 0.0 - 1.0) / 2),
+        {"uptime_percent": (100 * (35 + 800) / 1000 + 100) / 2, "metres": 10.0, "services": 1},
+        id="a service",
+    ),
+    pytest.param(
+        *({"motor_run": 0.1, "horizon_s": 35.0}, [["collect", 0]], (0.465 - 0.2 - 0.5 + 0.965 - 1) / 2, {}),
+        id="who is docked at the end still owes its way down",
+    ),
+]
+
+
+@pytest.mark.parametrize(("changes", "steps", "gained", "figures"), SCORED)
+def test_a_plan_is_scored_as_by_hand(
+    changes: dict[str, float], steps: list[list[object]], gained: float, figures: dict[str, float]
+) -> None:
+    instance = small_instance(**changes)
+    found = check.scored(instance, {"steps": steps})
+    assert {key: found[key] for key in figures} == pytest.approx(figures)
+    assert found["charge_gained"] == pytest.approx(gained)
+    worth = 100 * 200.0 * gained / float(str(instance["horizon_s"]))
+    assert found["score"] == pytest.approx(found["uptime_percent"] + worth)
 
 
 def judged(*arguments: str | Path) -> tuple[int, str, str]:
@@ -557,23 +573,33 @@ def test_the_distance_law_is_that_of_random_points() -> None:
     assert nearest(4, Law.INDEPENDENT) @ middle < 0.98 * fmean(of_four), "they would be two laws, and not one"
 
 
-@pytest.mark.parametrize("load", [0.2, 0.5, 0.9])
+LONE_S = MEAN_WAY * 200 + 30
+
+
 @pytest.mark.parametrize("turns", [False, True])
-def test_without_ways_the_chain_is_the_queue_of_pollaczek_and_khinchine(load: float, turns: bool) -> None:
-    """M/D/1: a request takes 1 + load / (2 (1 - load)) services."""
-    queue = RequestQueue(side_m=0.0, speed_m_s=1.0, charge_s=40.0, rate_per_s=load / 40)
-    assert latency_s(queue, turns=turns) == pytest.approx(40 * (1 + load / (2 * (1 - load))), rel=1e-5)
-
-
-def test_a_queue_without_a_steady_state_is_an_error() -> None:
+@pytest.mark.parametrize(
+    ("queue", "latency"),
+    [
+        # M/D/1: a request takes 1 + load / (2 (1 - load)) services.
+        *(
+            pytest.param(
+                RequestQueue(side_m=0.0, speed_m_s=1.0, charge_s=40.0, rate_per_s=load / 40),
+                pytest.approx(40 * (1 + load / (2 * (1 - load))), rel=1e-5),
+                id=f"without ways, at a load of {load}, by Pollaczek and Khinchine",
+            )
+            for load in (0.2, 0.5, 0.9)
+        ),
+        pytest.param(
+            RequestQueue(100.0, 0.5, 30.0, 1e-6),
+            pytest.approx(LONE_S, rel=1e-3),
+            id="a lone request takes a way and a charge",
+        ),
+    ],
+)
+def test_the_latency_of_the_chain(queue: RequestQueue, latency: float, turns: bool) -> None:
+    assert latency_s(queue, turns=turns) == latency
     with pytest.raises(ValueError, match="too often"):
-        latency_s(RequestQueue(side_m=10.0, speed_m_s=1.0, charge_s=40.0, rate_per_s=1.1 / 40))
-
-
-@pytest.mark.parametrize("turns", [False, True])
-def test_a_lone_request_takes_a_way_and_a_charge(turns: bool) -> None:
-    queue = RequestQueue(100.0, 0.5, 30.0, 1e-6)
-    assert latency_s(queue, turns=turns) == pytest.approx(MEAN_WAY * 200 + 30, rel=1e-3)
+        latency_s(replace(queue, charge_s=40.0, rate_per_s=1.1 / 40), turns=turns)
 
 
 def queue_at(load: float) -> RequestQueue:
@@ -612,11 +638,6 @@ def test_a_round_of_pyvrp_holds_what_the_docks_hold_and_lies_below_the_bound(num
     scores = [check.scored(instance, {"steps": it.steps})["score"] for it in ends]
     idle = check.scored(instance, {"steps": []})["score"]
     assert idle < max(scores) <= instance["bound_percent"]
-
-
-def test_who_is_docked_at_the_end_still_owes_its_way_down() -> None:
-    found = check.scored(small_instance(motor_run=0.1, horizon_s=35.0), {"steps": [["collect", 0]]})
-    assert found["charge_gained"] == pytest.approx((0.465 - 0.2 - 0.5 + 0.965 - 1) / 2)
 
 
 @pytest.mark.parametrize(

@@ -260,18 +260,31 @@ def test_a_bar_makes_the_statuses_that_it_shows_and_no_others(
 
 
 FAILS = {"name": "dock", "phase": "failed", "reason": "it is jammed"}
+WITNESS = "the vehicle reports it in a dock, the aMussel is not heard in it"
 
 
-def test_a_dock_that_never_closed_has_failed_and_one_that_missed_once_has_not() -> None:
+@pytest.mark.parametrize(
+    ("events", "key", "figure"),
+    [
+        pytest.param(
+            [
+                event_of("dock", {"agent": 7, "closed": True, "dock": dock})
+                if closed
+                else event_of("primitive", FAILS | {"dock": dock})
+                for dock, closed in ((0, 0), (0, 0), (1, 0), (2, 1), (2, 0), (2, 0), (3, 0), (3, 1), (0, 0))
+            ],
+            *("failed_docks", [0]),
+            id="a dock that never closed has failed, and one that missed once has not",
+        ),
+        pytest.param(
+            [DocksDisagree(agent_id, WITNESS) for agent_id in (3, 4)],
+            *("causes", {WITNESS: 2}),
+            id="a charge that no second witness proves is a cause with its count",
+        ),
+    ],
+)
+def test_what_is_counted(events: list[Any], key: str, figure: object) -> None:
     counts = FailureCounts()
-    for dock, closed in ((0, 0), (0, 0), (1, 0), (2, 1), (2, 0), (2, 0), (3, 0), (3, 1), (0, 0)):
-        story = ("dock", {"agent": 7, "closed": True}) if closed else ("primitive", FAILS)
-        counts.take(MissionMs(1000), event_of(story[0], story[1] | {"dock": dock}))
-    assert counts.figures()["failed_docks"] == [0]
-
-
-def test_a_charge_that_no_second_witness_proves_is_a_cause_with_its_count() -> None:
-    counts, reason = FailureCounts(), "the vehicle reports it in a dock, the aMussel is not heard in it"
-    for agent_id in (3, 4):
-        counts.take(MissionMs(1000), DocksDisagree(agent_id, reason))
-    assert counts.figures()["causes"] == {reason: 2}
+    for event in events:
+        counts.take(MissionMs(1000), event)
+    assert counts.figures()[key] == figure

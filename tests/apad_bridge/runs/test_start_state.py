@@ -101,17 +101,13 @@ def test_with_a_real_vehicle_the_time_without_a_supervisor_is_granted(tmp_path: 
     assert gap_ms(OPTIONS.on_own_master("http://h:2"), path, 1090.4) == 0
 
 
-def test_options_survive_a_round_trip(tmp_path: Path) -> None:
-    OPTIONS.save(tmp_path)
-    assert RunOptions.load(tmp_path) == OPTIONS
-    assert OPTIONS.next_epoch().epoch == 2
-
-
 @pytest.mark.parametrize("text", ["", "[1]", '{"part": ', "\x00\x01", "null", '{"part": "whole"}'])
 def test_broken_options_are_named_by_their_file(tmp_path: Path, text: str) -> None:
     (tmp_path / "run.json").write_text(text)
     with pytest.raises(ValueError, match=rf"^{tmp_path}/run\.json (is damaged|was written by another)"):
         RunOptions.load(tmp_path)
+    OPTIONS.save(tmp_path)
+    assert RunOptions.load(tmp_path) == OPTIONS and OPTIONS.next_epoch().epoch == 2
 
 
 POOL = load(POOL_FILE)
@@ -128,13 +124,16 @@ def a_crash(path: Path) -> tuple[RunDirectory, LearnedState]:
     return RunDirectory(path / "run"), learned
 
 
-def third_second(directory: RunDirectory) -> tuple[Recorder, LearnedState]:
+def begun(directory: RunDirectory) -> tuple[Recorder, LearnedState]:
     directory.path.mkdir()
-    recorder, learned = (
-        Recorder(directory, POOL, POOL.fleet.ids),
-        flight_parts.initial_learned_state(CONFIG),
-    )
+    recorder = Recorder(directory, POOL, POOL.fleet.ids)
+    learned = flight_parts.initial_learned_state(CONFIG)
     recorder.begin_checkpoint(learned, 0)
+    return recorder, learned
+
+
+def third_second(directory: RunDirectory) -> tuple[Recorder, LearnedState]:
+    recorder, learned = begun(directory)
     learned.beliefs.hear(StatusPacket(5, 0, State.ACTIVE, 0.5, 1.0, 2.0, 3.0, 3.0, 1000), 1000)
     recorder.event(1000, PresenceChanged(2, Presence.REAL, "/lab"))
     recorder.event(2000, PresenceChanged(3, Presence.RETIRED, "a service call"))
@@ -257,10 +256,8 @@ def test_of_a_damaged_checkpoint_it_takes_what_is_whole_and_says_what_is_lost(
 def test_one_of_several_aPads_goes_on_at_the_time_of_the_others(tmp_path: Path) -> None:
     """They follow one clock, which may be faster than the wall's: its supervisor died, and the others flew on to 90 s."""
     directory, _ = a_crash(tmp_path)
-    sibling = tmp_path / "apad2"
-    sibling.mkdir()
-    with (sibling / "journal.jsonl").open("w") as journal:
-        journal.write('{"t":90000,"kind":"tick"}\n')
+    (tmp_path / "apad2").mkdir()
+    (tmp_path / "apad2" / "journal.jsonl").write_text('{"t":90000,"kind":"tick"}\n')
     several = replace(OPTIONS, apads=(CONFIG.scenario.apad.name, "apad2"))
     assert resumed(directory, several)[0].start_ms >= 90_000
 
@@ -277,9 +274,7 @@ def killed(directory: RunDirectory, path: Path) -> RunDirectory:
 
 def test_counts_of_what_was_dropped_go_on_through_two_kills(tmp_path: Path) -> None:
     directory = RunDirectory(tmp_path / "first")
-    directory.path.mkdir()
-    first = Recorder(directory, POOL, POOL.fleet.ids)
-    first.begin_checkpoint(flight_parts.initial_learned_state(CONFIG), 0)
+    first, _ = begun(directory)
     dropped = {"echo": 1}
     ticked(first, 1000, dropped)
     dropped |= {"echo": 2, "late": 1}
