@@ -453,8 +453,9 @@ def moved(pose: Pose, off_m: Place) -> Pose:
     return replace(pose, north_m=pose.north_m + off_m[0], east_m=pose.east_m + off_m[1])
 
 
-def nan_position(bench: Bench, rng: random.Random) -> None:
-    bench.link.shift = lambda pose, at_ms: truly(moved(pose, (math.nan, math.nan)), at_ms)
+def shift(bench: Bench, published: Any) -> None:
+    """From now on it publishes this in place of the truth."""
+    bench.link.shift = published
 
 
 def frozen_position(bench: Bench, rng: random.Random) -> None:
@@ -476,19 +477,10 @@ def jumping_position(bench: Bench, rng: random.Random) -> None:
     bench.observer.bad_from_ms = bench.now_ms + 1_000
 
 
-def silent_position(bench: Bench, rng: random.Random) -> None:
-    bench.link.shift = lambda pose, at_ms: None
-
-
 def wrong_origin(bench: Bench, rng: random.Random) -> None:
     """The vehicle starts its positioning again about another origin, some hundred metres off."""
     off_m = (rng.uniform(100, 900), rng.uniform(-900, -100))
     bench.link.shift = lambda pose, at_ms: truly(moved(pose, off_m), at_ms)
-
-
-def current(bench: Bench, rng: random.Random) -> None:
-    """Its controllers are off, and a current takes it across the fence."""
-    bench.link.push(Coast())
 
 
 def endless_primitive(bench: Bench, rng: random.Random) -> None:
@@ -527,12 +519,15 @@ class Fault:
 
 
 FAULTS = {
-    "NaN position": Fault(nan_position),
+    "NaN position": Fault(
+        lambda bench, rng: shift(bench, lambda pose, at_ms: truly(moved(pose, (math.nan, math.nan)), at_ms))
+    ),
     "frozen position": Fault(frozen_position),
     "jumping position": Fault(jumping_position),
-    "silent position": Fault(silent_position),
+    "silent position": Fault(lambda bench, rng: shift(bench, lambda pose, at_ms: None)),
     "wrong origin": Fault(wrong_origin),
-    "current across the fence": Fault(current, drift_m_s=(0.35, 0.2)),
+    # Its controllers are off.
+    "current across the fence": Fault(lambda bench, rng: bench.link.push(Coast()), drift_m_s=(0.35, 0.2)),
     "primitive that never ends": Fault(endless_primitive),
     "pilot": Fault(pilot),
     "pilot in a docking": Fault(pilot, in_docking),

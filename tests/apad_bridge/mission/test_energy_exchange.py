@@ -182,28 +182,6 @@ class Bench:
         self.ok()
         self.say(agent_id, "active", charge, *self.mission.pose)
 
-    def later(self, seconds: float) -> None:
-        """Time passes without a tick."""
-        self.now_ms += round(1000 * seconds)
-
-    def docks(self, count: int) -> None:
-        self.mission.set(dock_count=count)
-
-    def bar(self, *agent_ids: int) -> None:
-        """Another aPad may dock these now."""
-        self.barred = frozenset(agent_ids)
-
-    def bar_way(self, agent_id: int) -> None:
-        self.mission._reach.beyond = {agent_id: "a current"}
-
-    def resume(self) -> None:
-        """Another supervisor goes on from the journal."""
-        self.begin(journaled(self.mission.state), self.mission.pose)
-
-    def plan_by(self, collection: str = "cautious", **changes: Any) -> None:
-        """The rules change in flight."""
-        self.mission.change_planning(rules(registry.collection(collection), replace(self.config, **changes)))
-
     def move(self, text: str) -> str:
         """One line's move, and the answer. A move that is none of the bench's own is a fact of the mission's state."""
         name, *words = text.split()
@@ -238,10 +216,19 @@ MOVES: dict[str, Callable[..., object]] = {
     ),
     "end": lambda bench: bench.take(bench.mission.end(MissionEnd(EndReason.OPERATOR), bench.now_ms)),
     "moved": lambda bench, *place_m: bench.mission.moved(*place_m),
+    "later": lambda bench, seconds: setattr(bench, "now_ms", bench.now_ms + round(1000 * seconds)),
+    "docks": lambda bench, count: bench.mission.set(dock_count=count),
+    "bar": lambda bench, *agent_ids: setattr(bench, "barred", frozenset(agent_ids)),
+    "bar_way": lambda bench, agent_id: setattr(bench.mission._reach, "beyond", {agent_id: "a current"}),
+    "resume": lambda bench: bench.begin(journaled(bench.mission.state), bench.mission.pose),
+    "plan_by": lambda bench, collection="cautious", **changes: bench.mission.change_planning(
+        rules(registry.collection(collection), replace(bench.config, **changes))
+    ),
     "battery": lambda bench, charge: bench.mission.battery_heard(charge),
     "forget": lambda bench: bench.told.clear(),
 }
-"""Moves that are one call: `miss` is a docking that catches nothing, and `late` an answer to an older primitive."""
+"""Moves that are one call. `miss` is a docking that catches nothing, and `late` an answer to an older primitive; `later`
+lets time pass without a tick; another aPad may dock whom it bars now; after `resume` another supervisor goes on."""
 
 
 def value(text: str) -> Any:
@@ -1370,7 +1357,7 @@ def test_a_tour_that_is_resumed_after_every_step_is_flown_to_its_end() -> None:
     bench = exchanging()
     bench.tick()
     for step in bench.mission.state.plan:
-        bench.resume()
+        MOVES["resume"](bench)
         bench.tick()
         if step.kind is StepKind.COLLECT:
             bench.collect(step.agent_id)
@@ -1390,7 +1377,7 @@ def homes_of(bench: Bench) -> dict[int, float]:
 def test_no_two_are_left_at_one_place_without_a_word(data: st.DataObject, dock_count: int) -> None:
     """Whatever go-to, docking or undocking fails: a place that two have, and one that is empty, are of a told exchange."""
     bench = exchanging(collection_attempts=2)
-    bench.docks(dock_count)
+    bench.mission.set(dock_count=dock_count)
     bench.tick()
     place = {3: 30.0, 4: 40.0}
     while bench.mission.state.plan:
