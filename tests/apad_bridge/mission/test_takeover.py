@@ -148,16 +148,8 @@ class Story(Flying):
                 answer = self.answered(lambda: carry_out(request, self.calls, self.gate))
                 words = ["yes" if answer.accepted else "no", answer.message, answer.steers]
                 return ", ".join(it for it in words if it)
-            case "guard":
-                self.flight._vehicle.stop("position", self.now_ms, off=rest == "off")
-            case "others" if rest:
-                self.gate.note_others("a person must let the aPad go on")
-            case "others":
-                self.link.facts.append(CommandedByOthers(self.now_ms))
-            case "pilot":
-                self.link.facts.append(PilotReported(self.now_ms, True))
-            case "stay":
-                self.kept_m = self.here_m
+            case _ if move in DONE:
+                DONE[move](self)
             case "stays":
                 return math.dist(self.here_m, self.kept_m) < 1
             case "at":
@@ -186,6 +178,16 @@ class Story(Flying):
         told: list[object] = []
         self.call_mission(lambda mission: told.append(act(mission)))
         return told[0] or ""
+
+
+DONE: dict[str, Callable[[Story], object]] = {
+    "guard": lambda it: it.flight._vehicle.stop("position", it.now_ms, off=False),
+    "guard off": lambda it: it.flight._vehicle.stop("position", it.now_ms, off=True),
+    "others": lambda it: it.link.facts.append(CommandedByOthers(it.now_ms)),
+    "others said": lambda it: it.gate.note_others("a person must let the aPad go on"),
+    "pilot": lambda it: it.link.facts.append(PilotReported(it.now_ms, True)),
+    "stay": lambda it: setattr(it, "kept_m", it.here_m),
+}
 
 
 _BY_ANNA, _BY_POSITION = (
