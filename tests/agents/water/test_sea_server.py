@@ -147,7 +147,7 @@ def test_one_that_falls_silent_is_out_of_the_water_and_both_go_on() -> None:
     with served() as sea:
         first, second = both(sea, lambda number: flown_from(sea, number, [], 3_000, leaves=False))
         with in_threads() as start:
-            going_on = start(lambda: _advanced(first, 3_000))
+            going_on = start(lambda: _fly(first, 3_000))
             _wait_until(lambda: sea.server._waits_since_s is not None)
             sea.now_s += SILENT_S
             going_on.result(PATIENCE_S)
@@ -155,8 +155,7 @@ def test_one_that_falls_silent_is_out_of_the_water_and_both_go_on() -> None:
         assert first.of(LeftWater) == [LeftWater(2_000, "apad2", why)]
         # It goes on without water when it comes again: its fleet lives, and its modem is deaf.
         second.station.ping(2)
-        for now_ms in range(3_000, 70_000, 1000):
-            _advanced(second, now_ms)
+        _fly(second, 3_000, 70_000)
         assert second.of(LeftWater) == [LeftWater(3_000, "apad2", why)]
         assert max(it.at_ms for it in second.truths) > 60 * 3_000
         assert not [it for it in second.of(SoundReached) if it.mission_ms > 3_000]  # type: ignore[attr-defined]
@@ -164,15 +163,14 @@ def test_one_that_falls_silent_is_out_of_the_water_and_both_go_on() -> None:
             "NotRanged": 2
         }
         assert second.station.all_dropped["sound: its aPad is not in the water any more"] > 0
-        _advanced(first, 4_000)
+        _fly(first, 4_000)
 
 
 def test_a_killed_one_finds_its_station_again_at_the_time_of_the_others() -> None:
     with served() as sea:
         first, second = both(sea, lambda number: flown_from(sea, number, [], 3_000, leaves=False))
         second.station._link.close()  # type: ignore[union-attr]
-        for now_ms in range(3_000, 9_000, 1000):
-            _advanced(first, now_ms)
+        _fly(first, 3_000, 9_000)
         assert [it.name for it in first.of(LeftWater)] == ["apad2"]  # type: ignore[attr-defined]
         with pytest.raises(SeaRefused, match="a newer supervisor of apad2"):
             sea.come(1, epoch=1)
@@ -223,13 +221,9 @@ def test_a_link_takes_messages_alone(tmp_path: Path) -> None:
     assert not (tmp_path / "harm").exists()
 
 
-def _advanced(flown: Flown, now_ms: int) -> Flown:
-    flown.advance(now_ms)
-    return flown
-
-
-def _fly(flown: Flown, from_ms: int, until_ms: int) -> Flown:
-    for now_ms in range(from_ms, until_ms, 1000):
+def _fly(flown: Flown, from_ms: int, until_ms: int = 0) -> Flown:
+    """From a tick to another one, or that tick alone."""
+    for now_ms in range(from_ms, until_ms or from_ms + 1, 1000):
         flown.advance(now_ms)
     return flown
 

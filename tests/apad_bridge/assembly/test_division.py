@@ -47,9 +47,6 @@ def test_in_water_each_has_its_turn_to_send(bay: Scenario) -> None:
     each = members(by_sound, starts_of(by_sound))
     turns = [it.scenario.water.talk.turn for it in each if it.scenario.water is not None]
     assert turns == [(1, 2), (2, 2)]
-    data["water"] = {"talk": {"turn": [3, 2]}}
-    with pytest.raises(ScenarioError, match="there is no part 3 of 2"):
-        from_data(data, "by sound")
 
 
 def test_one_that_stands_in_another_namespace_has_files_of_a_plain_name() -> None:
@@ -59,13 +56,12 @@ def test_one_that_stands_in_another_namespace_has_files_of_a_plain_name() -> Non
     assert (alone.name, alone.apad.name) == ("pool-lab_boat", "/lab/boat")
 
 
-def small(bay: Scenario, **apad: Any) -> dict[str, Any]:
+def small(bay: Scenario) -> dict[str, Any]:
     data = resolve(with_overrides(bay, agents=8))
     data.update(name="small", duration_s=1200)
     data["apads"] = data["apads"][3:]
     data["fleet"]["hosting"] = "one_process"
     data["mission"]["batch"] = 2
-    data["apad"].update(apad)
     return data
 
 
@@ -76,21 +72,18 @@ def small(bay: Scenario, **apad: Any) -> dict[str, Any]:
         ({"apads": [{"name": f"b{n}", "start_m": [0, 0]} for n in range(8)]}, "9 aPads have no work with 8"),
         ({"apads": [{"name": "b", "start_m": [0, 0], "speed": 1}]}, r"apads\[0\].speed: unknown key"),
         ({"apads": [{"name": "b", "start_m": [0, 0], "fault": "hangs"}]}, "of another generation"),
+        ({"apad": {"name": "/apad1"}}, r"apad\.name: with `apads` it is a plain name"),
+        # A share is of the fleet.
+        *(({"apads": [], "fleet": {"share": it}}, "share") for it in ([3, 2], [2, 2], [9], [0])),
+        # In water each has its turn to send.
+        ({"water": {"talk": {"turn": [3, 2]}}}, "there is no part 3 of 2"),
     ],
 )
 def test_what_several_aPads_cannot_be(bay: Scenario, change: dict[str, Any], message: str) -> None:
-    with pytest.raises(ScenarioError, match=message):
-        from_data({**small(bay), **change}, "changed")
-    with pytest.raises(ScenarioError, match=r"apad\.name: with `apads` it is a plain name"):
-        from_data(small(bay, name="/apad1"), "changed")
-
-
-@pytest.mark.parametrize("share", [[3, 2], [2, 2], [9], [0]])
-def test_a_share_is_of_the_fleet(bay: Scenario, share: list[int]) -> None:
     data = small(bay)
-    data["apads"] = []
-    data["fleet"]["share"] = share
-    with pytest.raises(ScenarioError, match="share"):
+    for key, value in change.items():
+        data[key] = {**(data[key] or {}), **value} if isinstance(value, dict) else value
+    with pytest.raises(ScenarioError, match=message):
         from_data(data, "changed")
 
 
@@ -180,12 +173,9 @@ def test_a_dry_run_says_who_serves_whom(
 def test_what_is_for_one_aPad_says_so(
     bay: Scenario, tmp_path: Path, words: list[str], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    (tmp_path / "SCENARIO").write_text(yaml.safe_dump(small(bay)))
-    by_sound = small(bay)
-    by_sound["water"] = {}
-    (tmp_path / "BY_SOUND").write_text(yaml.safe_dump(by_sound))
-    agreeing = {**small(bay), "sharing": {"consensus": {}}}
-    (tmp_path / "AGREEING").write_text(yaml.safe_dump(agreeing))
+    further = {"SCENARIO": {}, "BY_SOUND": {"water": {}}, "AGREEING": {"sharing": {"consensus": {}}}}
+    for name, change in further.items():
+        (tmp_path / name).write_text(yaml.safe_dump({**small(bay), **change}))
     (tmp_path / "FILE").write_text("pass\n")
     paths = [str(tmp_path / word) if word.replace("_", "").isupper() else word for word in words]
     assert main(paths) == 2
