@@ -141,7 +141,7 @@ STORIES: dict[str, tuple[FleetConfig, list[Step]]] = {
             *FLOATS,
             (
                 *(70_000, [ContactBounced(20)]),
-                {"drops": ["a contact bounced in a dock that does not hold this aMussel"]},
+                {"drops": ["a contact bounced in a dock that does not hold this aMussel"], "others": 0},
             ),
         ],
     ),
@@ -161,7 +161,7 @@ STORIES: dict[str, tuple[FleetConfig, list[Step]]] = {
     **{
         f"the worst case has none: {it!r}": (
             PAPER,
-            [(0, [it], {"drops": [f"a defect of {whose}: the worst case has none"]})],
+            [(0, [it], {"drops": [f"a defect of {whose}: the worst case has none"], "others": 0})],
         )
         for it, whose in [
             (ClockShifted(60_000), "the clock"),
@@ -253,7 +253,8 @@ def lived(mussel: Agent, steps: list[Step]) -> None:
     """Plays the steps, and compares the facts after each."""
     for at_ms, stimuli, facts in steps:
         came = [*mussel.advance(at_ms), *(out for it in stimuli for out in mussel.receive(it, at_ms))]
-        seen = {"drops": [it.reason for it in came if isinstance(it, StimulusDropped)]}
+        drops = [it.reason for it in came if isinstance(it, StimulusDropped)]
+        seen = {"drops": drops, "others": len(came) - len(drops)}
         assert facts == {it: seen[it] if it in seen else FACTS[it](mussel, at_ms) for it in facts}, at_ms
 
 
