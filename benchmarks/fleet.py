@@ -103,9 +103,9 @@ def measure(short: bool = False) -> dict[str, Any]:
         keep_all(partial(musselbed_rows, board=board, agents=agents, window_s=window_s))
     for agents in hourly:
         rows.append(told(in_child(partial(hourly_objects, agents))))
-        keep_all(lambda folder, agents=agents: iter([hourly_processes(folder, agents, rows)]))
+        keep_all(partial(hourly_processes, agents=agents, rows=rows))
     for nodes in nodes_of:
-        keep_all(lambda _, nodes=nodes: rospy_rows(nodes))
+        keep_all(partial(rospy_rows, nodes=nodes))
     return {"merging": merges(), "rows": rows}
 
 
@@ -174,7 +174,7 @@ def in_processes(
         nursery.wait()
 
 
-def hourly_processes(run_dir: str, agents: int, rows: list[dict[str, Any]]) -> dict[str, Any]:
+def hourly_processes(run_dir: str, agents: int, rows: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:
     """A row of the scale table; `rows` are those before, by which it judges what it needs."""
     kind = "hourly, a process each"
     before = next((row for row in reversed(rows) if row["kind"] == kind and "left_out" not in row), None)
@@ -182,7 +182,8 @@ def hourly_processes(run_dir: str, agents: int, rows: list[dict[str, Any]]) -> d
         needed_mb = agents * (before["pss_mb_per_agent"] + before["kernel_mb_per_agent"])
         if available_mb() - needed_mb < SPARE_MB:
             why = f"it needs {needed_mb:.0f} MB, and {available_mb():.0f} MB are available"
-            return {"kind": kind, "agents": agents, "left_out": why}
+            yield {"kind": kind, "agents": agents, "left_out": why}
+            return
     fleet = hourly_fleet(agents), hourly_states(agents)
     with in_processes(run_dir, *fleet) as (host, kernel_before_kb, began_s):
         clock, ready_s = clock_of(host, agents, began_s)
@@ -193,7 +194,7 @@ def hourly_processes(run_dir: str, agents: int, rows: list[dict[str, Any]]) -> d
         wait_for_merging()
         pids = [host.nursery_pid, *host.pids.values()]
         row = cost_row(kind, agents, f"after_{HOURS}h", pids, kernel_before_kb, ready_s)
-    return row | {"cpu_s_per_agent_hour": round(cpu_s / agents / HOURS, 6)}
+    yield row | {"cpu_s_per_agent_hour": round(cpu_s / agents / HOURS, 6)}
 
 
 def hourly_objects(agents: int) -> dict[str, Any]:
@@ -306,9 +307,9 @@ def serve(clock: Coordinator, agents: int, now_s: int, window_s: int) -> None:
                 clock.receive(agent_id, stimulus, MissionMs(at_ms))
 
 
-def rospy_rows(nodes: int) -> Iterator[dict[str, Any]]:
+def rospy_rows(folder: str, nodes: int) -> Iterator[dict[str, Any]]:
     with ExitStack() as stack:
-        _, environment = on_master(stack)
+        environment = on_master(stack)[1]
         kernel_before_kb = kernel_kb()
         began_s = time.monotonic()
         bare = [
