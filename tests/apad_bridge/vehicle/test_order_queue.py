@@ -320,14 +320,14 @@ def test_the_queue_alone(story: list[Step]) -> None:
 
 
 def test_a_line_is_open_while_it_carries_a_call_and_not_after_its_end() -> None:
-    road, seen = road_of(lambda _: True), {}
+    queue, seen = queue_of(lambda _: True), {}
     for what, act in (
         ("free", lambda: None),
-        ("busy", lambda: (road.put(FIRST, 0), road.advance(0))),
-        ("ended", lambda: road.ended("orders", 10)),
+        ("busy", lambda: (queue.put(FIRST, 0), queue.advance(0))),
+        ("ended", lambda: queue.ended("orders", 10)),
     ):
         act()
-        seen[what] = road.is_open("orders")
+        seen[what] = queue.is_open("orders")
     assert seen == {"free": True, "busy": True, "ended": False}
 
 
