@@ -202,25 +202,17 @@ def test_a_dock_makes_the_charge_go_with_the_charging_rate() -> None:
 def test_drain_and_biases_wander_by_a_days_deviation_in_a_day() -> None:
     """Random walks: after four days the deviation is twice that of one day. A bias wanders by 15 % of 0.02,
     and a sensor's constant one by 2 % of 0.05."""
-    scenario = load(SOUND_FILE)
-    twin = flight_config(scenario).twin
-    parameters = replace(twin.parameters, ageing_per_day=0.002)
+    parameters = replace(flight_config(load(SOUND_FILE)).twin.parameters, ageing_per_day=0.002)
     for days, deviation in ((1, 0.002), (4, 0.004)):
         noise = charge.process_noise(parameters, days * 86_400_000)
-        assert sqrt(noise[DRAIN, DRAIN]) == pytest.approx(deviation)
-        assert np.sqrt(noise[[ASLEEP, CHARGING], [ASLEEP, CHARGING]]) == pytest.approx(
-            [0.003 * sqrt(days)] * 2
-        )
-        assert sqrt(noise[BIAS, BIAS]) == pytest.approx(0.001 * sqrt(days))
+        its = np.sqrt(noise.diagonal()[[DRAIN, ASLEEP, CHARGING, BIAS]])
+        assert its == pytest.approx([deviation, 0.003 * sqrt(days), 0.003 * sqrt(days), 0.001 * sqrt(days)])
         assert np.count_nonzero(noise) == 7
 
 
 def test_a_twin_that_is_told_nothing_begins_with_the_moments_of_uniform_ranges() -> None:
     """Capacities of 0.6 to 1 and loads of 0.8 to 1.2, against a million draws of both."""
-    scenario = load(SOUND_FILE)
-    twin = flight_config(scenario).twin
-    parameters = replace(twin.parameters, untold=UntoldParameters(0.4, 0.2, 0.05), drain_deviation=0.0)
-    mean, cov = charge.prior_state(parameters)
+    mean, cov = charge.prior_state(replace(told_of_a_swing(0.0), drain_deviation=0.0))
     luck = np.random.default_rng(1)
     rate = 1 / luck.uniform(0.6, 1.0, 1_000_000)
     drain = luck.uniform(0.8, 1.2, 1_000_000) * rate
@@ -248,6 +240,9 @@ def test_a_battery_may_have_reached_the_end_and_then_its_reading_is_the_sensors_
     assert bias[PRIMARY] == 1 and bias[BIAS] == pytest.approx(-0.05, abs=0.001)
 
 
-def test_a_battery_far_from_both_ends_is_not_split() -> None:
+def test_a_battery_is_split_by_what_lies_beyond_its_ends_and_far_from_both_not_at_all() -> None:
+    """0.5 +- 0.5: beyond each end lies what a Gaussian has beyond a deviation."""
     row = charge.Anchor(0.7, *state(0.5, 0.6, primary=1e-4, secondary=1e-4, sensor=1e-3))
     assert charge.split_at_ends(row) == [row]
+    parts = charge.split_at_ends(charge.Anchor(1.0, *state(0.5, 0.6, primary=0.25)))
+    assert [it.weight for it in parts] == pytest.approx([0.6827, 0.1587, 0.1587], abs=1e-4)
