@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,7 @@ from scipy.interpolate import LinearNDInterpolator
 from scipy.spatial import Delaunay
 
 from agents.mussel.body import Body
-from agents.water.water_current import WaterCurrent, parse_water_current
+from agents.water.stream import Stream, parse_stream
 from apad_bridge.assembly import fleet_parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.scenario.area.local_frame import LocalFrame
@@ -37,24 +38,17 @@ POOL = POOL_FILE
 def written(path: Path, kind: str, norths: list[float], easts: list[float], **names: str) -> Path:
     """Two times an hour apart, one depth; north velocity row / 10 + hour, east velocity column / 10; a corner is land."""
     row, column = names.get("row", "latitude"), names.get("column", "longitude")
+    hour, along, across = np.ix_(range(2), range(len(easts)), range(len(norths)))
+    axes = {"time": [1000.0, 1001.0], "depth": [1.5], column: easts, row: norths}
+    velocities = {"vo": across / 10 + hour + 0 * along, "uo": along / 10 + 0 * (across + hour)}
     with netCDF4.Dataset(str(path), "w", format=kind) as data:
-        for name, size in (("time", 2), ("depth", 1), (column, len(easts)), (row, len(norths))):
-            data.createDimension(name, size)
-        time = data.createVariable("time", "f8", ("time",))
-        time.units = "hours since 1950-01-01"
-        time[:] = [1000.0, 1001.0]
-        data.createVariable("depth", "f8", ("depth",))[:] = [1.5]
-        data.createVariable(row, "f8", (row,))[:] = norths
-        data.createVariable(column, "f8", (column,))[:] = easts
-        dimensions = ("time", "depth", column, row)
-        v = data.createVariable("vo", "f8", dimensions, fill_value=-999.0)
-        u = data.createVariable("uo", "f8", dimensions, fill_value=-999.0)
-        for t in range(2):
-            for c in range(len(easts)):
-                v[t, 0, c, :] = np.arange(len(norths)) / 10 + t
-                u[t, 0, c, :] = c / 10
-        v[:, 0, 0, 0] = -999.0
-        u[:, 0, 0, 0] = -999.0
+        for name, values in axes.items():
+            data.createDimension(name, len(values))
+            data.createVariable(name, "f8", (name,))[:] = values
+        data["time"].units = "hours since 1950-01-01"
+        for name, values in velocities.items():
+            values[:, 0, 0] = -999.0
+            data.createVariable(name, "f8", tuple(axes), fill_value=-999.0)[:] = values[:, None]
     return path
 
 
@@ -72,11 +66,9 @@ def test_both_formats_give_the_same_field(tmp_path: Path, kind: str) -> None:
 def test_degrees_become_metres_and_what_is_far_is_left_out(tmp_path: Path) -> None:
     """One degree of latitude is some 111 km; 0.01 is 1.11 km."""
     path = written(tmp_path / "model.nc", "NETCDF4", [43.93, 43.94, 44.93], [15.44, 15.45])
-    stream = parse_water_current(current_text(path, FRAME))
-    norths = stream.fields[0].norths_um
-    assert len(norths) == 2
-    assert norths[0] == 0 and norths[1] / 1e6 == pytest.approx(1111.1, abs=1.0)
-    assert stream.fields[0].easts_um[1] / 1e6 == pytest.approx(802.5, abs=1.5)
+    field = parse_stream(current_text(path, FRAME)).fields[0]
+    assert np.array(field.norths_um) / 1e6 == pytest.approx([0, 1111.1], abs=1.0)
+    assert field.easts_um[1] / 1e6 == pytest.approx(802.5, abs=1.5)
 
 
 def problem_with(path: Path, frame: LocalFrame) -> str:
@@ -85,14 +77,23 @@ def problem_with(path: Path, frame: LocalFrame) -> str:
     return str(told.value)
 
 
-def test_what_is_no_current_is_told(tmp_path: Path) -> None:
-    (tmp_path / "junk.nc").write_bytes(b"not a file of that kind")
-    assert "NetCDF" in problem_with(tmp_path / "junk.nc", FRAME)
-    far = written(tmp_path / "far.nc", "NETCDF4", [10.0, 11.0], [0.0, 1.0])
-    assert "no point lies within 20 km" in problem_with(far, FRAME)
-    with netCDF4.Dataset(str(tmp_path / "empty.nc"), "w") as data:
+def empty(path: Path) -> None:
+    with netCDF4.Dataset(str(path), "w") as data:
         data.createDimension("time", 1)
-    assert "no variable is called north_m_s" in problem_with(tmp_path / "empty.nc", FRAME)
+
+
+@pytest.mark.parametrize(
+    ("write", "problem"),
+    [
+        (lambda it: it.write_bytes(b"not a file of that kind"), "NetCDF"),
+        (lambda it: written(it, "NETCDF4", [10.0, 11.0], [0.0, 1.0]), "no point lies within 20 km"),
+        (empty, "no variable is called north_m_s"),
+    ],
+    ids=["junk", "far", "empty"],
+)
+def test_what_is_no_current_is_told(tmp_path: Path, write: Callable[[Path], object], problem: str) -> None:
+    write(tmp_path / "model.nc")
+    assert problem in problem_with(tmp_path / "model.nc", FRAME)
 
 
 Floats = NDArray[np.float64]
@@ -116,46 +117,41 @@ class MeshFile:
     def write(self, path: Path) -> Path:
         places = np.array([FRAME.to_geographic(*it) for it in np.asarray(self.nodes_m, dtype=float)])
         faces = np.asarray(self.triangles if self.faces is None else self.faces) + self.first_node
-        names = (
-            ("Mesh_y", "Mesh_x", "Mesh_faces")
+        north, east, table, node, element = (
+            ("Mesh_y", "Mesh_x", "Mesh_faces", "nNode", "nFace")
             if self.is_ugrid
-            else ("latitude", "longitude", "element_index")
+            else ("latitude", "longitude", "element_index", "node", "element")
         )
+        order = ("vertex", element) if self.is_transposed else (element, "vertex")
+        speeds, times = np.array([self.east_m_s, self.north_m_s]), 600.0 * np.arange(len(self.north_m_s))
+        axes = ("time", node, *["level"] * bool(self.levels))
+        names = {"standard_name": "latitude"}, {"standard_name": "longitude"}
+        of_level = {"standard_name": "depth", "description": "bottom of vertical layers"}
+        of_faces = {} if self.start_index is None else {"start_index": np.int32(self.start_index)}
+        variables: list[tuple[str, str, tuple[str, ...], Any, dict[str, Any]]] = [
+            *(
+                (it, "f8", (node,), at, name)
+                for it, at, name in zip((north, east), places.T, names, strict=True)
+            ),
+            (table, "i4", order, faces.T if self.is_transposed else faces, of_faces),
+            ("time", "f8", ("time",), times, {"units": "seconds since 2012-01-01 00:00:00 UTC"}),
+            *(
+                (it, "f8", axes, np.moveaxis(own, 1, -1) if self.levels else own, {})
+                for it, own in zip(("u_velocity", "v_velocity"), speeds, strict=True)
+            ),
+        ]
+        if self.is_ugrid:
+            mesh = {"cf_role": "mesh_topology", "face_node_connectivity": table, "face_dimension": element}
+            variables.append(("Mesh", "i4", (), 0, {**mesh, "node_coordinates": f"{east} {north}"}))
+        if self.levels:
+            variables.append(("level", "f4", ("level",), self.levels, of_level))
+        sizes = {"level": len(self.levels), node: len(places), element: len(faces), "vertex": faces.shape[1]}
         with netCDF4.Dataset(str(path), "w") as data:
-            node, element = ("nNode", "nFace") if self.is_ugrid else ("node", "element")
-            sizes = {
-                "level": len(self.levels),
-                node: len(places),
-                element: len(faces),
-                "vertex": faces.shape[1],
-            }
-            for name, size in sizes.items():
+            for name, size in {**sizes, "time": None}.items():
                 data.createDimension(name, size)
-            data.createDimension("time", None)
-            for axis, name in enumerate(names[:2]):
-                variable = data.createVariable(name, "f8", (node,))
-                variable.standard_name = ("latitude", "longitude")[axis]
-                variable[:] = places[:, axis]
-            order = ("vertex", element) if self.is_transposed else (element, "vertex")
-            index = data.createVariable(names[2], "i4", order, fill_value=-9)
-            index[:] = faces.T if self.is_transposed else faces
-            if self.start_index is not None:
-                index.start_index = np.int32(self.start_index)
-            if self.is_ugrid:
-                topology = data.createVariable("Mesh", "i4", ())
-                topology.cf_role, topology.face_node_connectivity = "mesh_topology", "Mesh_faces"
-                topology.node_coordinates, topology.face_dimension = "Mesh_x Mesh_y", element
-            if self.levels:
-                level = data.createVariable("level", "f4", ("level",))
-                level.standard_name, level.description = "depth", "bottom of vertical layers"
-                level[:] = self.levels
-            time = data.createVariable("time", "f8", ("time",))
-            time.units = "seconds since 2012-01-01 00:00:00 UTC"
-            time[:] = 600.0 * np.arange(len(self.north_m_s))
-            axes = ("time", node, "level") if self.levels else ("time", node)
-            for name, values in (("u_velocity", self.east_m_s), ("v_velocity", self.north_m_s)):
-                variable = data.createVariable(name, "f8", axes, fill_value=-999.0)
-                variable[:] = np.moveaxis(np.asarray(values), 1, -1) if self.levels else values
+            for name, kind, along, values, told in variables:
+                data.createVariable(name, kind, along, fill_value=-999)[:] = values
+                data[name].setncatts(told)
         return path
 
 
@@ -173,7 +169,7 @@ def mesh(seed: int, along: int = 13, half_m: float = 300.0) -> tuple[Floats, Any
 
 
 def velocity_m_s(
-    stream: WaterCurrent, north_m: float, east_m: float, depth_m: float = 0, second: int = 0
+    stream: Stream, north_m: float, east_m: float, depth_m: float = 0, second: int = 0
 ) -> list[float]:
     um = (round(it * 1e6) for it in (north_m, east_m, depth_m))
     return [it / 1e6 for it in stream.velocity_um_s(*um, second)]
@@ -243,33 +239,41 @@ def test_the_order_and_the_first_number_of_nodes_do_not_matter(tmp_path: Path) -
 TRIANGLE = ([(0, 0), (100, 0), (0, 100)], [(0, 1, 2)])
 
 
-def test_a_dry_node_is_still_water(tmp_path: Path) -> None:
-    """Missing, or not a number: half of the speed half-way there. A layer under the bottom is missing as well."""
-    for missing in (-999.0, np.nan):
-        path = MeshFile(*TRIANGLE, [[0.4, 0.4, missing]], [[0.0, 0.2, 0.2]]).write(tmp_path / "mesh.nc")
-        stream = read_current(path, FRAME)
-        assert velocity_m_s(stream, 0, 50) == pytest.approx([0.2, 0.1], abs=2e-6)
-        assert velocity_m_s(stream, 0, 100) == pytest.approx([0, 0.2], abs=2e-6)
+STILL = np.zeros((1, 2, 3))
+WIDE = {"is_ugrid": True, "first_node": 0, "faces": [[0, 1, 2, -9]]}
+"""A table of faces that is wide enough for squares."""
+ON_TRIANGLE: dict[str, tuple[MeshFile, list[float], dict[tuple[float, ...], list[float]]]] = {
+    **{
+        f"a dry node, {missing}, is still water: half of the speed half-way there": (
+            MeshFile(*TRIANGLE, [[0.4, 0.4, missing]], [[0.0, 0.2, 0.2]]),
+            [0],
+            {(0, 50): [0.2, 0.1], (0, 100): [0, 0.2]},
+        )
+        for missing in (-999.0, np.nan)
+    },
+    "levels are the middles of their layers, to 2 m and to 6 m, and a layer under the bottom is missing": (
+        MeshFile(*TRIANGLE, [[[0.4, 0.4, 0.4], [0.1, 0.1, -999.0]]], STILL, levels=(2, 6)),
+        [1, 4],
+        {(0, 0, 2): [0.3, 0], (0, 100, 5): [0, 0]},
+    ),
+    # (100, 80) lies beyond (60, 40) of the long side, (-40, 30) beyond another side, and far north is beyond a corner.
+    "outside the triangles the nearest point counts": (
+        MeshFile(*TRIANGLE, [[0.0, 0.4, 0.2]], [[0.1, 0.1, 0.1]], **WIDE),
+        [0],
+        {(100, 80): [0.6 * 0.4 + 0.4 * 0.2, 0.1], (-40, 30): [0.06, 0.1], (5000, 0): [0.4, 0.1]},
+    ),
+}
+"""A file, the depths that it is read at, and velocities at places of it."""
 
 
-def test_levels_are_the_middles_of_their_layers(tmp_path: Path) -> None:
-    """Layers to 2 m and to 6 m: the speeds are those at 1 m and 4 m, and linear between."""
-    north = [[[0.4, 0.4, 0.4], [0.1, 0.1, -999.0]]]
-    path = MeshFile(*TRIANGLE, north, np.zeros((1, 2, 3)), levels=(2, 6)).write(tmp_path / "mesh.nc")
-    stream = read_current(path, FRAME)
-    assert list(stream.depths_um) == [1_000_000, 4_000_000]
-    assert velocity_m_s(stream, 0, 0, 2) == pytest.approx([0.3, 0], abs=2e-6)
-    assert velocity_m_s(stream, 0, 100, 5) == pytest.approx([0, 0], abs=2e-6)
-
-
-def test_outside_the_triangles_the_nearest_point_counts(tmp_path: Path) -> None:
-    """(100, 80) lies beyond (60, 40) of the long side, (-40, 30) beyond another side, and far north is beyond a corner."""
-    how = {"is_ugrid": True, "first_node": 0, "faces": [[0, 1, 2, -9]]}  # a table wide enough for squares
-    path = MeshFile(*TRIANGLE, [[0.0, 0.4, 0.2]], [[0.1, 0.1, 0.1]], **how).write(tmp_path / "mesh.nc")
-    stream = read_current(path, FRAME)
-    assert velocity_m_s(stream, 100, 80) == pytest.approx([0.6 * 0.4 + 0.4 * 0.2, 0.1], abs=2e-6)
-    assert velocity_m_s(stream, -40, 30) == pytest.approx([0.06, 0.1], abs=2e-6)
-    assert velocity_m_s(stream, 5000, 0) == pytest.approx([0.4, 0.1], abs=2e-6)
+@pytest.mark.parametrize(("file", "depths_m", "wanted"), ON_TRIANGLE.values(), ids=ON_TRIANGLE)
+def test_a_triangle_by_hand(
+    tmp_path: Path, file: MeshFile, depths_m: list[float], wanted: dict[tuple[float, ...], list[float]]
+) -> None:
+    stream = read_current(file.write(tmp_path / "mesh.nc"), FRAME)
+    assert [it / 1e6 for it in stream.depths_um] == depths_m
+    for place, velocity in wanted.items():
+        assert velocity_m_s(stream, *place) == pytest.approx(velocity, abs=2e-6), place
 
 
 def test_land_between_has_the_velocity_of_the_nearest_water(tmp_path: Path) -> None:
@@ -286,15 +290,14 @@ def test_land_between_has_the_velocity_of_the_nearest_water(tmp_path: Path) -> N
     rows = np.array(
         [[float(it) for it in row.split(",")] for row in current_text(path, FRAME).splitlines()[1:]]
     )
-    on_land = 0
-    for n, e, north_m_s, east_m_s in rows[:, 2:]:
-        off = np.array([n, e]) - middle
-        if np.abs(off).max() < 49 and abs(abs(off[0]) - abs(off[1])) > 0.01:  # else two shores are as near
-            axis = np.abs(off).argmax()
-            off[axis] = 50 * np.sign(off[axis])
-            on_land += 1
-        assert [north_m_s, east_m_s] == pytest.approx((middle + off) / 1000, abs=2e-6)
-    assert on_land >= 4
+    off = rows[:, 2:4] - middle
+    sizes = np.abs(off)
+    on_land = (sizes.max(axis=1) < 49) & (
+        np.abs(sizes[:, 0] - sizes[:, 1]) > 0.01
+    )  # else two shores are as near
+    nearer = on_land[:, None] & (sizes == sizes.max(axis=1, keepdims=True))
+    shores = middle + np.where(nearer, 50 * np.sign(off), off)
+    assert on_land.sum() >= 4 and rows[:, 4:6] == pytest.approx(shores / 1000, abs=2e-6)
 
 
 def test_lines_are_close_at_the_origin_and_few_far_off(tmp_path: Path) -> None:
@@ -309,7 +312,7 @@ def test_lines_are_close_at_the_origin_and_few_far_off(tmp_path: Path) -> None:
     first = [row for row in rows if row.startswith("0,")]
     assert len(rows) == 25 * len(first) <= 200_000
     # Agents read one hour of it: a table with all takes ten seconds.
-    stream = parse_water_current("\n".join([header, *first]))
+    stream = parse_stream("\n".join([header, *first]))
     lines = np.array(stream.fields[0].norths_um) / 1e6
     assert lines[0] == -20_000 and lines[-1] == 20_000
     widths = np.diff(lines)
@@ -368,8 +371,7 @@ def on_faces(data: Any) -> None:
 def test_a_mesh_needs_its_places_and_velocities_on_its_nodes(
     tmp_path: Path, is_ugrid: bool, change: Callable[[Any], object], told: str
 ) -> None:
-    still, levels = np.zeros((1, 2, 3)), (0.5, 1.0)
-    file = MeshFile(*TRIANGLE, still, still, levels=levels, is_ugrid=is_ugrid, first_node=0)
+    file = MeshFile(*TRIANGLE, STILL, STILL, levels=(0.5, 1.0), is_ugrid=is_ugrid, first_node=0)
     with netCDF4.Dataset(str(file.write(tmp_path / "mesh.nc")), "a") as data:
         change(data)
     assert told in problem_with(tmp_path / "mesh.nc", FRAME)
@@ -395,10 +397,7 @@ def test_a_body_drifts_by_its_depth_and_state() -> None:
     """On the bottom nothing moves the aMussel. It rises 3 m in a minute through 0.3 m/s, whole at the surface and a third
     at the bottom: it drifts (0.3 + 0.1) / 2 x 60 = 12 m, in steps of a second of mission time, because theta is 1."""
     tide = {"period_h": 4e3, "north_m_s": 0.3, "east_m_s": 0.0, "north_phase_deg": 90}
-    scenario = tidal(tides=[tide], profile=[[0, 1], [3, 1 / 3]])
-    data = resolve(scenario)
-    data["theta"] = 1
-    scenario = from_data(data, "theta 1")
+    scenario = replace(tidal(tides=[tide], profile=[[0, 1], [3, 1 / 3]]), theta=1)
     config = fleet_parts.fleet_config(flight_config(scenario)).maker().config(1)
     born = fleet_parts.initial_states(scenario, starts_of(scenario))[1]
     body = Body(1, config.water, replace(born, north_um=0, east_um=0), 0)
@@ -413,36 +412,35 @@ def test_a_body_drifts_by_its_depth_and_state() -> None:
     assert body.drift_due_ms == 62_000
 
 
-@pytest.fixture
-def csv(tmp_path: Path) -> str:
-    (tmp_path / "c.csv").write_text("north_m,east_m,north_m_s,east_m_s\n0,0,0.1,0\n")
-    return str(tmp_path / "c.csv")
-
-
-def test_two_currents_contradict_each_other(csv: str) -> None:
-    data = resolve(tidal(file=csv))
-    assert fleet_parts.fleet_config(flight_config(from_data(data, "one"))).current.csv is not None
-    data["fleet"]["drift"]["current_file"] = csv
-    with pytest.raises(ScenarioError, match=r"water\.current: .*leave one out"):
-        from_data(data, "two")
-    with pytest.raises(ScenarioError, match=r"water\.current\.steady_m_s: .*leave one out"):
-        tidal(file=csv, steady_m_s=[0.1, 0])
+@pytest.mark.parametrize(
+    ("current", "drift", "told"),
+    [
+        ({"file": "c.csv"}, {}, None),
+        ({"file": "c.csv"}, {"current_file": "c.csv"}, r"water\.current: .*leave one out"),
+        ({"file": "c.csv", "steady_m_s": [0.1, 0]}, {}, r"water\.current\.steady_m_s: .*leave one out"),
+        ({"profile": [[3, 1], [0, 1]]}, {}, "profile must go down"),
+    ],
+    ids=["one current", "two currents", "two kinds of a current", "a profile that goes up"],
+)
+def test_there_is_one_current_at_most(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    current: dict[str, Any],
+    drift: dict[str, str],
+    told: str | None,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("c.csv").write_text("north_m,east_m,north_m_s,east_m_s\n0,0,0.1,0\n")
+    with nullcontext() if told is None else pytest.raises(ScenarioError, match=told):
+        data = resolve(tidal(**current))
+        data["fleet"]["drift"] |= drift
+        assert fleet_parts.fleet_config(flight_config(from_data(data, "one"))).current.csv is not None
 
 
 def test_two_numbers_are_a_current_that_is_the_same_everywhere() -> None:
-    in_water = flight_config(from_data(resolve(tidal(steady_m_s=[0.05, -0.1])), "steady"))
     data = resolve(load(POOL))
     data["fleet"]["drift"] = {"mode": "physical", "current_m_s": [0.05, -0.1]}
-    for config in (in_water, flight_config(from_data(data, "drift"))):
-        text = fleet_parts.fleet_config(config).current.csv
-        assert text is not None
-        for north_um, east_um in ((0, 0), (30_000_000, -9_000_000)):
-            assert parse_water_current(text).velocity_um_s(north_um, east_um, 2_000_000, 7) == (
-                50_000,
-                -100_000,
-            )
-
-
-def test_a_profile_goes_down() -> None:
-    with pytest.raises(ScenarioError, match="profile must go down"):
-        tidal(profile=[[3, 1], [0, 1]])
+    for scenario in (from_data(resolve(tidal(steady_m_s=[0.05, -0.1])), "steady"), from_data(data, "drift")):
+        stream = parse_stream(fleet_parts.fleet_config(flight_config(scenario)).current.csv or "")
+        found = {stream.velocity_um_s(*place, 2_000_000, 7) for place in ((0, 0), (30_000_000, -9_000_000))}
+        assert found == {(50_000, -100_000)}
