@@ -14,6 +14,7 @@ from journals import lines_in
 from rosbags.rosbag1 import Reader
 from scenario_files import POOL_FILE
 
+from agents.mussel.body import Body
 from agents.mussel.outputs import Truth
 from agents.mussel.physical import Physical
 from agents.time_scale import TimeScale
@@ -29,6 +30,7 @@ from apad_bridge.records.journal import read_journal
 from apad_bridge.records.recorder import DAY_MS, Recorder, RecordsFailed
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.sample_file import SampleFile
+from apad_bridge.records.samples import TruthExtrapolator
 from apad_bridge.records.summary import SUMMARY, Ending
 from apad_bridge.records.uptime_figures import AMUSSEL
 from apad_bridge.runs.in_memory import open_flight
@@ -70,19 +72,14 @@ class Tee:
     def __init__(self, whole, broken, resume, resume_ms):
         self.whole, self.broken, self._resume, self._resume_ms = whole, broken, resume, resume_ms
 
-    def event(self, at_ms, event):
-        self.whole.event(at_ms, event)
-        self.broken.event(at_ms, event)
+    def __getattr__(self, name):
+        def both(*given):
+            for recorder in (self.whole, self.broken):
+                getattr(recorder, name)(*given)
+            if (name, given[0]) == ("tick", self._resume_ms):
+                self.broken = self._resume()
 
-    def truths(self, truths):
-        self.whole.truths(truths)
-        self.broken.truths(truths)
-
-    def tick(self, now_ms, *rest):
-        self.whole.tick(now_ms, *rest)
-        self.broken.tick(now_ms, *rest)
-        if now_ms == self._resume_ms:
-            self.broken = self._resume()
+        return both
 
 
 def test_a_flight_leaves_everything_behind(tmp_path, scenario):
@@ -90,30 +87,28 @@ def test_a_flight_leaves_everything_behind(tmp_path, scenario):
     recorder = Recorder(directory, scenario, scenario.fleet.ids)
     fly(scenario, recorder)
     summary = recorder.finish(600_000, ENDING)
+    each, ends = summary["amussels"], read_starts(tmp_path / "run", scenario.area, range(1, 13))
     assert json.loads(directory.summary.read_text()) == summary
-    assert (summary["agents"], summary["mission_s"], summary["theta"]) == (12, 600.0, 30)
-    assert (summary["cost_m"], summary["planned_m"]) == (12.5, 13.0)
-    assert (summary["services"], summary["ended_by"]) == (3, "mission time")
-    assert summary["dropped"]["a packet"] == 2
     assert list(summary) == [field.name for field in SUMMARY if field.name != "uptime_missing"]
-    each = summary["amussels"]
     assert list(each) == [str(agent_id) for agent_id in range(1, 13)]
-    assert all(list(figures) == [field.name for field in AMUSSEL] for figures in each.values())
-    for key in ("uptime_paper", "uptime_submerged"):
-        of_all = [figures[key] for figures in each.values()]
-        assert summary[key] == {"mean": pytest.approx(mean(of_all)), "max": max(of_all), "min": min(of_all)}
-    assert summary["final_charge_mean"] == pytest.approx(mean(it["final_charge"] for it in each.values()))
-    assert summary["samples_taken"] is None and {it["samples_taken"] for it in each.values()} == {None}
+    assert {tuple(it) for it in each.values()} == {tuple(field.name for field in AMUSSEL)}
+    of_all = {key: [it[key] for it in each.values()] for key in ("uptime_paper", "uptime_submerged")}
+    told = {"agents": 12, "mission_s": 600.0, "theta": 30, "cost_m": 12.5, "planned_m": 13.0, "services": 3}
+    told |= {"ended_by": "mission time", "samples_taken": None}
+    told |= {
+        key: {"mean": pytest.approx(mean(it)), "max": max(it), "min": min(it)} for key, it in of_all.items()
+    }
+    told["final_charge_mean"] = pytest.approx(mean(it["final_charge"] for it in each.values()))
+    told["active_mean"] = pytest.approx(12 * mean(of_all["uptime_paper"]) / 100)
+    assert {key: summary[key] for key in told} == told and summary["dropped"]["a packet"] == 2
+    assert {it["samples_taken"] for it in each.values()} == {None}
+    assert 0 < summary["uptime_submerged"]["mean"] < summary["uptime_paper"]["mean"] < 100
+    assert summary["final_charge_mean"] == pytest.approx(sum(end.primary for end in ends) / 12)
     left_full = Counter(str(it["agent"]) for it in lines_of(recorder, "released") if it["full"])
     assert left_full and left_full == Counter({it: figures["services"] for it, figures in each.items()})
-    assert summary["active_mean"] == pytest.approx(12 * summary["uptime_paper"]["mean"] / 100)
-    assert 0 < summary["uptime_submerged"]["mean"] < summary["uptime_paper"]["mean"] < 100
-    ends = read_starts(tmp_path / "run", scenario.area, range(1, 13))
-    assert summary["final_charge_mean"] == pytest.approx(sum(end.primary for end in ends) / 12)
     with Reader(directory.path / "run.bag") as reader:
-        counts = {topic: info.msgcount for topic, info in reader.topics.items()}
-        assert counts["/musselbed/truth"] == 601
-        assert counts["/musselbed/beliefs"] >= 600 and counts["/musselbed/apad"] >= 600
+        counts = {topic.rpartition("/")[2]: info.msgcount for topic, info in reader.topics.items()}
+        assert counts["truth"] == 601 and min(counts["beliefs"], counts["apad"]) >= 600
         assert (reader.start_time, reader.end_time) == (1, 600_000_000_001)
     kinds = {line["kind"] for line in lines_in(directory.journal)}
     assert {"truth", "apad", "belief", "mission", "plan", "primitive", "stimulus"} <= kinds
@@ -144,13 +139,11 @@ def test_a_resumed_run_counts_as_if_nothing_had_happened(tmp_path, scenario):
     # The chunk that was being filled since 330 s is lost; the journal knows the tick of the kill.
     assert (report.journal.last_ms, report.bag_lost_ms) == (337_000, 7_000)
     journal = read_journal(tmp_path / "resumed" / "journal.jsonl")
-    assert journal.dropped == 0
     ((_, told),) = journal.events(RunResumed)
-    assert told.bag_lost_ms == report.bag_lost_ms and told.journal_torn_bytes == 7
-    with Reader(tmp_path / "resumed" / "run.bag") as reader:
-        assert reader.end_time // 1_000_000 == 330_000
-    with Reader(tmp_path / "resumed" / "run-1.bag") as reader:
-        assert reader.end_time // 1_000_000 == 600_000
+    assert (journal.dropped, told.bag_lost_ms, told.journal_torn_bytes) == (0, report.bag_lost_ms, 7)
+    for name, end_ms in (("run.bag", 330_000), ("run-1.bag", 600_000)):
+        with Reader(tmp_path / "resumed" / name) as reader:
+            assert reader.end_time // 1_000_000 == end_ms
 
 
 def test_a_supervisor_that_dies_before_its_first_samples_lost_none_of_the_former_ones(tmp_path, scenario):
@@ -168,17 +161,8 @@ def test_a_supervisor_that_dies_before_its_first_samples_lost_none_of_the_former
 
 
 def hand_made(at_ms, agent_id=3, *, east_um=0, docked=False, charge=FULL, state=State.ACTIVE):
-    physical = Physical(
-        Battery(0, charge, Flow.RESTING),
-        Battery(0, FULL, Flow.RESTING),
-        0,
-        east_um,
-        0,
-        0,
-        Buoyancy.SINK,
-        docked,
-    )
-    return Truth(at_ms, agent_id, state, physical)
+    batteries = Battery(0, charge, Flow.RESTING), Battery(0, FULL, Flow.RESTING)
+    return Truth(at_ms, agent_id, state, Physical(*batteries, 0, east_um, 0, 0, Buoyancy.SINK, docked))
 
 
 @pytest.fixture
@@ -194,134 +178,139 @@ def lines_of(recorder, kind):
     return [it.line for it in entries if it.event.kind == kind]
 
 
-def test_truth_is_journaled_when_it_changed_or_moved(recorder):
-    for at_ms, east_um in ((0, 0), (30_000, 250_000), (60_000, 250_001), (90_000, 400_000)):
-        recorder.truths([hand_made(at_ms, east_um=east_um)])
-    recorder.truths([hand_made(120_001, docked=True, state=State.CHARGING)])
-    recorder.truths([hand_made(150_000, east_um=9_000_000, docked=True, state=State.CHARGING)])
-    recorder.truths([hand_made(180_000, east_um=9_000_000)])
-    # In a dock it moves with the aPad; the truth at its release has the place. Mission time is rounded up.
-    assert [(line["t"], line["agent_ms"], line["east_um"]) for line in lines_of(recorder, "truth")] == [
-        (0, 0, 0),
-        (2000, 60_000, 250_001),
-        (4001, 120_001, 0),
-        (6000, 180_000, 9_000_000),
-    ]
+def seen(*truths):
+    return lambda recorder: recorder.truths(list(truths))
 
 
-def test_a_truth_that_becomes_known_late_has_the_time_at_which_it_did(recorder):
-    recorder.truths([hand_made(60_000)])
-    recorder.tick(5000, [], None, None, "none", FREE)
-    # Of an aMussel that died in its sleep: its death is at the end of the last window that it answered.
-    recorder.truths(
-        [hand_made(90_000, charge=0), hand_made(150_001, agent_id=4), hand_made(150_000, charge=5)]
-    )
-    truths = [(line["t"], line["id"], line["agent_ms"]) for line in lines_of(recorder, "truth")]
-    assert truths == [(2000, 3, 60_000), (5000, 3, 90_000), (5000, 3, 150_000), (5001, 4, 150_001)]
+def at(now_ms, beliefs=(), pose=None, battery=None, primitive="none", docks=FREE):
+    return lambda recorder: recorder.tick(now_ms, list(beliefs), pose, battery, primitive, docks)
 
 
-def test_a_truth_that_cannot_be_is_dropped_and_counted(recorder):
-    recorder.truths([hand_made(60_000), hand_made(30_000, charge=0), hand_made(0, agent_id=99)])
-    summary = recorder.finish(10_000, ENDING)
-    assert summary["dropped"] == {
-        "a packet": 2,
-        "a truth of an unknown aMussel": 1,
-        "a truth that a newer one overtook": 1,
-    }
-    assert summary["emptied"] == 0
-
-
-def test_an_aMussel_given_up_is_active_no_more(recorder):
-    recorder.truths([hand_made(0, 3), hand_made(0, 4)])
-    recorder.event(5000, ProcessDied(3, 120_000, "BROWN_OUT", "killed", "too often"))
-    summary = recorder.finish(10_000, ENDING)
-    assert (summary["uptime_paper"]["min"], summary["uptime_paper"]["max"]) == (30.0, 100.0)
-    assert summary["gave_up"] == 1
-
-
-def test_without_truth_the_summary_says_why(recorder, scenario, tmp_path):
-    belief = Belief(3, 1000, State.ACTIVE, 0.5, 0.75, 4.0, 6.0)
-    recorder.tick(1000, [belief], PoseReported(1000, 0.0, 0.0, 0.0), None, "none", FREE)
-    summary = recorder.finish(2000, ENDING)
-    assert summary["uptime_paper"] is None and summary["amussels_lost"] is None
-    assert summary["uptime_missing"].startswith("no truth was recorded")
-    (end,) = read_starts(tmp_path / "run", scenario.area, [3])
-    assert (end.agent_id, end.north_m, end.primary, end.secondary) == (3, 4.0, 0.5, 0.75)
-
-
-def test_the_aPad_is_journaled_when_it_matters(recorder):
-    def tick(now_ms, north_m=0.0, heading_rad=3.14, left=0.9, primitive="hold position", docks=FREE):
-        pose = PoseReported(now_ms, north_m, 0.0, heading_rad)
-        recorder.tick(now_ms, [], pose, BatteryReported(now_ms, 15.0, left), primitive, docks)
-
-    changes = {
-        0: {},
-        1000: {"north_m": 0.05},
-        2000: {"north_m": 0.06},
-        3000: {"heading_rad": -3.11},  # 2 degrees, across the south
-        4000: {"heading_rad": -3.0},
-        5000: {"left": 0.8951},
-        6000: {"left": 0.8949},
-        7000: {"primitive": "dock"},
-        8000: {"docks": (3, None, None, None)},
-        **{quiet_ms: {} for quiet_ms in (9000, 67_000, 68_000, 69_000)},
-    }
-    is_so = {}
-    for now_ms, change in changes.items():
-        is_so |= change
-        tick(now_ms, **is_so)
-    assert [line["t"] for line in lines_of(recorder, "apad")] == [0, 2000, 4000, 6000, 7000, 8000, 68_000]
-    assert lines_of(recorder, "apad")[-1]["docks"] == [3, -1, -1, -1]
+def happened(at_ms, event):
+    return lambda recorder: recorder.event(at_ms, event)
 
 
 def believed(charge=0.5, state=State.ACTIVE, **more):
     return Belief(3, 0, state, charge, 1.0, 4.0, 6.0, **more)
 
 
+def each_second(*beliefs):
+    return [at(1000 * second, [it]) for second, it in enumerate(beliefs)]
+
+
+def apad(now_ms, north_m=0.0, heading_rad=3.14, left=0.9, primitive="hold position", docks=FREE):
+    battery = BatteryReported(now_ms, 15.0, left)
+    return at(now_ms, (), PoseReported(now_ms, north_m, 0.0, heading_rad), battery, primitive, docks)
+
+
+AT_LAST = (0.06, -3.0, 0.8949, "dock", (3, None, None, None))
+DOCKED = {"docked": True, "state": State.CHARGING}
 LEARNED = [(0.6, 1.0), (0.6, 0.995), (0.605, 0.991), (0.6, 0.99), (0.61, 0.99), (0.61, 0.99)]
+JOURNALED = {
+    # In a dock it moves with the aPad; the truth at its release has the place. Mission time is rounded up.
+    "a truth that changed or moved": (
+        [
+            *(seen(hand_made(it, east_um=um)) for it, um in ((0, 0), (30_000, 250_000), (60_000, 250_001))),
+            seen(hand_made(90_000, east_um=400_000)),
+            seen(hand_made(120_001, **DOCKED)),
+            seen(hand_made(150_000, east_um=9_000_000, **DOCKED)),
+            seen(hand_made(180_000, east_um=9_000_000)),
+        ],
+        ("truth", "t", "agent_ms", "east_um"),
+        [(0, 0, 0), (2000, 60_000, 250_001), (4001, 120_001, 0), (6000, 180_000, 9_000_000)],
+    ),
+    # Of an aMussel that died in its sleep: its death is at the end of the last window that it answered.
+    "a truth that becomes known late with the time at which it did": (
+        [
+            *(seen(hand_made(60_000)), at(5000)),
+            seen(hand_made(90_000, charge=0), hand_made(150_001, 4), hand_made(150_000, charge=5)),
+        ],
+        ("truth", "t", "id", "agent_ms"),
+        [(2000, 3, 60_000), (5000, 3, 90_000), (5000, 3, 150_000), (5001, 4, 150_001)],
+    ),
+    # The third is 2 degrees, across the south.
+    "the aPad when it matters": (
+        [
+            *(apad(0), apad(1000, 0.05), apad(2000, 0.06), apad(3000, 0.06, -3.11), apad(4000, 0.06, -3.0)),
+            *(apad(5000, 0.06, -3.0, 0.8951), apad(6000, 0.06, -3.0, 0.8949), apad(7000, *AT_LAST[:4])),
+            *(apad(it, *AT_LAST) for it in (8000, 9000, 67_000, 68_000, 69_000)),
+        ],
+        ("apad", "t", "docks"),
+        [
+            *((second * 1000, [-1] * 4) for second in (0, 2, 4, 6, 7)),
+            *((second * 1000, [3, -1, -1, -1]) for second in (8, 68)),
+        ],
+    ),
+    "a belief whose charge moved or whose state changed": (
+        each_second(*map(believed, (0.8, 0.7901, 0.7899)), believed(0.7898, State.SURFACING)),
+        ("belief", "t"),
+        [(0,), (2000,), (3000,)],
+    ),
+    "a quantity that nobody estimates, once it changed by its step": (
+        each_second(*(believed(reported=Reported(it)) for it in (None, 9.0, 8.01, 8.0, 7.5))),
+        ("belief", "t", "reported"),
+        [(0, None), (1000, {"depth_m": 9.0}), (3000, {"depth_m": 8.0})],
+    ),
+    # A line each tick would outgrow all others of a long run.
+    "what a twin learns of a capacity, once an end moved by a hundredth": (
+        each_second(believed(), *(believed(capacity_left=CapacityLeft(*it)) for it in LEARNED)),
+        ("capacity", "t", "id", "low", "high"),
+        [(1000, 3, 0.6, 1.0), (4000, 3, 0.6, 0.99), (5000, 3, 0.61, 0.99)],
+    ),
+    # Only the last of quiet ticks in a row is read.
+    "the time of a quiet tick": (
+        [at(1000), at(2000), happened(3000, LegBegan(1.0)), at(3000)],
+        ("tick", "t"),
+        [(2000,)],
+    ),
+}
+"""What comes, and of which kind the journal has lines, with which values."""
 
 
-@pytest.mark.parametrize(
-    ("beliefs", "kind", "keys", "lines"),
-    [
-        pytest.param(
-            [*map(believed, (0.8, 0.7901, 0.7899)), believed(0.7898, State.SURFACING)],
-            "belief",
-            ("t",),
-            [(0,), (2000,), (3000,)],
-            id="its charge moved or its state changed",
-        ),
-        pytest.param(
-            [believed(reported=Reported(it)) for it in (None, 9.0, 8.01, 8.0, 7.5)],
-            "belief",
-            ("t", "reported"),
-            [(0, None), (1000, {"depth_m": 9.0}), (3000, {"depth_m": 8.0})],
-            id="a quantity that nobody estimates changed by its step",
-        ),
-        # A line each tick would outgrow all others of a long run.
-        pytest.param(
-            [believed(), *(believed(capacity_left=CapacityLeft(*it)) for it in LEARNED)],
-            "capacity",
-            ("t", "id", "low", "high"),
-            [(1000, 3, 0.6, 1.0), (4000, 3, 0.6, 0.99), (5000, 3, 0.61, 0.99)],
-            id="an end of what a twin learns of a capacity moved by a hundredth",
-        ),
-    ],
-)
-def test_a_belief_is_journaled_when(recorder, beliefs, kind, keys, lines):
-    for second, it in enumerate(beliefs):
-        recorder.tick(1000 * second, [it], None, None, "none", FREE)
+@pytest.mark.parametrize(("calls", "shown", "lines"), JOURNALED.values(), ids=JOURNALED)
+def test_the_journal_has(recorder, calls, shown, lines):
+    for call in calls:
+        call(recorder)
+    kind, *keys = shown
     assert [tuple(map(line.get, keys)) for line in lines_of(recorder, kind)] == lines
 
 
-def test_a_quiet_tick_leaves_its_time(recorder):
-    for now_ms in (1000, 2000):
-        recorder.tick(now_ms, [], None, None, "none", FREE)
-    recorder.event(3000, LegBegan(1.0))
-    recorder.tick(3000, [], None, None, "none", FREE)
-    assert [line["t"] for line in lines_of(recorder, "tick")] == [
-        2000
-    ]  # only the last of quiet ticks in a row is read
+SUMMARIES = {
+    "a truth that cannot be is dropped and counted": (
+        [seen(hand_made(60_000), hand_made(30_000, charge=0), hand_made(0, agent_id=99))],
+        {
+            "emptied": 0,
+            "dropped": {
+                "a packet": 2,
+                "a truth of an unknown aMussel": 1,
+                "a truth that a newer one overtook": 1,
+            },
+        },
+    ),
+    "an aMussel given up is active no more": (
+        [
+            seen(hand_made(0, 3), hand_made(0, 4)),
+            happened(5000, ProcessDied(3, 120_000, "BROWN_OUT", "killed", "too often")),
+        ],
+        {"uptime_paper": {"mean": 65.0, "max": 100.0, "min": 30.0}, "gave_up": 1},
+    ),
+    "without truth it says why": (
+        [at(1000, [Belief(3, 1000, State.ACTIVE, 0.5, 0.75, 4.0, 6.0)], PoseReported(1000, 0.0, 0.0, 0.0))],
+        {"uptime_paper": None, "amussels_lost": None, "ends": [(3, 4.0, 0.5, 0.75)]},
+    ),
+}
+
+
+@pytest.mark.parametrize(("calls", "wanted"), SUMMARIES.values(), ids=SUMMARIES)
+def test_the_summary(recorder, scenario, tmp_path, calls, wanted):
+    for call in calls:
+        call(recorder)
+    summary = recorder.finish(10_000, ENDING)
+    if "ends" in wanted:
+        ends = read_starts(tmp_path / "run", scenario.area, [3])
+        summary["ends"] = [(it.agent_id, it.north_m, it.primary, it.secondary) for it in ends]
+    assert {key: summary[key] for key in wanted} == wanted
+    assert (summary["uptime_paper"] is None) is summary.get("uptime_missing", "").startswith("no truth was")
 
 
 def test_after_a_day_samples_are_as_rare_as_the_scenario_says(tmp_path, scenario):
@@ -329,46 +318,42 @@ def test_after_a_day_samples_are_as_rare_as_the_scenario_says(tmp_path, scenario
     recorder = Recorder(new_directory(tmp_path / "run"), rare, [3])
     recorder.truths([hand_made(0)])
     for now_ms in range(DAY_MS - 5000, DAY_MS + 25_001, 1000):
-        recorder.tick(now_ms, [], None, None, "none", FREE)
+        at(now_ms)(recorder)
     recorder.close()
     with Reader(recorder._bag.path) as reader:
         stamps = [stamp_ns // 1_000_000 - DAY_MS for _, stamp_ns, _ in reader.messages()]
     assert stamps == [-5000, -4000, -3000, -2000, -1000, 0, 10_000, 20_000]
 
 
-def test_depth_in_the_bag_is_the_bodys(tmp_path, scenario):
-    from agents.mussel.body import Body
-    from apad_bridge.records.samples import TruthExtrapolator
-
+@pytest.mark.parametrize("buoyancy", Buoyancy)
+def test_depth_in_the_bag_is_the_bodys(scenario, buoyancy):
     water_config = fleet_parts.fleet_config(flight_config(scenario)).maker().config(3).water
-    water = TruthExtrapolator(scenario)
-    for buoyancy in Buoyancy:
-        physical = replace(
-            hand_made(0).physical, depth_anchor_ms=10_000, depth_um=1_234_567, buoyancy=buoyancy
-        )
-        body = Body(3, water_config, physical, 10_000)
-        for now_ms in (10_000, 10_001, 33_333, 60_000, 90_000):
-            assert water.depth_um(physical, now_ms) == body.depth_at_um(now_ms)
+    still = hand_made(0).physical
+    physical = replace(still, depth_anchor_ms=10_000, depth_um=1_234_567, buoyancy=buoyancy)
+    water, body = TruthExtrapolator(scenario), Body(3, water_config, physical, 10_000)
+    for now_ms in (10_000, 10_001, 33_333, 60_000, 90_000):
+        assert water.depth_um(physical, now_ms) == body.depth_at_um(now_ms)
 
 
 def test_a_disk_that_takes_no_more_is_one_error_and_the_records_are_whole(recorder, files_of_at_most):
     for second in range(1, 40):
         recorder.event(1000 * second, ScriptTold("x" * 400))
-        recorder.tick(1000 * second, [], None, None, "", FREE)
+        at(1000 * second)(recorder)
     with files_of_at_most(recorder._directory.journal.stat().st_size + 100):
         recorder.event(40_000, ScriptTold("x" * 400))
         with pytest.raises(RecordsFailed, match=f"the disk of {recorder._directory.path} takes no more"):
-            recorder.tick(40_000, [], None, None, "", FREE)
+            at(40_000)(recorder)
         recorder.event(41_000, ScriptTold("x"))
-        recorder.tick(41_000, [], None, None, "", FREE)
+        at(41_000)(recorder)
     recorder.close()
-    contents = read_journal(recorder._directory.journal)
-    assert contents.dropped == 0 and contents.last_ms == 39_000
-    assert_readable(recorder._directory.path / "run.bag")
+    assert_whole(recorder._directory.path)
 
 
-def assert_readable(bag):
-    with Reader(bag):
+def assert_whole(path):
+    """The records of 39 s."""
+    contents = read_journal(path / "journal.jsonl")
+    assert (contents.dropped, contents.last_ms) == (0, 39_000)
+    with Reader(path / "run.bag"):
         pass
 
 
@@ -376,19 +361,18 @@ def assert_readable(bag):
 def test_a_directory_that_is_gone_is_noticed_at_the_next_tick_and_named(recorder, tmp_path, fate):
     path, moved = recorder._directory.path, tmp_path / "elsewhere"
     for second in range(1, 40):
-        recorder.tick(1000 * second, [], None, None, "", FREE)
+        at(1000 * second)(recorder)
     shutil.rmtree(path) if fate == "deleted" else path.rename(moved)
     if fate == "replaced":
         shutil.copytree(moved, path)
     what = "deleted" if fate == "deleted" else f"moved to {moved / 'journal.jsonl'}"
     words = f"^{path / 'journal.jsonl'} was {what} while the run flew: the run ends"
     with pytest.raises(RecordsFailed, match=words) as failed:
-        recorder.tick(40_000, [], None, None, "", FREE)
+        at(40_000)(recorder)
     assert failed.value.reason is EndReason.RECORDS_GONE
     recorder.close()
     if fate != "deleted":
-        assert read_journal(moved / "journal.jsonl").last_ms == 39_000
-        assert_readable(moved / "run.bag")
+        assert_whole(moved)
 
 
 def test_a_summary_is_written_though_an_aMussel_is_on_no_chart(recorder, monkeypatch):
