@@ -188,12 +188,10 @@ def test_a_file_without_one_polygon_is_no_area_and_no_fence(
 
 def test_a_real_vehicle_takes_no_fault_and_its_scenario_has_all_it_needs() -> None:
     real = load(SCENARIOS / "real-apad.yaml")
-    assert problems_with_real_vehicle(real) == []
-    assert problems_with_real_vehicle(replace(real, guards=None))[0].startswith(
-        "a real aPad needs guards.battery_reserve in the scenario"
-    )
     faulty = replace(real, apad=replace(real.apad, fault=Fault.STUCK))
-    assert problems_with_real_vehicle(faulty) == [
+    (unguarded, *_) = problems_with_real_vehicle(replace(real, guards=None))
+    assert unguarded.startswith("a real aPad needs guards.battery_reserve in the scenario")
+    assert [*problems_with_real_vehicle(real), *problems_with_real_vehicle(faulty)] == [
         "no fault is injected into a real aPad: leave apad.fault out"
     ]
 
@@ -478,50 +476,56 @@ def test_one_mistake_is_one_line_with_the_path(refusals: Refusals, old: str, new
     assert refusals((old, new)) == [message]
 
 
-def test_a_key_in_another_unit_is_told_the_unit(refusals: Refusals) -> None:
-    assert refusals(("speed_m_s: 0.5 ", "speed_km_h: 1.8 ")) == [
-        "mission.speed_m_s: this key is missing",
-        "mission.speed_km_h: unknown key: did you mean speed_m_s? (it is in m/s, not km/h)",
-    ]
-    assert refusals(("silence_timeout_s: 120", "silence_timeout: 120"))[1] == (
-        "mission.silence_timeout: unknown key: did you mean silence_timeout_s? (it is in seconds)"
-    )
+LONG = "x" * 300
+SEVERAL: dict[str, tuple[list[tuple[str, str]], list[str]]] = {
+    "a key in another unit is told the unit": (
+        [("speed_m_s: 0.5 ", "speed_km_h: 1.8 ")],
+        [
+            "mission.speed_m_s: this key is missing",
+            "mission.speed_km_h: unknown key: did you mean speed_m_s? (it is in m/s, not km/h)",
+        ],
+    ),
+    "a key without its unit is told the unit": (
+        [("silence_timeout_s: 120", "silence_timeout: 120")],
+        [
+            "mission.silence_timeout_s: ",
+            "mission.silence_timeout: unknown key: did you mean silence_timeout_s? (it is in seconds)",
+        ],
+    ),
+    "a key with a line break or a terminal's code is told in one line": (
+        [(DEPTH, DEPTH + '\n  "dep\\nth\\e[31m": 1')],
+        ["area.dep\\nth\\x1b[31m: unknown key"],
+    ),
+    "all mistakes are listed at once": (
+        [("theta: 30", "theta: no"), ("  batch: 4", "  batch: 17"), ("hotel_w: 25", "hotel_w: -1")],
+        ["theta: ", "mission.batch: ", "apad.battery.hotel_w: "],
+    ),
+    "files that are not there are named": (
+        [("start: pool.csv", "start: nix.csv"), ("0.005}", "0.005, current_file: tide.csv}")],
+        [
+            "fleet.start: no such file or directory: HERE/nix.csv",
+            "fleet.drift.current_file: HERE/tide.csv: No such file or directory",
+        ],
+    ),
+    "names that no file can have": (
+        [("start: pool.csv", f"start: {LONG}"), ("0.005}", '0.005, current_file: "tide\\0.csv"}')],
+        ["fleet.start: File name too long: '/", "fleet.drift.current_file: no name of a file: '/"],
+    ),
+    "a current that cannot be read is refused with its line": (
+        [("0.005}", "0.005, current_file: fast.csv}")],
+        ["fleet.drift.current_file: HERE/fast.csv: line 2: east_m_s: must be a number, not 'fast'"],
+    ),
+}
+"""Changes, and how each line of what is said begins."""
 
 
-def test_a_key_with_a_line_break_or_a_terminal_s_code_is_told_in_one_line(refusals: Refusals) -> None:
-    found = refusals((DEPTH, DEPTH + '\n  "dep\\nth\\e[31m": 1'))
-    assert [it.partition(": unknown key")[0] for it in found] == ["area.dep\\nth\\x1b[31m"]
-
-
-def test_all_mistakes_are_listed_at_once(refusals: Refusals) -> None:
-    lines = refusals(
-        ("theta: 30", "theta: no"), ("  batch: 4", "  batch: 17"), ("hotel_w: 25", "hotel_w: -1")
-    )
-    assert [line.split(":")[0] for line in lines] == ["theta", "mission.batch", "apad.battery.hotel_w"]
-
-
-def test_files_that_are_not_there_are_named(refusals: Refusals, tmp_path: Path) -> None:
-    lines = refusals(("start: pool.csv", "start: nix.csv"), ("0.005}", "0.005, current_file: tide.csv}"))
-    assert lines == [
-        f"fleet.start: no such file or directory: {tmp_path}/nix.csv",
-        f"fleet.drift.current_file: {tmp_path}/tide.csv: No such file or directory",
-    ]
-
-
-def test_names_that_no_file_can_have_are_refused(refusals: Refusals) -> None:
-    long = "x" * 300
-    start, current = refusals(
-        ("start: pool.csv", f"start: {long}"), ("0.005}", '0.005, current_file: "tide\\0.csv"}')
-    )
-    assert start.startswith("fleet.start: File name too long: '/")
-    assert current.startswith("fleet.drift.current_file: no name of a file: '/")
-
-
-def test_a_current_that_cannot_be_read_is_refused_with_its_line(refusals: Refusals, tmp_path: Path) -> None:
-    (tmp_path / "tide.csv").write_text("north_m,east_m,north_m_s,east_m_s\n0,0,0,fast\n")
-    assert refusals(("0.005}", "0.005, current_file: tide.csv}")) == [
-        f"fleet.drift.current_file: {tmp_path}/tide.csv: line 2: east_m_s: must be a number, not 'fast'"
-    ]
+@pytest.mark.parametrize(("changes", "begins"), SEVERAL.values(), ids=SEVERAL)
+def test_what_is_said_of_several_changes_and_of_files(
+    refusals: Refusals, tmp_path: Path, changes: list[tuple[str, str]], begins: list[str]
+) -> None:
+    (tmp_path / "fast.csv").write_text("north_m,east_m,north_m_s,east_m_s\n0,0,0,fast\n")
+    told = [it.replace(str(tmp_path), "HERE") for it in refusals(*changes)]
+    assert [line[: len(begin)] for line, begin in zip(told, begins, strict=True)] == begins
 
 
 @pytest.mark.parametrize(
@@ -549,13 +553,11 @@ def test_what_is_no_scenario_at_all(tmp_path: Path, content: bytes | None, messa
 
 
 def test_numbers_are_read_as_they_look(tmp_path: Path) -> None:
-    starts = POOL.replace("pool.csv", str(SCENARIO_FILES / "pool.csv"))
-    (tmp_path / "plain.yaml").write_text(starts)
-    text = starts.replace("duration_s: 2400", "duration_s: 2.4e3").replace(
-        "amplitude_m: 0.005", "amplitude_m: 5e-3"
-    )
-    (tmp_path / "x.yaml").write_text(text)
-    assert load(tmp_path / "x.yaml") == load(tmp_path / "plain.yaml")
+    text = POOL.replace("pool.csv", str(SCENARIO_FILES / "pool.csv"))
+    text = text.replace("duration_s: 2400", "duration_s: 2.4e3")
+    (tmp_path / "x.yaml").write_text(text.replace("amplitude_m: 0.005", "amplitude_m: 5e-3"))
+    found, plain = load(tmp_path / "x.yaml"), load(POOL_FILE)
+    assert replace(found, fleet=replace(found.fleet, start=plain.fleet.start)) == plain
 
 
 @pytest.mark.parametrize(("file", "profile"), [(POOL_FILE, "worst-case"), (WHOLE_FILE, "mu")])
@@ -595,29 +597,13 @@ def test_aliases_that_multiply_are_refused_before_they_are_written_out(tmp_path:
         load(tmp_path / "x.yaml")
 
 
-def test_a_device_is_no_scenario_and_no_starts(tmp_path: Path) -> None:
-    with pytest.raises(ScenarioError, match="/dev/zero: is a device"):
-        load(Path("/dev/zero"))
-    (tmp_path / "x.yaml").write_text(POOL.replace("pool.csv", "/dev/zero"))
-    with pytest.raises(ScenarioError, match="/dev/zero: is a device"):
-        starts_of(load(tmp_path / "x.yaml"))
-
-
 def test_overrides_change_what_they_name_and_nothing_else() -> None:
     pool = load(POOL_FILE)
     changed = with_overrides(pool, theta=1, agents=4, strategy="greedy", seed=7)
-    assert (changed.theta, changed.fleet.count, changed.mission.collection, changed.seed) == (
-        1,
-        4,
-        "greedy",
-        7,
-    )
-    assert with_overrides(changed, theta=30, agents=12, strategy="cautious", seed=1) == pool
-    assert with_overrides(pool) == pool
-
-
-def test_overrides_are_checked_as_the_file_is() -> None:
-    pool = load(POOL_FILE)
+    found = changed.theta, changed.fleet.count, changed.mission.collection, changed.seed
+    assert found == (1, 4, "greedy", 7)
+    back = with_overrides(changed, theta=30, agents=12, strategy="cautious", seed=1)
+    assert back == with_overrides(pool) == pool
     with pytest.raises(ScenarioError) as caught:
         with_overrides(pool, theta=0, agents=-1)
     assert caught.value.lines == (
@@ -627,11 +613,10 @@ def test_overrides_are_checked_as_the_file_is() -> None:
 
 
 def test_strategies_are_looked_up_by_who_flies_them_and_told_all_at_once() -> None:
-    data = resolve(load(POOL_FILE))
-    data["mission"] |= {"collection": "greedy-redeploy", "redeployment": "home"}
-    scenario = from_data(data, "x")
+    pool = load(POOL_FILE)
+    mission = replace(pool.mission, collection="greedy-redeploy", redeployment="home")
     with pytest.raises(ScenarioError) as caught:
-        check_code(scenario, "x", None)
+        check_code(replace(pool, mission=mission), "x", None)
     assert caught.value.lines == (
         "x: mission.collection: strategy 'greedy-redeploy' (from musselbed itself) is no collect strategy: it needs "
         "`plans = StepKind.COLLECT` and a method `plan(self, situation, batch)`",
@@ -639,36 +624,46 @@ def test_strategies_are_looked_up_by_who_flies_them_and_told_all_at_once() -> No
     )
 
 
-def test_links_that_cut_nothing_are_warned_of(tmp_path: Path) -> None:
-    links = tmp_path / "links.csv"
-    links.write_text("from, to, loss, since_s, until_s\n*, apad, 1, 600, 1200\n")
-
-    def told(mode: str, **water: str) -> list[str]:
-        data = resolve(load(WHOLE_FILE))
-        data["hearing"]["mode"] = mode
-        data["water"] = water
-        return [mend for _, mend in warnings(from_data(data, "x"))]
-
-    assert told("paper", links_file=str(links)) == [
-        "use hearing.mode: physical, as sound-12 does, or the fault link_cut"
-    ]
-    assert told("physical", links_file=str(links)) == told("paper") == []
+LONG_MISSION = {"duration_s": 360_000, "mission.end_at_apad_fraction": 0.1}
+HOME = {"charging_w": 200, "go_at": 0.3}
 
 
-def test_a_home_that_does_not_help_is_warned_of() -> None:
-    pool = load(POOL_FILE)
-
-    def told(**home: Any) -> list[str]:
-        data = resolve(pool)
-        data["duration_s"] = 360_000
-        data["mission"]["end_at_apad_fraction"] = 0.1
-        data["apad"]["home"] = {"charging_w": 200, "go_at": 0.3, **home}
-        return [mend for _, mend in warnings(from_data(data, "x"))]
-
-    assert told() == []  # without a home its battery would not last
-    assert told(charging_w=60) == ["raise apad.home.charging_w"]
-    assert told(charging_w=60, docked="released") == []
-    assert told(go_at=0.1) == ["raise apad.home.go_at"]
+@pytest.mark.parametrize(
+    ("file", "changes", "mends"),
+    [
+        pytest.param(
+            WHOLE_FILE,
+            {"hearing.mode": "paper", "water": {"links_file": "links.csv"}},
+            ["use hearing.mode: physical, as sound-12 does, or the fault link_cut"],
+            id="links that cut nothing",
+        ),
+        pytest.param(
+            *(WHOLE_FILE, {"hearing.mode": "physical", "water": {"links_file": "links.csv"}}, []),
+            id="links that cut",
+        ),
+        pytest.param(WHOLE_FILE, {"hearing.mode": "paper", "water": {}}, [], id="no links"),
+        # Without a home its battery would not last.
+        *(
+            pytest.param(POOL_FILE, {**LONG_MISSION, "apad.home": {**HOME, **home}}, mends, id=f"home {home}")
+            for home, mends in (
+                ({}, []),
+                ({"charging_w": 60}, ["raise apad.home.charging_w"]),
+                ({"charging_w": 60, "docked": "released"}, []),
+                ({"go_at": 0.1}, ["raise apad.home.go_at"]),
+            )
+        ),
+    ],
+)
+def test_what_does_not_help_is_warned_of(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, file: Path, changes: dict[str, Any], mends: list[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("links.csv").write_text("from, to, loss, since_s, until_s\n*, apad, 1, 600, 1200\n")
+    data = resolve(load(file))
+    for key, value in changes.items():
+        block, _, name = key.rpartition(".")
+        (data[block] if block else data)[name] = value
+    assert [mend for _, mend in warnings(from_data(data, "x"))] == mends
 
 
 @pytest.mark.parametrize(
@@ -710,16 +705,23 @@ def test_values_are_those_of_the_core_schema(text: str, value: object) -> None:
     assert math.isnan(parse_yaml(".nan"))
 
 
-def test_a_pipe_into_which_nobody_writes_is_told_and_not_waited_for(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("/dev/zero", "/dev/zero: is a device"),
+        ("pipe", r"is a pipe, and nobody writes into it within 0\.1 s"),
+    ],
+)
+def test_a_device_or_a_pipe_into_which_nobody_writes_is_told_and_not_waited_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, told: str
 ) -> None:
     monkeypatch.setattr(text_file, "PIPE_S", 0.1)
     os.mkfifo(tmp_path / "pipe")
-    (tmp_path / "x.yaml").write_text(POOL.replace("pool.csv", "pipe"))
-    with pytest.raises(ScenarioError, match=r"is a pipe, and nobody writes into it within 0\.1 s"):
+    (tmp_path / "x.yaml").write_text(POOL.replace("pool.csv", name))
+    with pytest.raises(ScenarioError, match=told):
         starts_of(load(tmp_path / "x.yaml"))
-    with pytest.raises(ScenarioError, match="is a pipe, and nobody writes"):
-        load(tmp_path / "pipe")
+    with pytest.raises(ScenarioError, match=told):
+        load(tmp_path / name)
 
 
 def test_a_scenario_from_a_pipe_is_read_whole(tmp_path: Path) -> None:
