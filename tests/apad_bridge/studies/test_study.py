@@ -132,9 +132,9 @@ def test_a_study_multiplies_settings_strategies_and_seeds() -> None:
     )
     assert found.missions == 8 * 2 * 4 == len(found.settings) * len(found.strategies) * len(found.seeds)
     assert found.settings[0].label == "pool, duration_s 300.0, mission.batch 1, apad.home None, theta 1"
-    one = found.scenario(found.settings.index(found.settings[-1]), 1, 3)
+    one, other = found.scenario(len(found.settings) - 1, 1, 3), found.scenario(0, 0, 1)
     assert (one.seed, one.theta, one.mission.batch, one.mission.full_threshold) == (3, 30, 4, 0.9)
-    assert found.scenario(0, 0, 1).apad.home is None and one.apad.home.go_at == 0.2
+    assert (other.apad.home, one.apad.home.go_at) == (None, 0.2)
     assert found.strategies[1] == "collection cautious, full_threshold 0.9"
 
 
@@ -145,37 +145,29 @@ def test_a_mission_of_a_whole_board_is_flown_tick_by_tick_where_asked(tmp_path: 
     assert row["samples_taken"] > 0 and 0 < row["longest_gap_h"] <= 300 * 30 / 3600
 
 
-class _Killed(BaseException):
-    pass
-
-
 def test_a_study_that_was_killed_goes_on_from_its_whole_lines(tmp_path: Path) -> None:
     study, told = plan(), []
-
-    def kill_after_two_blocks(missions: int) -> None:
-        told.append(missions)
-        if len(told) == 3:  # the first call tells what was there
-            raise _Killed
-
-    with pytest.raises(_Killed):
-        fly_study(study, tmp_path / "killed", 1, kill_after_two_blocks)
+    counts = iter((1, 2))  # the first call tells what was there
+    with pytest.raises(StopIteration):
+        fly_study(study, tmp_path / "killed", 1, lambda _: next(counts))
     journal = tmp_path / "killed" / JOURNAL
     kept = journal.read_text()
     journal.write_text(kept + '{"block": [0, 3], "rows": [{"se')
-    told.clear()
     rows = fly_study(study, tmp_path / "killed", 1, told.append)
-    assert told == [4, 2, 2]
-    assert journal.read_text().startswith(kept)
+    assert told == [4, 2, 2] and journal.read_text().startswith(kept)
     assert rows == fly_study(study, tmp_path / "whole", 1)
 
 
+def assert_another(study: StudyPlan, out: Path) -> None:
+    with pytest.raises(UserError, match=r"holds the missions of another study.*--out"):
+        fly_study(study, out, 1)
+
+
 def test_more_seeds_add_to_a_study_and_another_study_is_refused(tmp_path: Path) -> None:
-    few = fly_study(with_seeds(plan(), 2), tmp_path, 1)
-    told: list[int] = []
+    few, told = fly_study(with_seeds(plan(), 2), tmp_path, 1), list[int]()
     assert fly_study(with_seeds(plan(), 3), tmp_path, 1, told.append)[:4] == few
     assert told == [4, 2]
-    with pytest.raises(UserError, match=r"holds the missions of another study.*--out"):
-        fly_study(plan(strategies=["greedy"]), tmp_path, 1)
+    assert_another(plan(strategies=["greedy"]), tmp_path)
 
 
 def test_each_seed_draws_for_all_strategies_alike(tmp_path: Path) -> None:
@@ -192,8 +184,7 @@ def test_each_seed_draws_for_all_strategies_alike(tmp_path: Path) -> None:
     again = load_study(tmp_path / STUDY_FILE)
     assert [again.drawn(seed) for seed in again.seeds] == [drawing.drawn(seed) for seed in drawing.seeds]
     assert again.fingerprint == drawing.fingerprint
-    with pytest.raises(UserError, match="another study"):
-        fly_study(plan(draws={"fleet.start.charge": charges}), tmp_path, 1)
+    assert_another(plan(draws={"fleet.start.charge": charges}), tmp_path)
 
 
 def test_a_cell_decides_several_keys_together(tmp_path: Path) -> None:
@@ -206,13 +197,11 @@ def test_a_cell_decides_several_keys_together(tmp_path: Path) -> None:
         f"pool, cell {name}, duration_s 300.0, theta 30" for name in cells
     ]
     wide, narrow = (study.scenario(setting, 0, 1) for setting in (0, 1))
-    assert (len(wide.fleet.ids), wide.apad.docks, wide.mission.batch) == (3, 4, 4)
-    assert (len(narrow.fleet.ids), narrow.apad.docks, narrow.mission.batch) == (12, 2, 2)
-    assert max(it.north_m for it in starts_of(wide)) > 28
+    found = [(len(it.fleet.ids), it.apad.docks, it.mission.batch) for it in (wide, narrow)]
+    assert found == [(3, 4, 4), (12, 2, 2)] and max(it.north_m for it in starts_of(wide)) > 28
     fly_study(study, tmp_path, 1)
     assert load_study(tmp_path / STUDY_FILE).fingerprint == study.fingerprint
-    with pytest.raises(UserError, match="another study"):
-        fly_study(plan(cells={**cells, "wide": {"fleet.count": 3}}, seeds=1), tmp_path, 1)
+    assert_another(plan(cells={**cells, "wide": {"fleet.count": 3}}, seeds=1), tmp_path)
 
 
 CLUSTERS_M = [
@@ -227,10 +216,9 @@ CLUSTERS_M = [
     [60, 7.1],
     [14, 7.1],
 ]
-CLUSTERS_M += [[14, 14], [0, 14]]
 AREAS_M = {
     "line of 100 m": [[0, 0], [100, 0], [100, 1], [0, 1]],
-    "two clusters": CLUSTERS_M,
+    "two clusters": [*CLUSTERS_M, [14, 14], [0, 14]],
     "60 x 20 m": [[0, 0], [60, 0], [60, 20], [0, 20]],
     "12 x 60 m": [[0, 0], [12, 0], [12, 60], [0, 60]],
     "200 x 200 m": [[0, 0], [200, 0], [200, 200], [0, 200]],
@@ -241,15 +229,14 @@ AREAS_M = {
 def test_the_cells_of_a_comparison_are_those_that_a_stated_seed_draws() -> None:
     study = load_study(SHIPPED / "rules.yaml").study
     chance = Random(20261128)
-    drawn: list[tuple[str, int, int]] = []
+    drawn = dict[tuple[str, int, int], None]()
     while len(drawn) < 8:
-        cell = chance.choice(list(AREAS_M)), chance.choice((8, 12, 20)), chance.choice((2, 4))
-        drawn += [] if cell in drawn else [cell]
-    names = [f"{area}, {amussels} aMussels, {docks} docks" for area, amussels, docks in drawn]
-    assert list(study.cells) == names
-    for cell, (area, amussels, docks) in zip(study.cells.values(), drawn, strict=True):
-        assert cell["area.polygon_m"] == AREAS_M[area]
-        assert (cell["fleet.count"], cell["apad.docks"], cell["mission.batch"]) == (amussels, docks, docks)
+        drawn[chance.choice(list(AREAS_M)), chance.choice((8, 12, 20)), chance.choice((2, 4))] = None
+    decided = "area.polygon_m", "fleet.count", "apad.docks", "mission.batch"
+    assert [(name, [cell[key] for key in decided]) for name, cell in study.cells.items()] == [
+        (f"{area}, {amussels} aMussels, {docks} docks", [AREAS_M[area], amussels, docks, docks])
+        for area, amussels, docks in drawn
+    ]
 
 
 def test_several_processes_fly_what_one_flies_and_one_that_is_killed_is_told(
@@ -264,8 +251,8 @@ def test_several_processes_fly_what_one_flies_and_one_that_is_killed_is_told(
 
     def kill_a_worker(missions: int) -> None:
         if missions and len({process.pid for process in started}) == 2:
-            os.kill(started[0].pid, signal.SIGKILL)
-            os.kill(started[1].pid, signal.SIGKILL)
+            for process in started[:2]:
+                os.kill(process.pid, signal.SIGKILL)
 
     with pytest.raises(StudyFailed, match="a worker ended with status -9"):
         fly_study(with_seeds(study, 12), tmp_path / "two", 2, kill_a_worker)
@@ -297,14 +284,11 @@ def test_each_worker_goes_on_with_its_seed_as_long_as_it_has_blocks(workers: int
         if not waiting:
             break
         own = last.get(worker)
-        has_own = own is not None and own[1] in waiting
         untouched = {seed for seed, blocks in waiting.items() if len(blocks) == 3}
+        may = {own[1]} if own is not None and own[1] in waiting else untouched or set(waiting)
         last[worker] = runner._take(waiting, own)
         taken.append(last[worker])
-        if has_own:
-            assert own is not None and last[worker][1] == own[1]
-        elif untouched:
-            assert last[worker][1] in untouched
+        assert last[worker][1] in may
     assert sorted(taken) == [(setting, seed) for setting in range(3) for seed in range(5)]
 
 
@@ -351,31 +335,27 @@ def test_the_command_writes_a_row_for_each_mission_and_a_report(
         own = [row["metres"] for row in table if row["strategy"] == standing["strategy"]]
         assert standing["columns"]["metres"]["mean"] == pytest.approx(sum(own) / 3)
     page = (out / "report.html").read_text()
-    assert "No strategy exceeds" in page
     # Every axis of the three drawings, and the dashed bound, has its name beside it: words are comments beside their paths.
     samples, submerged, missions = (re.findall("<!-- (.*?) -->", it) for it in page.split("<svg")[1:])
     assert "samples taken" in samples and {"submerged %", "no strategy exceeds"} <= set(submerged)
-    assert {"way planned m", "uptime %", "cautious", "greedy"} <= set(missions)
+    assert {"way planned m", "uptime %", "cautious", "greedy"} <= set(
+        missions
+    ) and "No strategy exceeds" in page
     # A row for each figure, by a name of its own; a column for each strategy.
-    means, differences = re.findall("<table>(.*?)</table>", page, re.DOTALL)
-    names = re.findall("<tr><td>([^<]*)</td>", means)
-    assert len(set(names)) == len(names) == len(COLUMNS) and names == re.findall(
-        "<tr><td>([^<]*)</td>", differences
-    )
-    assert re.findall("<th>([^<]*)</th>", means) == ["", *setting["ranking"]]
-    assert re.findall("<th>([^<]*)</th>", differences) == ["", "greedy"]
+    tables = re.findall("<table>(.*?)</table>", page, re.DOTALL)
+    names, of_differences = (re.findall("<tr><td>([^<]*)</td>", it) for it in tables)
+    assert len(set(names)) == len(names) == len(COLUMNS) and names == of_differences
+    columns = [re.findall("<th>([^<]*)</th>", it) for it in tables]
+    assert columns == [["", *setting["ranking"]], ["", "greedy"]]
     assert main(["study", str(file), "--seeds", "3", "--workers", "1", "--out", str(out)]) == 0
     shown = capsys.readouterr().out
-    places = [
-        shown.index(f"\n {heading}")
-        for heading in ("lost", "samples taken", "longest gap h", "submerged %", "way planned m")
-    ]
-    assert places == sorted(places)
-    cautious, greedy = (
-        np.array([row["samples_taken"] for row in table if row["strategy"] == name])
+    headings = "lost", "samples taken", "longest gap h", "submerged %", "way planned m"
+    assert re.search(".*".join(f"\n {it}" for it in headings), shown, re.DOTALL)
+    taken = {
+        name: np.array([row["samples_taken"] for row in table if row["strategy"] == name])
         for name in ("cautious", "greedy")
-    )
-    less = greedy - cautious
+    }
+    less = taken["greedy"] - taken["cautious"]
     low, high = scipy.stats.t.interval(0.95, 2, less.mean(), scipy.stats.sem(less))
     side = "above it" if low > 0 else "below it" if high < 0 else "not clearly different"
     verdict = re.search(rf"^samples taken, against cautious: {side}: greedy (\S+) ± ", shown, re.MULTILINE)
@@ -383,47 +363,47 @@ def test_the_command_writes_a_row_for_each_mission_and_a_report(
     assert f"<b>samples taken, against cautious: {side}: greedy {verdict[1]}" in page
 
 
+OF_A_LAB = (
+    "from apad_bridge.planning.strategies.paper_strategies import Greedy\n\n\nclass Last(Greedy):\n    pass\n"
+)
+
+
+def assert_flown_as_greedy(study: StudyPlan, out: Path) -> None:
+    """By two processes, which import its strategy as this one does."""
+    by_name: dict[str, list[dict[str, Any]]] = {it: [] for it in study.strategies}
+    for row in fly_study(study, out, 2):
+        by_name[row["strategy"]].append({**row, "strategy": ""})
+    ours, greedy = by_name.values()
+    assert ours == greedy and len(ours) == 2
+
+
 def test_a_strategy_of_a_package_is_flown_by_its_name(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Two processes import it as this one does."""
     info = tmp_path / "lab-1.dist-info"
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: lab\nVersion: 1\n")
     (info / "entry_points.txt").write_text("[musselbed.strategies]\nlast = lab:Last\n")
-    (tmp_path / "lab.py").write_text(
-        "from apad_bridge.planning.strategies.paper_strategies import Greedy\n\n\nclass Last(Greedy):\n    pass\n"
-    )
+    (tmp_path / "lab.py").write_text(OF_A_LAB)
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    rows = fly_study(plan(strategies=["last", "greedy"], seeds=2), tmp_path / "out", 2)
-    ours, greedy = (
-        [{**row, "strategy": ""} for row in rows if row["strategy"] == name] for name in ("last", "greedy")
-    )
-    assert ours == greedy and len(ours) == 2
+    assert_flown_as_greedy(plan(strategies=["last", "greedy"], seeds=2), tmp_path / "out")
 
 
 def test_a_strategy_of_a_file_is_flown_and_goes_on_only_as_it_was(tmp_path: Path) -> None:
     file = tmp_path / "lab.py"
-    file.write_text(
-        "from apad_bridge.planning.strategies.paper_strategies import Greedy\n\n\nclass Mine(Greedy):\n    pass\n"
-    )
-    mine = plan_of({**STUDY, "strategies": ["lab.py:Mine", "greedy"], "seeds": 2}, "test", tmp_path, Trust())
-    rows = fly_study(mine, tmp_path / "out", 2)
-    ours, greedy = (
-        [{**row, "strategy": ""} for row in rows if row["strategy"] == name]
-        for name in ("lab.py:Mine", "greedy")
-    )
-    assert ours == greedy and len(ours) == 2
+    file.write_text(OF_A_LAB)
+    mine = plan_of({**STUDY, "strategies": ["lab.py:Last", "greedy"], "seeds": 2}, "test", tmp_path, Trust())
+    assert_flown_as_greedy(mine, tmp_path / "out")
     write_study(mine, tmp_path / "out")
     before = mine.fingerprint
-    file.write_text(file.read_text() + "# another rule\n")
+    file.write_text(f"{OF_A_LAB}# another rule\n")
     assert mine.fingerprint != before  # the copy of the study has the rule that flew
     assert load_study(tmp_path / "out" / STUDY_FILE, trust=Trust()).fingerprint == before
-    with pytest.raises(ScenarioError, match=r"mission.collection: strategy lab.py:Mine is code in a file"):
+    with pytest.raises(ScenarioError, match=r"mission.collection: strategy lab.py:Last is code in a file"):
         load_study(tmp_path / "out" / STUDY_FILE)
 
 
 def test_no_figure_is_nan(tmp_path: Path) -> None:
-    for row in fly_study(plan(strategies=["none"], seeds=1), tmp_path, 1):
-        assert not [key for key, value in row.items() if isinstance(value, float) and math.isnan(value)]
+    (row,) = fly_study(plan(strategies=["none"], seeds=1), tmp_path, 1)
+    assert not [key for key, value in row.items() if isinstance(value, float) and math.isnan(value)]
