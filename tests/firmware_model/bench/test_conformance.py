@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 
@@ -59,11 +60,13 @@ def our_board(case: Case) -> Rig:
     return BenchRig(Bench(worst_case_of(case), primary=case.primary))
 
 
-def test_the_cases_are_200_and_more_with_a_name_each() -> None:
-    assert len(CASES) >= 200
-    assert len({case.name for case in CASES}) == len(CASES)
+def test_the_cases_are_200_and_more_with_a_name_each_and_cite_what_is_there() -> None:
+    assert len({case.name for case in CASES}) == len(CASES) >= 200
     cited = {RequirementSource.CAPTURED, RequirementSource.SCRIPT}
     assert {case.source for case in (*CASES, *WHOLE_CASES)} == set(RequirementSource) - cited
+    sections = re.compile(r"(I|II|III|IV-A|IV-B|V-A|V-B|V-C|VI|Table I|equation \(2\)[^:]*)(: |$| from)")
+    of_paper = [case.requirement for case in CASES if case.source is RequirementSource.PAPER]
+    assert [it for it in of_paper if not sections.match(it)] == []
 
 
 @pytest.mark.parametrize("state", WAYS_INTO, ids=lambda it: it.name)
@@ -105,52 +108,64 @@ def test_a_history_has_motors_and_charges_at_their_times_by_hand(script: str, ev
     assert [str(it) for it in history(replace(DIVE, script=script), our_board, Died).events] == events
 
 
-DIFFERENT = {
-    "a slower debounce": (replace(worst_case_board(), pin_debounce_ms=80), "expected 73.050 s charges"),
-    "no wait for the release": (
-        replace(worst_case_board(), release_wait_ms=100),
-        "expected 3674.000 s motors sink",
-    ),
-}
+WORST = worst_case_board()
+HOURS = Case("hours", RequirementSource.PAPER, "it draws its load", "8h")
+CHOSEN = replace(DIVE, source=RequirementSource.CHOICE)
+SLOW = replace(WORST, pin_debounce_ms=80)
+HASTY = replace(WORST, release_wait_ms=0)
 
 
-@pytest.mark.parametrize("name", DIFFERENT)
-def test_another_time_fails_and_is_told(name: str) -> None:
-    config, reason = DIFFERENT[name]
-    result = judged(DIVE, our_board, board(config), Died, {})
-    assert result.verdict is Verdict.FAILED and result.reason.startswith(reason)
-    assert any(line.startswith(" !") for line in side_by_side(result))
+def drawing(permille: int) -> BoardConfig:
+    drains = replace(WORST.charge, discharge=WORST.charge.discharge * permille // 1000)
+    return replace(WORST, charge=drains)
 
 
-def test_another_load_fails_by_its_energy_alone() -> None:
-    """0.3 % of what flowed is the bound: here 0.2 % passes, and 0.6 % does not."""
-    hour = Case("hours", RequirementSource.PAPER, "it draws its load", "8h")
-    for permille, verdict in ((1002, Verdict.PASSED), (1006, Verdict.FAILED)):
-        charge = worst_case_board().charge
-        drains = replace(charge, discharge=charge.discharge * permille // 1000)
-        config = replace(worst_case_board(), charge=drains)
-        assert judged(hour, our_board, board(config), Died, {}).verdict is verdict
+# V-A: "detects a falling edge [...] and reacts to this by using its buoyancy motors": before any packet.
+AT_THE_EDGE = CaseReading("at the edge", "3s permission 70s rises 1min falls 1s", board(HASTY))
 
 
-def test_our_own_choice_differs_and_a_waived_case_names_its_reason() -> None:
-    slower = board(DIFFERENT["a slower debounce"][0])
-    choice = replace(DIVE, source=RequirementSource.CHOICE)
-    assert judged(choice, our_board, slower, Died, {}).verdict is Verdict.DIFFERS
-    waived = judged(DIVE, our_board, slower, Died, {"dive": "our contact is slow"})
-    assert waived.verdict is Verdict.WAIVED
-    assert waived.reason.startswith("our contact is slow (expected 73.050 s")
-
-
-def test_another_reading_of_the_paper_differs() -> None:
-    """V-A: "detects a falling edge [...] and reacts to this by using its buoyancy motors": before any packet."""
-    at_the_edge = board(replace(worst_case_board(), release_wait_ms=0))
-    at_once = CaseReading("at the edge", "3s permission 70s rises 1min falls 1s", at_the_edge)
-    sinks = board(replace(worst_case_board(), release_wait_ms=0))
-    result = judged(DIVE, our_board, sinks, Died, {}, readings=[at_once])
-    assert result.verdict is Verdict.DIFFERS
-    assert result.reason.startswith("at the edge (expected 3674.000 s motors sink, found it at 3673.050 s")
-    waits = board(replace(worst_case_board(), release_wait_ms=500))
-    assert judged(DIVE, our_board, waits, Died, {}, readings=[at_once]).verdict is Verdict.FAILED
+@pytest.mark.parametrize(
+    ("case", "config", "how", "verdict", "reason"),
+    [
+        pytest.param(*(DIVE, SLOW, {}), Verdict.FAILED, "expected 73.050 s charges", id="a slower debounce"),
+        pytest.param(
+            *(
+                DIVE,
+                replace(WORST, release_wait_ms=100),
+                {},
+                Verdict.FAILED,
+                "expected 3674.000 s motors sink",
+            ),
+            id="no wait for the release",
+        ),
+        # 0.3 % of what flowed is the bound.
+        pytest.param(HOURS, drawing(1002), {}, Verdict.PASSED, "", id="0.2 % of another load"),
+        pytest.param(HOURS, drawing(1006), {}, Verdict.FAILED, "", id="0.6 % of another load"),
+        pytest.param(CHOSEN, SLOW, {}, Verdict.DIFFERS, "", id="our own choice"),
+        pytest.param(
+            *(DIVE, SLOW, {"waivers": {"dive": "our contact is slow"}}, Verdict.WAIVED),
+            "our contact is slow (expected 73.050 s",
+            id="a waived case names its reason",
+        ),
+        pytest.param(
+            *(DIVE, HASTY, {"readings": [AT_THE_EDGE]}, Verdict.DIFFERS),
+            "at the edge (expected 3674.000 s motors sink, found it at 3673.050 s",
+            id="another reading of the paper",
+        ),
+        pytest.param(
+            *(DIVE, replace(WORST, release_wait_ms=500), {"readings": [AT_THE_EDGE]}, Verdict.FAILED, ""),
+            id="neither reading of the paper",
+        ),
+        pytest.param(replace(DIVE, shows="state SINKING"), WORST, {}, Verdict.PASSED, "", id="what it cites"),
+    ],
+)
+def test_a_board_that_differs(
+    case: Case, config: BoardConfig, how: dict[str, Any], verdict: Verdict, reason: str
+) -> None:
+    result = judged(case, our_board, board(config), Died, **{"waivers": {}, **how})
+    assert result.verdict is verdict and result.reason.startswith(reason)
+    shows_where = any(line.startswith(" !") for line in side_by_side(result))
+    assert shows_where or not reason
 
 
 @pytest.mark.parametrize(
@@ -161,28 +176,12 @@ def test_a_case_that_expects_nothing_of_what_it_cites_is_refused(
 ) -> None:
     with pytest.raises(AssertionError, match="the case dive expects nothing"):
         judged(replace(DIVE, shows=shows), our_board, our_board, Died, {})
-    assert (
-        judged(replace(DIVE, shows="state SINKING"), our_board, our_board, Died, {}).verdict is Verdict.PASSED
-    )
-
-
-def test_no_case_cites_a_section_that_the_paper_does_not_have() -> None:
-    sections = re.compile(r"(I|II|III|IV-A|IV-B|V-A|V-B|V-C|VI|Table I|equation \(2\)[^:]*)(: |$| from)")
-    cited = [case for case in CASES if case.source is RequirementSource.PAPER]
-    assert [case.requirement for case in cited if not sections.match(case.requirement)] == []
 
 
 def test_dead_firmware_fails_whatever_the_source() -> None:
-    def dies(case: Case) -> Rig:
-        bench = Bench(worst_case_board(), primary=case.primary)
-
-        def run(**spans: float) -> None:
-            raise Died("it ended")
-
-        bench.run = run  # type: ignore[method-assign, assignment]
-        return BenchRig(bench)
-
-    result = judged(replace(DIVE, source=RequirementSource.CHOICE), our_board, dies, Died, {})
+    bench = Bench(WORST, primary=DIVE.primary)
+    bench.run = Mock(side_effect=Died("it ended"))  # type: ignore[method-assign]
+    result = judged(CHOSEN, our_board, lambda _: BenchRig(bench), Died, {})
     assert (result.verdict, result.reason) == (Verdict.FAILED, "its firmware failed: it ended")
 
 
@@ -204,18 +203,9 @@ def test_a_state_about_as_long_as_a_late_turn_may_be_on_one_board_alone(
     ends_ms: int, verdict: Verdict
 ) -> None:
     """By hand: ours lasts 20 ms, which two turns of 10 ms may take away or double; 50 ms are more."""
+    began = RigEvent(0, "state FLOATING"), RigEvent(1000, "state RELEASED")
     ours, theirs = (
-        RigHistory(
-            (),
-            0,
-            0,
-            states=(
-                RigEvent(0, "state FLOATING"),
-                RigEvent(1000, "state RELEASED"),
-                RigEvent(it, "state ACTIVE"),
-            ),
-        )
-        for it in (1020, ends_ms)
+        RigHistory((), 0, 0, states=(*began, RigEvent(it, "state ACTIVE"))) for it in (1020, ends_ms)
     )
     assert judged(DIVE, ours, lambda _: Shown(theirs), Died, {}, late_ms=10).verdict is verdict
 
@@ -240,10 +230,8 @@ def test_a_script_loses_every_word_that_it_does_not_need() -> None:
 
 
 def test_random_scripts_are_the_same_for_a_seed() -> None:
-    assert list(random_cases(20, 1)) == list(random_cases(20, 1))
-    assert {case.script for case in random_cases(20, 1)}.isdisjoint(
-        case.script for case in random_cases(20, 2)
-    )
+    one, again, other = ([case.script for case in random_cases(20, seed)] for seed in (1, 1, 2))
+    assert one == again and not set(one) & set(other)
 
 
 def test_an_unknown_word_is_refused_with_the_known_ones() -> None:
@@ -268,21 +256,17 @@ TRACE = """\
 def test_a_captured_trace_judges_another_board() -> None:
     case, found = captured(TRACE, "reef")
     assert case.script == "3000ms permission 70000ms rises 80ms 26920ms 0ms"
-    assert isinstance(found, RigHistory)
-    slower = board(replace(worst_case_board(), pin_debounce_ms=80))
-    assert judged(case, found, slower, Died, {}).verdict is Verdict.PASSED
+    assert judged(case, found, board(SLOW), Died, {}).verdict is Verdict.PASSED
     result = judged(case, found, our_board, Died, {})
-    assert result.verdict is Verdict.FAILED
-    assert result.reason == "expected 73.080 s charges, found it at 73.050 s"
+    told = "expected 73.080 s charges, found it at 73.050 s"
+    assert (result.verdict, result.reason) == (Verdict.FAILED, told)
 
 
 def test_a_trace_that_was_written_is_the_case_that_was_played() -> None:
     ours = history(DIVE, our_board, Died)
     case, found = captured("\n".join(traced(DIVE, ours)), "dive")
-    assert found.events == ours.events
-    assert (
-        history(case, our_board, Died).events == history(replace(DIVE, primary=1.0), our_board, Died).events
-    )
+    again, full = (history(it, our_board, Died).events for it in (case, replace(DIVE, primary=1.0)))
+    assert (found.events, again) == (ours.events, full)
 
 
 @pytest.mark.parametrize(
@@ -298,33 +282,21 @@ def test_a_line_that_is_none_is_named(text: str, told: str) -> None:
 
 
 def costly(cost_ms: int, seed: int) -> Callable[[Case], Rig]:
-    config = worst_case_board()
+    def made(hardware: Any) -> CostlyFirmware:
+        return CostlyFirmware(Firmware(WORST, MusselbedCodec(), hardware, 0), cost_ms, seed)
 
-    def make(case: Case) -> Rig:
-        return BenchRig(
-            Bench(
-                config,
-                primary=case.primary,
-                firmware=lambda hardware: CostlyFirmware(
-                    Firmware(config, MusselbedCodec(), hardware, 0), cost_ms, seed
-                ),
-            )
-        )
-
-    return make
+    return lambda case: BenchRig(Bench(WORST, primary=case.primary, firmware=made))
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_firmware_that_takes_time_acts_late_and_passes(seed: int) -> None:
     """Four turns lead to the sinking, each of at most 5 ms, and one of them acts late at least."""
-    events = history(DIVE, costly(5, seed), Died).events
+    events, again = (history(DIVE, costly(5, seed), Died).events for _ in range(2))
     late_ms = [
         found.at_ms - due_ms
         for found, due_ms in zip(events, (3000, 73_050, 3_673_050, 3_674_000), strict=True)
     ]
-    assert all(0 <= it <= 10 for it in late_ms)
-    assert any(late_ms)
-    assert history(DIVE, costly(5, seed), Died).events == events
+    assert events == again and all(0 <= it <= 10 for it in late_ms) and any(late_ms)
     assert judged(DIVE, our_board, costly(5, seed), Died, {}, 10).verdict is Verdict.PASSED
 
 
