@@ -63,46 +63,35 @@ def fleets(draw: st.DrawFn) -> Situation:
     return Situation(draw(metres), draw(metres), tuple(low), free, (*high, *others), model, leaving)
 
 
-@given(charges, st.integers(0, 40_000))
-def test_the_model_charges_as_the_paper_s_equation_does(charge: float, minutes: int) -> None:
+@given(charges, st.integers(0, 40_000), charges)
+def test_the_model_charges_as_the_paper_s_equation_does_and_back(
+    charge: float, minutes: int, to: float
+) -> None:
     battery = Battery(0, grains(charge), Flow.CHARGING)
     after = PAPER.charge_at(battery, minutes * 60_000) / FULL
     assert MODEL.charged(charge, minutes * 60 / POOL.theta) == pytest.approx(after, abs=1e-6)
-
-
-@given(charges, charges)
-def test_the_time_of_a_charge_is_the_inverse_of_the_charge_after_a_time(charge: float, to: float) -> None:
-    seconds = MODEL.charging_s(charge, to)
-    assert MODEL.charged(charge, seconds) == pytest.approx(max(charge, to), abs=1e-9)
+    assert MODEL.charged(charge, MODEL.charging_s(charge, to)) == pytest.approx(max(charge, to), abs=1e-9)
 
 
 def test_a_rollout_in_a_large_pool_projects_so_many_plans_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     chance, projected, of = Random(1), [], Projection.of
     monkeypatch.setattr(Projection, "of", lambda self, plan: (projected.append(plan), of(self, plan))[1])
-    low = [
-        swimming(k, 60 * chance.random(), 60 * chance.random(), 0.8 * chance.random()) for k in range(1, 60)
-    ]
-    plan = Rollout(CostScales(1.0, 100.0)).plan(
-        Situation(0.0, 0.0, tuple(low), (0, 1, 2, 3), (), MODEL), batch=4
-    )
+    places = ((60 * chance.random(), 60 * chance.random(), 0.8 * chance.random()) for _ in range(59))
+    low = tuple(swimming(k, *it) for k, it in enumerate(places, 1))
+    plan = Rollout(CostScales(1.0, 100.0)).plan(Situation(0.0, 0.0, low, (0, 1, 2, 3), (), MODEL), batch=4)
     assert len(plan.steps) == 4 and 10 < len(projected) <= MOST_PROJECTED
 
 
-@settings(max_examples=60, deadline=None)
-@given(fleets(), st.integers(1, 4), st.sampled_from(LOOKING_AHEAD))
+@settings(max_examples=100, deadline=None)
+@given(fleets(), st.integers(1, 4), st.sampled_from((*LOOKING_AHEAD, "core")))
 def test_every_plan_can_be_flown_and_fills_the_batch(situation: Situation, batch: int, name: str) -> None:
+    """The core, in the overload of one dock, may leave some out."""
+    if name == "core":
+        situation = replace(situation, model=replace(MODEL, docks=1))
     plan = registry.collection(name, CostScales(1.0, 100.0)).plan(situation, batch)
     check_solution(plan, situation, StepKind.COLLECT)
-    assert len(plan.steps) == min(batch, len(situation.candidates), len(situation.free_docks))
-
-
-@settings(max_examples=60, deadline=None)
-@given(fleets(), st.integers(1, 4))
-def test_every_plan_of_the_core_can_be_flown_in_overload(situation: Situation, batch: int) -> None:
-    model = replace(MODEL, docks=1)
-    plan = Core(CostScales(1.0, 100.0)).plan(replace(situation, model=model), batch)
-    check_solution(plan, situation, StepKind.COLLECT)
-    assert len(plan.steps) <= min(batch, len(situation.candidates), len(situation.free_docks))
+    most = min(batch, len(situation.candidates), len(situation.free_docks))
+    assert len(plan.steps) == most or (name == "core" and len(plan.steps) < most)
 
 
 @settings(max_examples=60, deadline=None)
@@ -126,38 +115,33 @@ def test_a_projection_of_nobody_low_lets_the_fleet_drain() -> None:
     assert outcome.charges == pytest.approx((1 - 100 * MODEL.drain_per_s, 0.9 - 100 * MODEL.drain_per_s))
 
 
-@pytest.mark.parametrize("waits", [True, False])
-def test_a_charged_batch_makes_room_in_a_projection_if_another_one_waits(waits: bool) -> None:
-    """One that has 0.7 in the dock at its own home is released at once, or not before it is full."""
-    model = replace(MODEL, docks=1, batch=1, makes_room=0.6, pool_threshold=0.5)
-    held = replace(swimming(1, 0, 0, 0.7), dock_index=0)
-    other = swimming(2, 0, 0, 0.4 if waits else 1.0)
-    docked_s, released_s = MODEL.charging_s(0.7, MODEL.full), 2.5 + MODEL.undock_s
-    outcome = Projection(Situation(0, 0, (), (), (held, other), model), model, docked_s, 60.0).of(())
-    assert outcome.active_s[0] == pytest.approx(docked_s - released_s if waits else 0.0)
-
-
 @pytest.mark.parametrize("is_asynchronous", [True, False])
-@pytest.mark.parametrize(("lead", "waits_s"), [(0.25, 0.0), (0.4, 0.1 / (RATE_AT_0_7 + MODEL.drain_per_s))])
-def test_one_that_leads_the_waiting_one_makes_room_in_a_projection(
-    is_asynchronous: bool, lead: float, waits_s: float
+@pytest.mark.parametrize(
+    ("rules", "other", "waits_s"),
+    [
+        pytest.param({"makes_room": 0.6}, 0.4, 0.0, id="another waits, so it is released at once"),
+        pytest.param(
+            {"makes_room": 0.6}, 1.0, None, id="nobody waits, so it is not released before it is full"
+        ),
+        pytest.param({"charge_lead": 0.25}, 0.4, 0.0, id="it leads the waiting one by enough"),
+        # One rises while the other falls.
+        pytest.param(
+            *({"charge_lead": 0.4}, 0.4, 0.1 / (RATE_AT_0_7 + MODEL.drain_per_s)),
+            id="it leads by enough a little later",
+        ),
+    ],
+)
+def test_a_charged_one_makes_room_in_a_projection(
+    is_asynchronous: bool, rules: dict[str, float], other: float, waits_s: float | None
 ) -> None:
-    """It has 0.7 in the dock at its own home, and the other one 0.4 in the water: one rises while the other falls."""
-    model = replace(
-        MODEL,
-        docks=1,
-        batch=1,
-        makes_room=MODEL.full,
-        charge_lead=lead,
-        pool_threshold=0.5,
-        is_asynchronous=is_asynchronous,
-    )
-    situation = Situation(
-        0, 0, (), (), (replace(swimming(1, 0, 0, 0.7), dock_index=0), swimming(2, 0, 0, 0.4)), model
-    )
+    """It has 0.7 in the dock at its own home, and the other one is in the water."""
+    rules = {"makes_room": MODEL.full, "pool_threshold": 0.5, **rules}
+    model = replace(MODEL, docks=1, batch=1, is_asynchronous=is_asynchronous, **rules)
+    others = replace(swimming(1, 0, 0, 0.7), dock_index=0), swimming(2, 0, 0, other)
     docked_s, released_s = MODEL.charging_s(0.7, MODEL.full), 2.5 + MODEL.undock_s
-    outcome = Projection(situation, model, docked_s, 60.0).of(())
-    assert outcome.active_s[0] == pytest.approx(docked_s - released_s - waits_s, abs=docked_s / 200)
+    outcome = Projection(Situation(0, 0, (), (), others, model), model, docked_s, 60.0).of(())
+    active_s = 0.0 if waits_s is None else docked_s - released_s - waits_s
+    assert outcome.active_s[0] == pytest.approx(active_s, abs=docked_s / 200 if waits_s else None)
 
 
 @pytest.mark.parametrize("is_asynchronous", [True, False])
@@ -167,8 +151,7 @@ def test_one_that_was_served_waits_in_a_projection_until_it_is_nearly_empty(
 ) -> None:
     """It lies below the aPad, and is not full again before the horizon."""
     model = replace(MODEL, docks=1, batch=1, is_asynchronous=is_asynchronous, again_threshold=again)
-    waits_s = (0.2 - 0.02) / MODEL.drain_per_s
-    collected_s = 2.5 + MODEL.dock_s
+    waits_s, collected_s = (0.2 - 0.02) / MODEL.drain_per_s, 2.5 + MODEL.dock_s
     agent = replace(swimming(1, 0, 0, 0.2), is_served=was_served)
     outcome = Projection(Situation(0, 0, (), (0,), (agent,), model), model, waits_s + 60, 60.0).of(())
     waits = was_served and again is not None
@@ -196,11 +179,8 @@ def test_a_released_one_takes_the_place_of_the_collected_one_in_a_projection(
     )
     outcome = Projection(situation, model, horizon_s, 60.0).of([0] if is_planned else [])
     alone = (horizon_s, horizon_s - 2.5 - 20 / model.speed_m_s - model.undock_s)
-    found = (outcome.metres, outcome.active_s)
-    assert found == (
-        30.0 if charge < 1 else 20.0,
-        pytest.approx((collected_s, 50.0) if charge < 1 else alone),
-    )
+    metres, active_s = (30.0, (collected_s, 50.0)) if charge < 1 else (20.0, alone)
+    assert (outcome.metres, outcome.active_s) == (metres, pytest.approx(active_s))
 
 
 def test_a_rollout_finds_the_best_plan_of_a_small_pool_by_its_own_model() -> None:
@@ -254,11 +234,8 @@ def test_by_load_is_a_blend_without_overload_and_spares_metres_with_it() -> None
 @pytest.mark.parametrize(("strategy", "discharges"), [(Triage(), 4.0), (ByLoad(CostScales()), 8.0)])
 def test_triage_passes_nobody_over_for_longer_than_its_floor(strategy: Triage, discharges: float) -> None:
     floor_s = discharges / MODEL.drain_per_s
-    first = [
-        strategy.plan(fleet_of(24, unserved_s), 4).steps[0].agent_id
-        for unserved_s in (floor_s - 1, floor_s + 1)
-    ]
-    assert first == [2, 1]
+    fleets = fleet_of(24, floor_s - 1), fleet_of(24, floor_s + 1)
+    assert [strategy.plan(it, 4).steps[0].agent_id for it in fleets] == [2, 1]
 
 
 CORE = Core(CostScales(distance_per_m=1.0, energy_per_charge=50.0))
@@ -271,12 +248,12 @@ def collected(candidates: list[Candidate], others: list[Candidate], count: int =
     return [step.agent_id for step in CORE.plan(situation, count).steps]
 
 
-def test_the_core_is_by_load_without_heavy_overload() -> None:
+@pytest.mark.parametrize(("count", "is_heavy"), [(12, False), (28, False), (29, True)])
+def test_the_core_is_by_load_without_heavy_overload(count: int, is_heavy: bool) -> None:
     by_load = ByLoad(CostScales(distance_per_m=1.0, energy_per_charge=50.0))
-    for count, is_heavy in ((12, False), (28, False), (29, True)):
-        far = tuple(swimming(k, 300 - 10 * k, 10, 0.5 if k % 2 else 0.0) for k in range(1, count + 1))
-        situation = replace(fleet_of(12), candidates=far)
-        assert (CORE.plan(situation, 4) != by_load.plan(situation, 4)) is is_heavy
+    far = tuple(swimming(k, 300 - 10 * k, 10, 0.5 if k % 2 else 0.0) for k in range(1, count + 1))
+    situation = replace(fleet_of(12), candidates=far)
+    assert (CORE.plan(situation, 4) != by_load.plan(situation, 4)) is is_heavy
 
 
 EMPTY = [swimming(k, k, 0, 0.0) for k in range(1, 6)]
@@ -332,14 +309,16 @@ def test_a_pool_that_the_core_refuses_for_a_while_gives_no_plan_wherever_they_dr
         assert collected(candidates, others) == []
 
 
-def test_a_pool_is_refused_for_a_while_if_all_are_empty_and_enough_are_alive() -> None:
-    def refused(charges: list[float], alive: int) -> bool:
-        others = tuple(swimming(10 + k, k, 0, 0.9) for k in range(alive))
-        pool = tuple(swimming(k, k, 0, charge) for k, charge in enumerate(charges))
-        return CORE.refuses(Situation(0, 0, pool, (0,), others, ONE_DOCK))
-
-    assert refused([0.0] * 5, 3)
-    assert not refused([0.0] * 5, 2) and not refused([0.0] * 4 + [0.25], 3) and not refused([0.0], 3)
+@pytest.mark.parametrize(
+    ("charges", "alive", "refused"),
+    [([0.0] * 5, 3, True), ([0.0] * 5, 2, False), ([0.0] * 4 + [0.25], 3, False), ([0.0], 3, False)],
+    ids=["all are empty", "too few are alive", "one is not empty", "one alone"],
+)
+def test_a_pool_is_refused_for_a_while_if_all_are_empty_and_enough_are_alive(
+    charges: list[float], alive: int, refused: bool
+) -> None:
+    pool = tuple(swimming(k, k, 0, charge) for k, charge in enumerate(charges))
+    assert CORE.refuses(Situation(0, 0, pool, (0,), tuple(ALIVE[:alive]), ONE_DOCK)) is refused
 
 
 @pytest.mark.parametrize("name", (*LOOKING_AHEAD, "core"))
