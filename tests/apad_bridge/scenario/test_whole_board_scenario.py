@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import fields, replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
 from scenario_files import POOL_FILE, SCENARIO_FILES, WHOLE_FILE
 
+from agents.fleet_config import FleetConfig
 from apad_bridge.assembly import fleet_parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.scenario.errors import ScenarioError
-from apad_bridge.scenario.firmware_config import board_config, charge_model
 from apad_bridge.scenario.full_firmware_options import ModuleLoads
 from apad_bridge.scenario.loader import from_data, load, resolve, with_overrides, write_resolved
 from apad_bridge.scenario.schema import Scenario
@@ -41,102 +43,97 @@ def power_with(keys: str) -> tuple[str, str]:
     return "power: table-one", f"power: {{profile: table-one, {keys}}}"
 
 
-def test_the_profiles_are_table_one_to_the_grain() -> None:
-    whole = board_config(SHIPPED.board).whole
-    assert (whole.power, whole.cycle) == (table_one.power(LastResort.CALL), table_one.FIELD)
-    assert charge_model(SHIPPED.board) == table_one.MODEL
-    hourly = board_config(changed((CYCLE_LINE, "cycle: hourly")).board).whole
-    assert hourly is not None and hourly.cycle == replace(table_one.HOURLY, report_ms=60_000)
+def loads_of(fleet: FleetConfig, *rails: Rail) -> list[int]:
+    return [fleet.board.whole.power.loads.of[it] for it in rails or Rail]
 
 
-def test_the_worst_case_has_no_whole_firmware() -> None:
-    pool = load(POOL_FILE)
-    assert fleet_parts.fleet_config(flight_config(pool)).board.whole is None
-    assert charge_model(pool.board) == table_one.WORST_CASE
-
-
-def test_one_module_is_overridden_and_the_others_stay() -> None:
-    scenario = changed(
-        ("power: table-one", "power: {profile: table-one, loads_mw: {gsm: 0, pi: 1200.5}, kept_on: [pi]}")
-    )
-    whole = board_config(scenario.board).whole
+OTHERS = [it for it in Rail if it not in (Rail.PI, Rail.GSM)]
+CLOCK = (
+    "    timekeeping: {bound_ppm: 20, beacon_wait_s: 90}\n    clock_drift_ppm: 12.5\n    transmit_ms: 1000"
+)
+DOCK_LINE = "  pin_debounce_ms: 50 # assumed, as all up to `whole`"
+METERED = power_with("metering: table-one, low_level: 0.3")
+READ: dict[str, tuple[list[tuple[str, str]], Callable[[FleetConfig], Any], Any]] = {
+    "the profiles are Table I to the grain": (
+        [],
+        lambda it: (it.board.whole.power, it.board.whole.cycle, it.board.charge),
+        (table_one.power(LastResort.CALL), table_one.FIELD, table_one.MODEL),
+    ),
+    "the profile of a short wake": (
+        [(CYCLE_LINE, "cycle: hourly")],
+        lambda it: it.board.whole.cycle,
+        replace(table_one.HOURLY, report_ms=60_000),
+    ),
     # 1200.5 mW of 7.4 Wh: 1.2005 / 7.4 / 3.6e6 of a battery a millisecond.
-    assert whole.power.loads.of[Rail.PI] == round(FULL * 1.2005 / 7.4 / 3_600_000)
-    assert whole.power.loads.of[Rail.GSM] == 0
-    same = [rail for rail in Rail if rail not in (Rail.PI, Rail.GSM)]
-    assert all(whole.power.loads.of[rail] == table_one.LOADS.of[rail] for rail in same)
-    assert whole.power.kept_on == bits(Rail.PI)
-
-
-def test_twice_the_capacity_lasts_twice_as_long() -> None:
-    whole = board_config(
-        changed(("power: table-one", "power: {profile: table-one, capacity_wh: 14.8}")).board
-    ).whole
-    assert all(
-        abs(2 * ours - theirs) <= 1
-        for ours, theirs in zip(whole.power.loads.of, table_one.LOADS.of, strict=True)
-    )
-
-
-def test_metering_is_table_one_s_to_the_grain_with_the_scenario_s_seed() -> None:
-    fleet = fleet_parts.fleet_config(
-        flight_config(changed(power_with("metering: table-one, low_level: 0.3")))
-    )
-    assert fleet.board.whole.power.metering == replace(table_one.METERING, seed=1)
-    assert fleet.board.whole.power.low_level == FULL * 3 // 10
-
-
-def test_batteries_of_an_age_fill_and_empty_sooner() -> None:
-    board = changed(power_with("ageing: {cycles: 250, years: 2}")).board
-    whole = board_config(board).whole
-    # 250 cycles take 10 % of the capacity, two years 6 %.
-    assert whole.power.loads.of[Rail.PI] == table_one.LOADS.of[Rail.PI] * 10_000 // 8400
-    assert charge_model(board).segments[0][1] == table_one.MODEL.segments[0][1] * 10_000 // 8400
-
-
-def test_what_lies_between_a_dock_and_a_charger() -> None:
-    scenario = changed(
+    "modules are overridden and the others stay": (
+        [power_with("loads_mw: {gsm: 0, pi: 1200.5}, kept_on: [pi]")],
+        lambda it: (loads_of(it, Rail.PI, Rail.GSM), loads_of(it, *OTHERS), it.board.whole.power.kept_on),
         (
-            "  pin_debounce_ms: 50 # assumed, as all up to `whole`",
-            "  pin_debounce_ms: 50\n  pin_chatter_ms: 900\n  pin_check_s: 30\n  coil_alignment_s: 1.5",
-        )
-    )
-    fleet = fleet_parts.fleet_config(flight_config(scenario))
-    board = fleet.maker().config(1).board
-    assert (board.pin_chatter_ms, board.pin_check_ms, fleet.body.coil_alignment_ms) == (900, 30_000, 1500)
-
-
-def test_one_number_of_a_cycle_is_overridden() -> None:
-    scenario = changed((CYCLE_LINE, "cycle: {profile: field, alarm_s: 1800, slots: null}"))
-    whole = board_config(scenario.board).whole
-    assert whole is not None and whole.cycle is not None
-    assert (whole.cycle.alarm_ms, whole.cycle.processing_ms, whole.cycle.slots) == (1_800_000, 60_000, None)
-
-
-def test_a_clock_that_drifts_and_a_firmware_that_knows_it() -> None:
-    fleet = fleet_parts.fleet_config(
-        flight_config(
-            changed(
-                (
-                    "    transmit_ms: 1000",
-                    "    timekeeping: {bound_ppm: 20, beacon_wait_s: 90}\n    clock_drift_ppm: 12.5\n    transmit_ms: 1000",
-                ),
-                (CYCLE_LINE, "cycle: {profile: field, slots: {frame_s: 300, slot_s: 5, guard_s: 1.5}}"),
+            [round(FULL * 1.2005 / 7.4 / 3_600_000), 0],
+            [table_one.LOADS.of[it] for it in OTHERS],
+            bits(Rail.PI),
+        ),
+    ),
+    "twice the capacity lasts twice as long": (
+        [power_with("capacity_wh: 14.8")],
+        lambda it: [2 * ours - whole for ours, whole in zip(loads_of(it), table_one.LOADS.of, strict=True)],
+        [pytest.approx(0, abs=1)] * len(Rail),
+    ),
+    "metering is Table I's to the grain with the scenario's seed": (
+        [METERED],
+        lambda it: (it.board.whole.power.metering, it.board.whole.power.low_level),
+        (replace(table_one.METERING, seed=1), FULL * 3 // 10),
+    ),
+    # 250 cycles take 10 % of the capacity, two years 6 %.
+    "batteries of an age fill and empty sooner": (
+        [power_with("ageing: {cycles: 250, years: 2}")],
+        lambda it: [*loads_of(it, Rail.PI), it.board.charge.segments[0][1]],
+        [it * 10_000 // 8400 for it in (table_one.LOADS.of[Rail.PI], table_one.MODEL.segments[0][1])],
+    ),
+    "what lies between a dock and a charger": (
+        [
+            (
+                DOCK_LINE,
+                "  pin_debounce_ms: 50\n  pin_chatter_ms: 900\n  pin_check_s: 30\n  coil_alignment_s: 1.5",
             )
-        )
-    )
-    assert fleet.board.whole is not None and fleet.board.whole.cycle is not None
-    assert fleet.board.whole.timekeeping == Timekeeping(20_000, 90_000)
-    assert fleet.board.whole.cycle.slots == Timeslots(300_000, 5000, 1500)
-    drifts = {fleet.maker().config(agent_id).board.drift_ppb for agent_id in range(1, 13)}
+        ],
+        lambda it: (it.board.pin_chatter_ms, it.board.pin_check_ms, it.body.coil_alignment_ms),
+        (900, 30_000, 1500),
+    ),
+    "one number of a cycle is overridden": (
+        [(CYCLE_LINE, "cycle: {profile: field, alarm_s: 1800, slots: null}")],
+        lambda it: it.board.whole.cycle,
+        replace(table_one.FIELD, alarm_ms=1_800_000, slots=None),
+    ),
+    "a clock that drifts and a firmware that knows it": (
+        [
+            ("    transmit_ms: 1000", CLOCK),
+            (CYCLE_LINE, "cycle: {profile: field, slots: {frame_s: 300, slot_s: 5, guard_s: 1.5}}"),
+        ],
+        lambda it: (it.board.whole.timekeeping, it.board.whole.cycle.slots),
+        (Timekeeping(20_000, 90_000), Timeslots(300_000, 5000, 1500)),
+    ),
+    "never asleep is no cycle": ([(CYCLE_LINE, "cycle: never")], lambda it: it.board.whole.cycle, None),
+}
+"""Changes, and what the firmware's configuration then has."""
+
+
+@pytest.mark.parametrize(("changes", "what", "value"), READ.values(), ids=READ)
+def test_what_a_scenario_gives_the_firmware(
+    changes: list[tuple[str, str]], what: Callable[[FleetConfig], Any], value: Any
+) -> None:
+    assert what(fleet_parts.fleet_config(flight_config(changed(*changes)))) == value
+
+
+def test_each_clock_drifts_by_a_rate_of_its_own() -> None:
+    maker = fleet_parts.fleet_config(flight_config(changed(("    transmit_ms: 1000", CLOCK)))).maker()
+    drifts = {maker.config(agent_id).board.drift_ppb for agent_id in range(1, 13)}
     assert len(drifts) == 12 and max(map(abs, drifts)) <= 12_500
 
 
-def test_never_asleep_is_no_cycle() -> None:
-    assert (
-        fleet_parts.fleet_config(flight_config(changed((CYCLE_LINE, "cycle: never")))).board.whole.cycle
-        is None
-    )  # type: ignore[union-attr]
+def test_the_worst_case_has_no_whole_firmware() -> None:
+    board = fleet_parts.fleet_config(flight_config(load(POOL_FILE))).board
+    assert (board.whole, board.charge) == (None, table_one.WORST_CASE)
 
 
 def test_the_modules_of_a_scenario_are_those_of_the_board() -> None:
@@ -153,14 +150,10 @@ def test_a_resolved_scenario_holds_its_profile_s_numbers_and_is_the_same_again(t
 
 
 def test_a_fleet_too_large_for_its_frame_is_refused_on_the_command_line_too() -> None:
+    data = resolve(SHIPPED)
+    data["fleet"]["start"] = {"charge": [0.5, 1]}
     with pytest.raises(ScenarioError) as caught:
-        with_overrides(
-            from_data(
-                {**resolve(SHIPPED), "fleet": {**resolve(SHIPPED)["fleet"], "start": {"charge": [0.5, 1]}}},
-                "x",
-            ),
-            agents=61,
-        )
+        with_overrides(from_data(data, "x"), agents=61)
     assert caught.value.lines == (
         "command line: board.whole.cycle.slots.frame_s: holds 60 slots of 5 s, and 61 aMussels need one each: "
         "make it 305 s or more, or slot_s shorter",
@@ -286,11 +279,20 @@ def test_the_worst_case_needs_its_equations_and_charges_one_battery(
     assert caught.value.lines[0].startswith(f"it: {message}")
 
 
-def test_a_battery_that_nothing_can_empty_is_refused_before_the_flight() -> None:
-    nothing = ", ".join(f"{it.name}: 0.000000001" for it in fields(ModuleLoads))
-    with pytest.raises(
-        ScenarioError, match=r"capacity_wh: no module draws what could be counted of 1e.06 Wh"
-    ):
-        changed(power_with(f"capacity_wh: 1000000, loads_mw: {{{nothing}}}"))
-    with pytest.raises(ScenarioError, match="capacity_wh: must be less than or equal to 1000000"):
-        changed(power_with("capacity_wh: 1000000000"))
+NOTHING = ", ".join(f"{it.name}: 0.000000001" for it in fields(ModuleLoads))
+
+
+@pytest.mark.parametrize(
+    ("keys", "told"),
+    [
+        (
+            f"capacity_wh: 1000000, loads_mw: {{{NOTHING}}}",
+            r"capacity_wh: no module draws what could be counted of 1e.06 Wh",
+        ),
+        ("capacity_wh: 1000000000", "capacity_wh: must be less than or equal to 1000000"),
+    ],
+    ids=["no load", "too large"],
+)
+def test_a_battery_that_nothing_can_empty_is_refused_before_the_flight(keys: str, told: str) -> None:
+    with pytest.raises(ScenarioError, match=told):
+        changed(power_with(keys))
