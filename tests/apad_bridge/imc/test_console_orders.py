@@ -76,10 +76,10 @@ def test_a_goto_is_a_go_to_there_to_a_millimetre(
     desk = Desk(codec)
     there = goto(codec, speed=speed_m_s, **radians_at(north_m, east_m))
     taken = desk.control(START, desk.plan(there)) if is_in_a_plan else desk.take(there)
-    assert isinstance(taken, ConsoleOrder)
-    assert taken.request.act is Act.GO_TO and taken.request.by == "IMC 0x4001"
-    assert taken.request.goal_m == pytest.approx((north_m, east_m), abs=1e-3)
-    assert taken.request.speed_m_s == pytest.approx(speed_m_s)
+    asked = taken.request
+    assert (asked.act, asked.by) == (Act.GO_TO, "IMC 0x4001")
+    assert asked.goal_m == pytest.approx((north_m, east_m), abs=1e-3)
+    assert asked.speed_m_s == pytest.approx(speed_m_s)
 
 
 def test_a_plan_that_was_stored_is_started_by_its_name(desk: Desk) -> None:
@@ -88,11 +88,11 @@ def test_a_plan_that_was_stored_is_started_by_its_name(desk: Desk) -> None:
     stored = desk.store(SET, desk.plan(station))
     assert (name_of(stored), stored.type, stored.op, stored.request_id) == ("PlanDB", SUCCESS, SET, 78)
     taken = desk.control(START)
-    assert taken.request.act is Act.HOLD and taken.request.goal_m == pytest.approx((3.0, 4.0), abs=1e-3)
-    assert taken.plan_id == "go"
+    goal_m = pytest.approx((3.0, 4.0), abs=1e-3)
+    assert (taken.request.act, taken.request.goal_m, taken.plan_id) == (Act.HOLD, goal_m, "go")
     answered = desk.read(taken.answer(Answer(False, "refused: outside the fence")))
-    assert (answered.type, answered.op, answered.request_id, answered.plan_id) == (FAILURE, START, 77, "go")
-    assert answered.info == "refused: outside the fence"
+    told = answered.type, answered.op, answered.request_id, answered.plan_id, answered.info
+    assert told == (FAILURE, START, 77, "go", "refused: outside the fence")
 
     (listed,) = inner(inner(desk.store(GET_STATE), "arg"), "plans_info")
     got = inner(desk.store(GET_PLAN), "arg")
@@ -166,12 +166,12 @@ def test_a_speed_of_another_unit_is_the_scenarios_and_the_answer_says_so(
     """Neptus sends a surface vehicle without a speed of its own to a place at 1000 RPM."""
     there = goto(desk.codec, speed=1000.0, speed_units=units, **radians_at(3.0, 4.0))
     order = desk.control(START, desk.plan(there)) if is_in_a_plan else desk.take(there)
-    assert isinstance(order, ConsoleOrder) and order.request.act is Act.GO_TO
-    assert order.request.speed_m_s is None and order.request.goal_m == pytest.approx((3.0, 4.0), abs=1e-3)
-    told = desk.read(order.answer(Answer(True, "")))
-    text = told.info if is_in_a_plan else told.text
+    assert (order.request.act, order.request.speed_m_s) == (Act.GO_TO, None)
+    assert order.request.goal_m == pytest.approx((3.0, 4.0), abs=1e-3)
+    taken, refused = (desk.read(order.answer(it)) for it in (Answer(True, ""), Answer(False, "fence")))
+    text = taken.info if is_in_a_plan else taken.text
     assert "at the scenario's speed" in text and named in text
-    assert "scenario's speed" not in getattr(desk.read(order.answer(Answer(False, "fence"))), "info", "")
+    assert "scenario's speed" not in getattr(refused, "info", "")
     keeping = desk.codec.make("StationKeeping", speed=50.0, speed_units=units, **radians_at(1.0, 1.0))
     assert desk.control(START, desk.plan(keeping)).request.act is Act.HOLD
 
@@ -207,9 +207,8 @@ def test_ids_keep_to_their_ranges() -> None:
     """Of IMC_Addresses.xml's list of ids: wg-sv3-127, ntnu-nest-01 and -02 have the first of the ranges."""
     amussels = {Systems().amussel(n).imc_id for n in (*range(51), 1535, 1536, 0xFFFF)}
     apads = {Systems().apad(f"apad{n}").imc_id for n in (1, 511, 512, 99_999)}
-    assert amussels <= {*range(0x9A00, 0xA000)} - {0x9001, 0x9002} and apads <= {*range(0x2A00, 0x2C00)} - {
-        0x2801
-    }
+    assert amussels <= {*range(0x9A00, 0xA000)} - {0x9001, 0x9002}
+    assert apads <= {*range(0x2A00, 0x2C00)} - {0x2801}
 
 
 def test_the_shipped_definition_is_that_of_the_aPad_which_the_gateway_shows() -> None:
@@ -222,6 +221,5 @@ def test_the_shipped_definition_is_that_of_the_aPad_which_the_gateway_shows() ->
     assert int(imc.findtext("port") or 0) == Systems().port("apad1")
     manoeuvres = {it[0].tag: it[0] for it in root.findall("feasibleManeuvers/maneuver")}
     assert manoeuvres.keys() == {"Goto", "StationKeeping"}
-    for manoeuvre in manoeuvres.values():
-        speed = next(it for it in manoeuvre if it.tag in ("velocity", "speed"))
-        assert speed.get("unit") == "m/s" and float(speed.text or 0) == 0.5
+    speeds = [next(it for it in own if it.tag in ("velocity", "speed")) for own in manoeuvres.values()]
+    assert [(it.get("unit"), float(it.text or 0)) for it in speeds] == [("m/s", 0.5)] * 2

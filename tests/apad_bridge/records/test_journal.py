@@ -2,6 +2,7 @@
 
 import json
 import math
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -50,18 +51,27 @@ def journal(path) -> Journal:
     return Journal(path)
 
 
+def written(path, *lines):
+    """The contents of a journal of these lines."""
+    with closing(Journal(path)) as journal:
+        for at_ms, event in lines:
+            journal.append(at_ms, event)
+    return read_journal(path)
+
+
 def test_lines_of_one_flush_come_back_by_time_and_else_as_they_were_appended(journal, path):
-    journal.append(1000, LegBegan(3.25))
-    journal.append(500, event_of("plan", SAID))
-    journal.append(1000, LegBegan(1.5))
-    journal.close()
+    for at_ms, event in ((1000, LegBegan(3.25)), (500, event_of("plan", SAID)), (1000, LegBegan(1.5))):
+        journal.append(at_ms, event)
+    before = path.read_bytes()
+    journal.flush()
     contents = read_journal(path)
+    assert (before, contents.dropped, contents.last_ms) == (b"", 0, 1000)
     assert lines(contents) == [
         {"t": 500, "kind": "plan", **SAID},
         {"t": 1000, "kind": "leg", "metres": 3.25},
         {"t": 1000, "kind": "leg", "metres": 1.5},
     ]
-    assert (contents.dropped, contents.last_ms) == (0, 1000)
+    journal.close()
 
 
 @given(flushes=st.lists(st.lists(st.integers(0, 5000), max_size=6), max_size=6))
@@ -88,24 +98,14 @@ def test_time_never_falls_in_a_journal(tmp_path_factory, flushes):
     again.close()
 
 
-def test_what_is_flushed_is_on_disk_before_the_close(journal, path):
-    journal.append(0, TickPassed())
-    assert path.read_bytes() == b""
-    journal.flush()
-    assert path.read_bytes() == b'{"t":0,"kind":"tick"}\n'
-
-
-def test_every_torn_length_costs_one_line_and_is_said(journal, path):
-    journal.append(0, TickPassed())
-    journal.append(1000, LegBegan(1))
-    journal.close()
+def test_every_torn_length_costs_one_line_and_is_said(path):
+    written(path, (0, TickPassed()), (1000, LegBegan(1)))
     whole = path.read_bytes()
     first = whole.index(b"\n") + 1
     for length in range(first + 1, len(whole)):
         path.write_bytes(whole[:length])
         contents = read_journal(path)
-        assert [line["kind"] for line in lines(contents)] == ["tick"]
-        assert contents.dropped == 1
+        assert ([line["kind"] for line in lines(contents)], contents.dropped) == (["tick"], 1)
 
 
 @pytest.mark.parametrize("torn", [b'{"t":1000,"ki', b"x" * 200_000], ids=["short", "longer than one look"])
@@ -130,9 +130,8 @@ def test_a_line_that_is_none_is_counted(path, line):
     assert ([it["kind"] for it in lines(contents)], contents.dropped) == (["tick"], 1)
 
 
-def test_a_journal_says_its_format_in_its_first_line(journal, path):
-    journal.append(0, event_of("run", {"format": FORMAT_VERSION, **RUN}))
-    journal.close()
+def test_a_journal_says_its_format_in_its_first_line(path):
+    written(path, (0, event_of("run", {"format": FORMAT_VERSION, **RUN})))
     assert format_of(path) == FORMAT_VERSION
     path.write_text("garbage\n")
     assert format_of(path) is None
@@ -220,16 +219,14 @@ def test_a_journal_of_before_the_first_release_is_refused_in_one_line_and_a_newe
         ScriptTold(said="caf\udce9.yaml"),  # a name of bytes that are no text
     ],
 )
-def test_an_event_is_read_as_it_was_written_with_its_tuples_and_enums(journal, path, event):
-    journal.append(7, event)
-    journal.close()
-    assert read_journal(path).entries == [(7, event)]
+def test_an_event_is_read_as_it_was_written_with_its_tuples_and_enums(path, event):
+    assert written(path, (7, event)).entries == [(7, event)]
 
 
 @settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(cuts=st.lists(st.integers(0, 400), max_size=12))
 def test_a_tail_reads_a_growing_file_as_it_is_read_whole_wherever_it_was_cut(path, cuts):
-    written = b"".join(
+    whole = b"".join(
         [
             *(b'{"t":%d,"kind":"leg","metres":1.5}\n' % n for n in range(5)),
             b"damaged\n",
@@ -239,10 +236,10 @@ def test_a_tail_reads_a_growing_file_as_it_is_read_whole_wherever_it_was_cut(pat
     path.write_bytes(b"")
     tail = JournalTail(path)
     found, dropped = [], 0
-    ends = [*sorted(min(cut, len(written)) for cut in cuts), len(written)]
+    ends = [*sorted(min(cut, len(whole)) for cut in cuts), len(whole)]
     for begin, end in zip([0, *ends], ends, strict=False):
         with path.open("ab") as file:
-            file.write(written[begin:end])
+            file.write(whole[begin:end])
         new = tail.read_new()
         found += lines(new)
         dropped += new.dropped
@@ -253,7 +250,5 @@ def test_a_tail_reads_a_growing_file_as_it_is_read_whole_wherever_it_was_cut(pat
 
 def test_a_tail_names_the_line_that_is_damaged(path):
     path.write_bytes(b'{"t":0,"kind":"tick"}\n{"t":1,"kind":"leg"}\n')
-    tail = JournalTail(path)
-    with pytest.raises(JournalDamaged, match=r"journal\.jsonl, line 2: "):
+    with closing(JournalTail(path)) as tail, pytest.raises(JournalDamaged, match=r"journal\.jsonl, line 2: "):
         tail.read_new()
-    tail.close()
