@@ -202,15 +202,20 @@ def alone(name: str, count: int, terms: Terms = NET, votes_from_ms: int = 0) -> 
     return Jurisdiction(name, states, names, terms, votes_from_ms)
 
 
+def granted(part: Jurisdiction, *times_ms: int) -> list[bool]:
+    """Whether it has aMussel 7, with which it is busy, after a look at each of these times."""
+    found = []
+    for now_ms in times_ms:
+        part.advance(OwnSight(busy=frozenset({7})), now_ms)
+        found.append(part.granted == {7})
+    return found
+
+
 @pytest.mark.parametrize("count", [2, 3, 4, 5])
 def test_without_a_majority_an_aPad_keeps_its_own_of_two_and_leaves_it_of_more(count: int) -> None:
-    part = alone("a", count)
-    for now_ms in range(10_000, 50_000, 10_000):
-        part.advance(OwnSight(busy=frozenset({7})), now_ms)
-        # The others' votes end with the lease, at 60 s; a grant ends earlier by the margin.
-        assert (part.granted == {7}) == (now_ms < 45_000)
-    part.advance(OwnSight(busy=frozenset({7})), 55_000)
-    assert (part.granted == {7}) == (count == 2)
+    """The others' votes end with the lease, at 60 s; a grant ends earlier by the margin."""
+    found = granted(alone("a", count), 10_000, 20_000, 30_000, 40_000, 55_000)
+    assert found == [True, True, True, True, count == 2]
 
 
 def test_the_others_leave_what_the_docks_of_a_lost_aPad_hold() -> None:
@@ -249,13 +254,10 @@ def test_a_vote_binds_until_its_lease_has_ended_by_every_clock() -> None:
     assert other.known["a"].votes[7] == Vote("c", 10_000, 70_000)
 
 
-def test_an_aPad_that_did_not_look_for_too_long_needs_a_majority_again() -> None:
+@pytest.mark.parametrize(("late_ms", "has_it"), [(45_000, True), (45_001, False)])
+def test_an_aPad_that_did_not_look_for_too_long_needs_a_majority_again(late_ms: int, has_it: bool) -> None:
     """Meanwhile another may have been granted the aMussel, and lost it again."""
-    for late_ms, granted in ((45_000, True), (45_001, False)):
-        part = alone("a", 2)
-        for now_ms in (15_000, 30_000, late_ms):
-            part.advance(OwnSight(busy=frozenset({7})), now_ms)
-        assert (part.granted == {7}) == granted
+    assert granted(alone("a", 2), 15_000, 30_000, late_ms)[-1] is has_it
 
 
 def test_an_aPad_that_begins_anew_votes_when_its_former_votes_have_ended() -> None:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import shutil
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 
 import pytest
@@ -67,19 +67,16 @@ class Event:
 def status(
     state: State, primary: float, secondary: float, east_m: float, sequence: int, late_ms: int
 ) -> object:
-    def do(beliefs: FleetBeliefs, agent_id: int, now_ms: int) -> None:
-        agent_ms = POOL.theta * (now_ms - late_ms)
-        packet = StatusPacket(agent_id, sequence, state, primary, secondary, 2.0, east_m, 3.0, agent_ms)
-        beliefs.hear(packet, now_ms)
-
-    return do
+    told = sequence, state, primary, secondary, 2.0, east_m, 3.0
+    return lambda beliefs, agent_id, now_ms: beliefs.hear(
+        StatusPacket(agent_id, *told, POOL.theta * (now_ms - late_ms)), now_ms
+    )
 
 
 def short_status(state: State, charge: float) -> object:
-    def do(beliefs: FleetBeliefs, agent_id: int, now_ms: int) -> None:
-        beliefs.hear_short(ShortStatus(agent_id, state, charge, charge), now_ms)
-
-    return do
+    return lambda beliefs, agent_id, now_ms: beliefs.hear_short(
+        ShortStatus(agent_id, state, charge, charge), now_ms
+    )
 
 
 def measured(measurement: Measurement) -> object:
@@ -157,9 +154,8 @@ def test_killed_anywhere_it_goes_on_with_the_same_beliefs_to_the_last_bit(
     assert resumed.kept() == uninterrupted.kept() and resumed.all() == uninterrupted.all()
     # It would take an old packet for new if it did not remember the newest packet's time.
     late = status(State.ACTIVE, 0.5, 0.5, 0.0, 9, 600_000)
-    for beliefs in (uninterrupted, resumed):
-        for agent_id in IDS:
-            late(beliefs, agent_id, now_ms + gap_ms)
+    for beliefs, agent_id in product((uninterrupted, resumed), IDS):
+        late(beliefs, agent_id, now_ms + gap_ms)
     assert resumed.kept() == uninterrupted.kept()
 
 
@@ -178,21 +174,19 @@ def written_checkpoint(path: Path) -> tuple[list[bytes], list[object]]:
 
 def test_torn_at_any_byte_it_gives_what_was_whole(tmp_path: Path) -> None:
     lines, kept = written_checkpoint(tmp_path / "checkpoint.jsonl")
-    whole = b"".join(lines)
-    torn = tmp_path / "torn.jsonl"
+    whole, torn = b"".join(lines), tmp_path / "torn.jsonl"
+    ends = [len(b"".join(lines[: n + 1])) for n in range(len(lines))]
     for size in range(0, len(whole), 7):
         torn.write_bytes(whole[:size])
         beliefs = of_a_twin()
-        if size < len(lines[0]):
+        after = sum(end <= size for end in ends) - 1
+        if after < 0:
             with pytest.raises(NoCheckpoint, match="another version, or damaged"):
                 restore(torn, beliefs)
-            assert beliefs.kept() == []
-            continue
-        ends = [len(b"".join(lines[: n + 1])) for n in range(len(lines))]
-        after = sum(end <= size for end in ends) - 1
-        restored = restore(torn, beliefs)
-        assert (restored.whole, restored.until_ms) == (size in ends, 60_000 * after)
-        assert beliefs.kept() == kept[after]
+        else:
+            restored = restore(torn, beliefs)
+            assert (restored.whole, restored.until_ms) == (size in ends, 60_000 * after)
+        assert beliefs.kept() == kept[max(after, 0)]
 
 
 @pytest.mark.parametrize(
@@ -258,44 +252,39 @@ def test_a_kill_while_a_full_record_is_written_leaves_the_former_file(tmp_path: 
     path = tmp_path / "checkpoint.jsonl"
     _, kept = written_checkpoint(path)
     (tmp_path / ".checkpoint.jsonl.fresh").write_bytes(b'{"t":0,"format":1,"bel')
-    shutil.copy(path, tmp_path / "before")
-    beliefs = of_a_twin()
-    restore(path, beliefs)
-    assert beliefs.kept() == kept[-1]
-    Checkpoint(path, beliefs, 200_000).close()
-    again = of_a_twin()
+    first, again = of_a_twin(), of_a_twin()
+    restore(path, first)
+    Checkpoint(path, first, 200_000).close()
     assert restore(path, again).until_ms == 200_000
-    assert again.kept() == kept[-1]
+    assert first.kept() == again.kept() == kept[-1]
 
 
 @pytest.mark.parametrize("name", ESTIMATORS)
 def test_an_admitted_aMussel_comes_with_the_beliefs_of_others(name: str, tmp_path: Path) -> None:
     """It reported twice elsewhere. Afterwards both aPads believe the same, and so does a resumed supervisor."""
-    elsewhere, here = ESTIMATORS[name](), ESTIMATORS[name]()
+    elsewhere, here, restored = (ESTIMATORS[name]() for _ in range(3))
     newcomer = 3
+    first, second, heard = (
+        StatusPacket(newcomer, n, State.ACTIVE, charge, 1.0, 4.0, 5.0, 3.0, POOL.theta * at_ms)
+        for n, charge, at_ms in ((0, 0.5, 1000), (0, 0.5, 9000), (1, 0.4, 20_000))
+    )
     here.dismiss(newcomer)
-    for at_ms in (1000, 9000):
+    for packet, at_ms in ((first, 1000), (second, 9000)):
         elsewhere.advance(at_ms)
-        elsewhere.hear(
-            StatusPacket(newcomer, 0, State.ACTIVE, 0.5, 1.0, 4.0, 5.0, 3.0, POOL.theta * at_ms), at_ms
-        )
-    heard = StatusPacket(newcomer, 1, State.ACTIVE, 0.4, 1.0, 4.0, 6.0, 3.0, POOL.theta * 20_000)
+        elsewhere.hear(packet, at_ms)
     here.advance(10_000)
     assert here.hear(heard, 10_000) == "a status of an unknown aMussel"
 
     writer = Checkpoint(tmp_path / "checkpoint.jsonl", here, 10_000)
-    handed = elsewhere.get(newcomer)
-    assert handed is not None
-    here.admit(newcomer, here.estimator.restored(newcomer, elsewhere.estimator.kept(handed)))
+    here.admit(newcomer, here.estimator.restored(newcomer, elsewhere.estimator.kept(elsewhere.get(newcomer))))
     for beliefs in (elsewhere, here):
         beliefs.advance(20_000)
         assert beliefs.hear(heard, 20_000) is None
     writer.flush(20_000)
     writer.close()
-    restored = ESTIMATORS[name]()
     restore(tmp_path / "checkpoint.jsonl", restored)
-    assert here.get(newcomer) is not None and here.get(newcomer) == elsewhere.get(newcomer)
     restored.advance(20_000)
-    assert restored.get(newcomer) == here.get(newcomer)
+    believed = here.get(newcomer)
+    assert believed is not None and believed == elsewhere.get(newcomer) == restored.get(newcomer)
     here.dismiss(newcomer)
     assert here.get(newcomer) is None

@@ -1,5 +1,6 @@
 """Tests the meter's closed forms against an independent stepper that goes through every millisecond."""
 
+from collections import Counter
 from dataclasses import replace
 
 import pytest
@@ -45,34 +46,23 @@ def literal(
 
     `presence_by_tick` has the presence after that tick; while the aMussel is not simulated, nothing is counted.
     """
-    presence_by_tick, presence, other_ticks = (
-        presence_by_tick or {},
-        Presence.SIMULATED,
-        dict.fromkeys(Presence, 0),
-    )
-    at_last = None
-    paper = submerged = dead = 0
-    emptied = lost = False
-    standing = None
+    presence_by_tick = presence_by_tick or {}
+    presence, other_ticks = Presence.SIMULATED, Counter[Presence]()
+    at_last, standing, counts = None, None, Counter[str]()
     primary = secondary = 0
-    waiting = list(truths)
+    emptied = lost = False
     for ms in range(ticks * TICK_MS * THETA + 1):
         if standing is not None:
             primary = _step(primary, standing.physical.primary)
             secondary = _step(secondary, standing.physical.secondary)
-        while waiting and waiting[0].at_ms == ms:
-            standing = waiting.pop(0)
+        for standing in (it for it in truths if it.at_ms == ms):
             # A battery that flowed on keeps what the steps gave it.
-            primary, secondary = (
-                battery.charge if battery.anchor_ms == ms else stepped
-                for battery, stepped in (
-                    (standing.physical.primary, primary),
-                    (standing.physical.secondary, secondary),
-                )
-            )
+            first, second = standing.physical.primary, standing.physical.secondary
+            primary = first.charge if first.anchor_ms == ms else primary
+            secondary = second.charge if second.anchor_ms == ms else secondary
         if standing is None:
             continue
-        is_tick = ms % (TICK_MS * THETA) == 0
+        tick, is_tick = ms // (TICK_MS * THETA), ms % (TICK_MS * THETA) == 0
         if presence is Presence.SIMULATED:
             emptied |= primary == 0
             lost |= (primary == 0 and secondary == 0) or standing.state is State.LOST
@@ -81,38 +71,32 @@ def literal(
                 # The other battery counts where it feeds a board at work, and is in use.
                 on_secondary = in_use and is_at_work and standing.physical.secondary.load > 0
                 charged = primary > 0 or (on_secondary and secondary > 0)
-                paper += charged and not standing.physical.docked
-                submerged += charged and is_at_work
-                dead += primary == 0
+                counts["paper"] += charged and not standing.physical.docked
+                counts["submerged"] += charged and is_at_work
+                counts["dead"] += primary == 0
             at_last = primary
         elif is_tick:
             other_ticks[presence] += 1
         if is_tick:
-            presence = presence_by_tick.get(ms // (TICK_MS * THETA), presence)
+            presence = presence_by_tick.get(tick, presence)
+    newest = max([n for n in presence_by_tick if n <= ticks], default=-1)
     return AgentUptime(
         7,
-        paper,
-        submerged,
-        dead,
+        *(counts[it] for it in ("paper", "submerged", "dead")),
         emptied,
         lost,
         at_last,
         truths[0].physical.primary.charge,
         beside_real=other_ticks[Presence.REAL],
         retired=other_ticks[Presence.RETIRED],
-        presence=presence_by_tick.get(
-            max([n for n in presence_by_tick if n <= ticks], default=-1), Presence.SIMULATED
-        ),
+        presence=presence_by_tick.get(newest, Presence.SIMULATED),
     )
 
 
 def _step(charge: int, battery: Battery) -> int:
-    gained = 0
-    if battery.flow is Flow.DISCHARGING:
-        gained = -FULL // 40 - battery.load
-    elif battery.flow is Flow.CHARGING:
-        gained = (FULL // 90 + 7 if charge <= FULL // 3 else FULL // 30) - battery.load
-    return min(FULL, max(0, charge + gained))
+    charger = FULL // 90 + 7 if charge <= FULL // 3 else FULL // 30
+    flows = {Flow.DISCHARGING: -FULL // 40 - battery.load, Flow.CHARGING: charger - battery.load}
+    return min(FULL, max(0, charge + flows.get(battery.flow, 0)))
 
 
 charges = st.one_of(st.just(0), st.just(FULL), st.integers(0, FULL))
@@ -138,13 +122,9 @@ def truths_of(events, first_ms=0):
     for gap_ms, state, docked, primary, secondary, kind in events:
         now = truth(at_ms, state, docked, primary, secondary)
         if truths and kind != "all anew":
-            before, anew = truths[-1], now.physical
-            if kind == "batteries flow on":
-                changed = {"docked": docked}
-            elif kind == "drift step":
-                changed = {"north_um": at_ms}
-            else:
-                changed = {kind.removesuffix(" anew"): getattr(anew, kind.removesuffix(" anew"))}
+            before, part = truths[-1], kind.removesuffix(" anew")
+            told = {"batteries flow on": {"docked": docked}, "drift step": {"north_um": at_ms}}
+            changed = told[kind] if kind in told else {part: getattr(now.physical, part)}
             kept = state if kind == "batteries flow on" else before.state
             now = replace(now, state=kept, physical=replace(before.physical, **changed))
         truths.append(now)
@@ -210,30 +190,25 @@ def test_what_a_twin_does_is_told_apart(meter):
         newest = truth(tick * tick_ms, State.ACTIVE, False, (charge, Flow.RESTING), (FULL, Flow.RESTING))
         return replace(newest, physical=replace(newest.physical, samples=samples))
 
-    other = replace(truth(0, State.CHARGING, True, (FULL, Flow.RESTING), (FULL, Flow.RESTING)), agent_id=8)
-    meter.take(other)
+    meter.take(
+        replace(truth(0, State.CHARGING, True, (FULL, Flow.RESTING), (FULL, Flow.RESTING)), agent_id=8)
+    )
     meter.take(at(0, FULL, 0))
     meter.take(at(2, FULL, 5))
     meter.set_presence(7, Presence.REAL, 3 * tick_ms)
     meter.take(at(5, 0, 9))
-    assert meter.active_now(5 * TICK_MS) == 0
+    active = [meter.active_now(5 * TICK_MS)]
     meter.take(at(7, FULL // 2, 9))
     meter.set_presence(7, Presence.SIMULATED, 7 * tick_ms)
     meter.take(at(8, FULL // 2, 11))
-    assert meter.active_now(9 * TICK_MS) == 1
+    assert [*active, meter.active_now(9 * TICK_MS)] == [0, 1]
     figures = uptime_figures(meter, 10 * TICK_MS, TICK_MS)
     # aMussel 7 was active at all of its 6 ticks, aMussel 8 docked at all of its 10.
-    assert figures["uptime_paper"] == {"mean": 100 * 6 / 16, "max": 100.0, "min": 0.0}
-    assert (figures["counted_s"], figures["counted_at_end"]) == (16 * TICK_MS / 1000, 2)
-    assert figures["active_mean"] == 6 / 10
-    assert (figures["amussels_lost"], figures["emptied"], figures["dead_time_s"]) == (0, 0, 0)
-    assert figures["samples_taken"] == 7
-    assert figures["excluded"] == {
-        "amussels": 1,
-        "beside_real_s": 4 * TICK_MS / 1000,
-        "retired_s": 0,
-        "samples_taken": 4,
-    }
+    told = {"uptime_paper": {"mean": 100 * 6 / 16, "max": 100.0, "min": 0.0}, "active_mean": 6 / 10}
+    told |= {"counted_s": 16 * TICK_MS / 1000, "counted_at_end": 2, "samples_taken": 7}
+    told |= dict.fromkeys(("amussels_lost", "emptied", "dead_time_s"), 0)
+    beside = {"amussels": 1, "beside_real_s": 4 * TICK_MS / 1000, "retired_s": 0, "samples_taken": 4}
+    assert {key: figures[key] for key in (*told, "excluded")} == {**told, "excluded": beside}
     # Sequences 5 to 8 are the twin's. Of the others 0, 1, 2 and 10 were uploaded; 400 is a real aMussel's upload.
     apart = {it.agent_id: it.apart for it in meter.at(10 * TICK_MS)}
     kept = {7: {0, 1, 2, 6, 10, 400}}
@@ -249,19 +224,13 @@ def test_where_everybody_is_elsewhere_there_are_no_figures(meter):
     meter.take(truth(0, State.ACTIVE, False, (FULL, Flow.RESTING), (FULL, Flow.RESTING)))
     meter.set_presence(7, Presence.RETIRED, 0)
     figures = uptime_figures(meter, 4 * TICK_MS, TICK_MS)
-    assert (
-        figures["uptime_paper"] is None
-        and figures["uptime_missing"] == "no aMussel was simulated in the water"
-    )
-    assert figures["excluded"]["retired_s"] == 4 * TICK_MS / 1000
+    told = figures["uptime_paper"], figures["uptime_missing"], figures["excluded"]["retired_s"]
+    assert told == (None, "no aMussel was simulated in the water", 4 * TICK_MS / 1000)
 
 
 @given(events=events, ticks=st.integers(1, 20))
 def test_asking_early_changes_nothing(events, ticks):
-    asked, silent = (
-        UptimeMeter(SCALE, lambda _: MODEL, TICK_MS, secondary_in_use=True),
-        UptimeMeter(SCALE, lambda _: MODEL, TICK_MS, secondary_in_use=True),
-    )
+    asked, silent = (UptimeMeter(SCALE, lambda _: MODEL, TICK_MS, secondary_in_use=True) for _ in range(2))
     truths, at_ms = truths_of(events)
     for it in truths:
         for meter in (asked, silent):
@@ -279,8 +248,8 @@ def test_the_papers_row_without_charging(charge, percent):
     meter.take(truth(0, State.ACTIVE, False, (grains(charge), Flow.DISCHARGING), (FULL, Flow.RESTING)))
     (uptime,) = meter.at(2_400_000)
     assert 100 * uptime.paper / 2400 == pytest.approx(percent, abs=0.05)
-    assert uptime.emptied and not uptime.lost and uptime.charge == 0
-    assert uptime.dead == 2400 - uptime.paper
+    found = uptime.emptied, uptime.lost, uptime.charge, uptime.dead
+    assert found == (True, False, 0, 2400 - uptime.paper)
 
 
 def test_uptime_at_equal_charge_by_hand():
@@ -300,22 +269,24 @@ def test_uptime_at_equal_charge_by_hand():
     assert uptime_figures(meter, 1_000_000)["uptime_equal_charge"] is None
 
 
-def test_active_now_follows_the_dock_and_the_battery(meter):
-    meter.take(truth(0, State.ACTIVE, False, (FULL, Flow.DISCHARGING), (FULL, Flow.RESTING)))
-    assert meter.active_now(13) == 1  # 39 ms of agent time: 1/40 is left
-    assert meter.active_now(14) == 0
-    meter.take(truth(45, State.CHARGING, True, (FULL // 2, Flow.CHARGING), (FULL, Flow.RESTING)))
-    assert meter.active_now(15) == 0
+UP, DOWN = (FULL, Flow.RESTING), (FULL, Flow.DISCHARGING)
+CHARGES = truth(45, State.CHARGING, True, (FULL // 2, Flow.CHARGING), UP)
+IDLE = truth(0, State.ACTIVE, False, UP, UP)
 
 
-def test_an_aMussel_that_is_gone_is_active_no_more_until_it_is_back(meter):
-    first = truth(0, State.ACTIVE, False, (FULL, Flow.RESTING), (FULL, Flow.RESTING))
-    meter.take(first)
-    meter.ended(7, 4 * TICK_MS * THETA)
-    assert [uptime.paper for uptime in meter.at(10 * TICK_MS)] == [3]
-    assert meter.active_now(3 * TICK_MS) == 1 and meter.active_now(4 * TICK_MS) == 0
-    meter.take(replace(first, at_ms=8 * TICK_MS * THETA))  # somebody started it again
-    assert [uptime.paper for uptime in meter.at(10 * TICK_MS)] == [6]
+def test_active_now_follows_the_dock_and_the_battery_and_one_that_is_gone(meter):
+    """After 39 ms of agent time 1/40 of a battery is left. One that is gone may be started again."""
+    meter.take(truth(0, State.ACTIVE, False, DOWN, UP))
+    found = [meter.active_now(13), meter.active_now(14)]
+    meter.take(CHARGES)
+    found.append(meter.active_now(15))
+    meter.take(replace(IDLE, agent_id=8))
+    meter.ended(8, 4 * TICK_MS * THETA)
+    counts = [meter.at(10 * TICK_MS)[-1].paper]
+    found += meter.active_now(3 * TICK_MS), meter.active_now(4 * TICK_MS)
+    meter.take(replace(IDLE, agent_id=8, at_ms=8 * TICK_MS * THETA))
+    counts.append(meter.at(10 * TICK_MS)[-1].paper)
+    assert (found, counts) == ([1, 0, 0, 1, 0], [3, 6])
 
 
 def test_an_older_truth_is_refused_and_changes_nothing(meter):
