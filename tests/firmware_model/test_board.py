@@ -1,5 +1,6 @@
 """Stories of one board of the worst case as golden traces."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
@@ -63,45 +64,49 @@ def story(mu: Board, facts: list[tuple[int, Stimulus]], until_ms: int) -> list[s
     return told(actions + mu.advance(until_ms))
 
 
-def test_one_service_from_the_bottom_to_the_bottom() -> None:
-    facts: list[tuple[int, Stimulus]] = [
-        (0, POWER),
-        (10_000, PERMISSION),
-        (70_000, SurfaceReached()),
-        (100_000, ChargePinRose()),
-        (9_000_000, ChargePinFell()),
-        (9_000_400, RELEASE),
-        (9_060_000, BottomReached()),
-    ]
-    assert story(board(), facts, 10_000_000) == [
-        "0 OFF -POWER_CAME_ON-> BOOTING",
-        "2000 BOOTING -BOOTED_ON_BOTTOM-> ACTIVE",
-        "10000 ACTIVE -PERMISSION_HEARD-> SURFACING",
-        "10000 motors FLOAT",
-        "70000 SURFACING -SURFACE_REACHED-> FLOATING",
-        "100050 FLOATING -CHARGE_EDGE_ROSE-> CHARGING",
-        "9000050 CHARGING -CHARGE_EDGE_FELL-> RELEASED",
-        "9000400 RELEASED -CLEAR_TO_SINK-> SINKING",
-        "9000400 motors SINK",
-        "9060000 SINKING -BOTTOM_REACHED-> ACTIVE",
-    ]
-
-
 def charging_board() -> Board:
     mu = board()
-    mu.receive(POWER, 0)
-    mu.receive(PERMISSION, 10_000)
-    mu.receive(SurfaceReached(), 70_000)
-    mu.receive(ChargePinRose(), 100_000)
-    mu.advance(200_000)
+    facts = (0, POWER), (10_000, PERMISSION), (70_000, SurfaceReached()), (100_000, ChargePinRose())
+    story(mu, [*facts], 200_000)
     assert mu.state is State.CHARGING
     return mu
 
 
+BOOTED = ["0 OFF -POWER_CAME_ON-> BOOTING", "2000 BOOTING -BOOTED_ON_BOTTOM-> ACTIVE"]
+UP: list[tuple[int, Stimulus]] = [(0, POWER), (10_000, PERMISSION), (70_000, SurfaceReached())]
+WENT_UP = [
+    *BOOTED,
+    "10000 ACTIVE -PERMISSION_HEARD-> SURFACING",
+    "10000 motors FLOAT",
+    "70000 SURFACING -SURFACE_REACHED-> FLOATING",
+]
+
+
 @pytest.mark.parametrize(
-    ("facts", "until_ms", "lines"),
+    ("begins", "facts", "until_ms", "lines"),
     [
         pytest.param(
+            board,
+            [
+                *UP,
+                (100_000, ChargePinRose()),
+                (9_000_000, ChargePinFell()),
+                (9_000_400, RELEASE),
+                (9_060_000, BottomReached()),
+            ],
+            10_000_000,
+            [
+                *WENT_UP,
+                "100050 FLOATING -CHARGE_EDGE_ROSE-> CHARGING",
+                "9000050 CHARGING -CHARGE_EDGE_FELL-> RELEASED",
+                "9000400 RELEASED -CLEAR_TO_SINK-> SINKING",
+                "9000400 motors SINK",
+                "9060000 SINKING -BOTTOM_REACHED-> ACTIVE",
+            ],
+            id="one service from the bottom to the bottom",
+        ),
+        pytest.param(
+            charging_board,
             [(300_000, ChargePinFell())],
             500_000,
             [
@@ -112,6 +117,7 @@ def charging_board() -> Board:
             id="without a release packet it sinks after the stated wait",
         ),
         pytest.param(
+            charging_board,
             [(300_000, ChargePinFell()), (300_010, RELEASE)],
             300_060,
             [
@@ -122,15 +128,44 @@ def charging_board() -> Board:
             id="a release packet that outruns the falling edge is kept",
         ),
         pytest.param(
-            [(300_000, ChargePinFell()), (300_049, ChargePinRose())],
-            400_000,
-            [],
+            *(charging_board, [(300_000, ChargePinFell()), (300_049, ChargePinRose())], 400_000, []),
             id="a pin that bounces while docked does not release",
+        ),
+        # 0.001 / 0.0010427134 a minute = 57542.2 ms: empty at the millisecond that ends above it.
+        pytest.param(
+            partial(board, 0.001),
+            [(0, POWER), (10 * MIN, PERMISSION)],
+            10 * MIN,
+            [
+                *BOOTED,
+                "57543 ACTIVE -BATTERY_EMPTIED-> EMPTY",
+                "600000 EMPTY -PERMISSION_HEARD-> SURFACING",
+                "600000 motors FLOAT",
+            ],
+            id="an emptied aMussel stops measuring and still surfaces on its backup",
+        ),
+        pytest.param(
+            *(board, UP, 700_000),
+            [*WENT_UP, "670000 FLOATING -FLOAT_TIMED_OUT-> SINKING", "670000 motors SINK"],
+            id="floating unserved it sinks again",
+        ),
+        *(
+            pytest.param(
+                *(board, [(0, POWER), (5000, stimulus)], 6000, [*BOOTED, f"5000 dropped: {reason}"]),
+                id=f"what it cannot use is dropped: {reason}",
+            )
+            for stimulus, reason in (
+                (PacketHeard(b"\x00garbage"), "not a command"),
+                (PacketHeard(CommandPacket(Kind.PERMISSION, 25).encode()), "for another aMussel"),
+                (RELEASE, "ACTIVE does not take CLEAR_TO_SINK"),
+            )
         ),
     ],
 )
-def test_the_way_out_of_a_dock(facts: list[tuple[int, Stimulus]], until_ms: int, lines: list[str]) -> None:
-    assert story(charging_board(), facts, until_ms) == lines
+def test_story(
+    begins: Callable[[], Board], facts: list[tuple[int, Stimulus]], until_ms: int, lines: list[str]
+) -> None:
+    assert story(begins(), facts, until_ms) == lines
 
 
 def test_the_charge_follows_the_edges() -> None:
@@ -142,43 +177,12 @@ def test_the_charge_follows_the_edges() -> None:
     assert mu.primary.charge / FULL == pytest.approx(low + 0.002911 * (10 + 50 / MIN), abs=1e-9)
 
 
-def test_an_emptied_aMussel_stops_measuring_and_still_surfaces_on_its_backup() -> None:
-    mu = board(0.001)
-    lines = story(mu, [(0, POWER), (10 * MIN, PERMISSION)], 10 * MIN)
-    # 0.001 / 0.0010427134 a minute = 57542.2 ms: empty at the millisecond that ends above it.
-    assert lines[2] == "57543 ACTIVE -BATTERY_EMPTIED-> EMPTY"
-    assert lines[3] == "600000 EMPTY -PERMISSION_HEARD-> SURFACING"
-
-
-def test_floating_unserved_it_sinks_again() -> None:
-    facts: list[tuple[int, Stimulus]] = [(0, POWER), (10_000, PERMISSION), (70_000, SurfaceReached())]
-    assert story(board(), facts, 700_000)[-2:] == [
-        "670000 FLOATING -FLOAT_TIMED_OUT-> SINKING",
-        "670000 motors SINK",
-    ]
-
-
 def test_a_reset_on_the_charger_does_not_interrupt_the_charge() -> None:
     primary = Battery(0, grains(0.7), Flow.CHARGING)
     mu = Board(CONFIG, MusselbedCodec(), primary, Battery(0, FULL, Flow.RESTING), 0)
     mu.receive(PowerCameOn(ResetCause.BROWN_OUT, at_surface=True, pin_high=True), 0)
     mu.advance(5 * MIN)
     assert mu.primary == primary
-
-
-@pytest.mark.parametrize(
-    ("stimulus", "reason"),
-    [
-        (PacketHeard(b"\x00garbage"), "not a command"),
-        (PacketHeard(CommandPacket(Kind.PERMISSION, 25).encode()), "for another aMussel"),
-        (RELEASE, "ACTIVE does not take CLEAR_TO_SINK"),
-    ],
-)
-def test_what_it_cannot_use_is_dropped_with_a_reason(stimulus: Stimulus, reason: str) -> None:
-    mu = board()
-    mu.receive(POWER, 0)
-    assert story(mu, [(5000, stimulus)], 6000)[1:] == [f"5000 dropped: {reason}"]
-    assert mu.state is State.ACTIVE
 
 
 def test_time_going_back_is_refused() -> None:

@@ -9,9 +9,8 @@ from hypothesis import strategies as st
 from firmware_model.actions import Action, Dropped, SendStatus, StateChanged
 from firmware_model.bench import Bench
 from firmware_model.config import BoardConfig, Cycle, Timekeeping, Timeslots
-from firmware_model.packets import Beacon, SlotAssignment
+from firmware_model.packets import Beacon, Packet, SlotAssignment
 from firmware_model.settings import Settings
-from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
 from firmware_model.table_one import FIELD, HOURLY, board, power
 from tests.firmware_model.conftest import lines_of
@@ -32,18 +31,93 @@ def config(
     return replace(it, drift_ppb=drift_ppb, whole=replace(it.whole, timekeeping=timekeeping))
 
 
-def test_the_alarm_rings_by_the_board_s_own_clock() -> None:
+Heard = list[tuple[int, Packet]]
+STORIES: dict[str, tuple[BoardConfig, Heard, int, int, list[str]]] = {
     # 100 parts in a million fast: its hour is 3 600 000 / 1.0001 ms.
-    bench = Bench(config(HOURLY, 100_000))
-    assert told(bench.run(hours=1), 3_000_000) == ["3599641 SLEEPING -ALARM_RANG-> SAMPLING"]
-
-
-def test_the_slot_opens_by_the_board_s_own_clock_and_it_speaks_a_guard_later() -> None:
-    bench = Bench(config(drift_ppb=-100_000, guard_ms=100))
-    bench.run(hours=1.5)
-    (sent,) = bench.did(SendStatus)
+    "the alarm rings by the board's own clock": (
+        config(HOURLY, 100_000),
+        [],
+        3_600_000,
+        3_000_000,
+        ["3599641 SLEEPING -ALARM_RANG-> SAMPLING"],
+    ),
     # Timeslot 0 of the frame at 65 min, 100 ms guard: a clock 100 parts in a million slow reads that 390 ms late.
-    assert sent.at_ms == pytest.approx(3_900_100 * 1.0001, abs=1.5)
+    "the slot opens by the board's own clock and it speaks a guard later": (
+        config(drift_ppb=-100_000, guard_ms=100),
+        [],
+        5_400_000,
+        3_800_000,
+        [
+            "3900491 AWAITING_SLOT -SLOT_OPENED-> TRANSMITTING",
+            "3901491 TRANSMITTING -WAKE_OVER-> SLEEPING",
+        ],
+    ),
+    # 20 parts in a million may be more than 100 ms after 5000 s: at 65 min it may transmit, at 125 min not.
+    "in doubt it does not speak and sleeps again when no beacon comes": (
+        config(bound_ppb=20_000, guard_ms=100),
+        [],
+        9_000_000,
+        3_800_000,
+        [
+            "3900100 AWAITING_SLOT -SLOT_OPENED-> TRANSMITTING",
+            "3901100 TRANSMITTING -WAKE_OVER-> SLEEPING",
+            "7200000 SLEEPING -ALARM_RANG-> SAMPLING",
+            "7210000 SAMPLING -SAMPLES_TO_PROCESS-> PROCESSING",
+            "7270000 PROCESSING -PROCESSED-> AWAITING_SLOT",
+            "7270000 AWAITING_SLOT -CLOCK_DOUBTED-> AWAITING_BEACON",
+            f"7390000 {NOT_SENT}",
+            "7390000 AWAITING_BEACON -WAKE_OVER-> SLEEPING",
+        ],
+    ),
+    "in doubt a beacon lets it speak after all": (
+        config(bound_ppb=20_000, guard_ms=100),
+        [(7_300_000, Beacon(1, 7_300_000))],
+        7_600_000,
+        7_290_000,
+        [
+            "7300000 AWAITING_BEACON -BEACON_HEARD-> AWAITING_SLOT",
+            "7500100 AWAITING_SLOT -SLOT_OPENED-> TRANSMITTING",
+            "7501100 TRANSMITTING -WAKE_OVER-> SLEEPING",
+        ],
+    ),
+    # 750 m at 1500 m/s: the beacon arrives 500 ms late, and the packet another 500 ms later; so the aPad assigns -1000 ms.
+    "what is said arrives in the slot however far the aPad is": (
+        config(guard_ms=100),
+        [(600_500, Beacon(1, 600_000)), (600_500, SlotAssignment(1, 300_000, 5000, 100, 7, -1000))],
+        6_000_000,
+        3_700_000,
+        [
+            f"{3_600_000 + 300_000 + 35_000 + 100 - 500} AWAITING_SLOT -SLOT_OPENED-> TRANSMITTING",
+            "3935600 TRANSMITTING -WAKE_OVER-> SLEEPING",
+        ],
+    ),
+    # By hand: the wake ends at 3610 s; a frame begins at 3600 s, slot 7 of 3 s at 3621 s, its guard is 0.5 s.
+    "a first slot is used at the end of the wake in which it was assigned": (
+        board(HOURLY, power()),
+        [(3_603_000, SlotAssignment(1, 300_000, 3000, 500, 7, 0))],
+        3_660_000,
+        3_611_000,
+        [
+            "3621500 AWAITING_SLOT -SLOT_OPENED-> TRANSMITTING",
+            "3622500 TRANSMITTING -WAKE_OVER-> SLEEPING",
+        ],
+    ),
+}
+"""A board, what it hears, until when it lives, and what it does from a time on."""
+
+
+@pytest.mark.parametrize(
+    ("board_config", "heard", "until_ms", "since_ms", "lines"), STORIES.values(), ids=STORIES
+)
+def test_story(
+    board_config: BoardConfig, heard: Heard, until_ms: int, since_ms: int, lines: list[str]
+) -> None:
+    bench = Bench(board_config)
+    for at_ms, packet in heard:
+        bench.run_until(at_ms)
+        bench.hear(packet)
+    bench.run_until(until_ms)
+    assert told(bench.trace, since_ms) == lines
 
 
 def test_a_beacon_sets_the_clock_and_with_it_alarm_and_slot() -> None:
@@ -56,33 +130,6 @@ def test_a_beacon_sets_the_clock_and_with_it_alarm_and_slot() -> None:
     # 600 000 ms of its own after the beacon.
     assert lines[0] == "3599941 SLEEPING -ALARM_RANG-> SAMPLING"
     assert "3899911 AWAITING_SLOT -SLOT_OPENED-> TRANSMITTING" in lines
-
-
-def test_in_doubt_it_does_not_speak_and_sleeps_again_when_no_beacon_comes() -> None:
-    # 20 parts in a million may be more than 100 ms after 5000 s: at 65 min it may transmit, at 125 min not.
-    bench = Bench(config(bound_ppb=20_000, guard_ms=100))
-    lines = told(bench.run(hours=2.5), 3_800_000)
-    assert lines == [
-        "3900100 AWAITING_SLOT -SLOT_OPENED-> TRANSMITTING",
-        "3901100 TRANSMITTING -WAKE_OVER-> SLEEPING",
-        "7200000 SLEEPING -ALARM_RANG-> SAMPLING",
-        "7210000 SAMPLING -SAMPLES_TO_PROCESS-> PROCESSING",
-        "7270000 PROCESSING -PROCESSED-> AWAITING_SLOT",
-        "7270000 AWAITING_SLOT -CLOCK_DOUBTED-> AWAITING_BEACON",
-        f"7390000 {NOT_SENT}",
-        "7390000 AWAITING_BEACON -WAKE_OVER-> SLEEPING",
-    ]
-
-
-def test_in_doubt_a_beacon_lets_it_speak_after_all() -> None:
-    bench = Bench(config(bound_ppb=20_000, guard_ms=100))
-    bench.run_until(7_300_000)
-    assert bench.state is State.AWAITING_BEACON
-    assert told(bench.hear(Beacon(1, 7_300_000))) == ["7300000 AWAITING_BEACON -BEACON_HEARD-> AWAITING_SLOT"]
-    assert told(bench.run(minutes=5)) == [
-        "7500100 AWAITING_SLOT -SLOT_OPENED-> TRANSMITTING",
-        "7501100 TRANSMITTING -WAKE_OVER-> SLEEPING",
-    ]
 
 
 def test_a_beacon_that_cannot_be_and_one_for_another_are_dropped() -> None:
@@ -109,17 +156,6 @@ def test_a_reset_leaves_the_clock_and_what_it_was_told(cause: ResetCause) -> Non
     (sent, *_) = bench.did(SendStatus, 2_000_000)
     spoke_ms = 1_000_700 + (sent.at_ms - 1_000_000) * (1 - 50e-6)
     assert spoke_ms % 60_000 == pytest.approx(18_460, abs=1)
-
-
-def test_what_is_said_arrives_in_the_slot_however_far_the_apad_is() -> None:
-    # 750 m at 1500 m/s: the beacon arrives 500 ms late, and the packet another 500 ms later; so the aPad assigns -1000 ms.
-    bench = Bench(config(guard_ms=100))
-    bench.run_until(600_500)
-    bench.hear(Beacon(1, 600_000))
-    bench.hear(SlotAssignment(1, frame_ms=300_000, slot_ms=5000, guard_ms=100, index=7, offset_ms=-1000))
-    bench.run(hours=1.5)
-    (sent,) = bench.did(SendStatus)
-    assert sent.at_ms + 500 == 3_600_000 + 300_000 + 35_000 + 100
 
 
 FRAME_MS, SLOT_MS, GUARD_MS = 60_000, 4000, 400
@@ -164,12 +200,3 @@ def test_the_next_time_to_speak_is_the_first_one_of_its_slot(
     at_ms = it.transmits_at_ms(reading_ms)
     assert reading_ms <= at_ms < reading_ms + frame_ms
     assert (at_ms - slot * slot_ms - slot_ms // 3 - offset_ms) % frame_ms == 0
-
-
-def test_a_first_slot_is_used_at_the_end_of_the_wake_in_which_it_was_assigned() -> None:
-    """By hand: the wake ends at 3610 s; a frame begins at 3600 s, slot 7 of 3 s at 3621 s, its guard is 0.5 s."""
-    bench = Bench(board(HOURLY, power()))
-    bench.run(seconds=3603)
-    bench.hear(SlotAssignment(1, 300_000, 3000, 500, 7, 0))
-    bench.run(minutes=1)
-    assert [it.at_ms for it in bench.did(SendStatus)] == [3_621_500]

@@ -36,8 +36,7 @@ def iterated(model: ChargeModel, battery: Battery, steps: int) -> int:
     curve = model.segments_by_two if battery.coils == 2 else model.segments
 
     def segment(charge: int) -> tuple[int, int]:
-        end, rate = next((end, rate) for end, rate in curve if charge <= end)
-        return end, rate - battery.load
+        return next((end, rate - battery.load) for end, rate in curve if charge <= end)
 
     charge = battery.charge
     for _ in range(steps):
@@ -95,8 +94,8 @@ def test_falls_to_and_reaches_are_the_first_milliseconds_that_do(battery: Batter
 
 def test_a_load_above_the_charger_s_upper_rate_holds_the_charge_at_the_breakpoint() -> None:
     # 1/77 a millisecond up to one half, and then 1/200 less a load of 1/100: it neither rises nor falls there.
-    assert TAPERED.charge_at(Battery(0, FULL // 4, Flow.CHARGING, FULL // 100), 10_000) == FULL // 2
-    assert TAPERED.charge_at(Battery(0, FULL, Flow.CHARGING, FULL // 100), 10_000) == FULL // 2
+    begins = (Battery(0, it, Flow.CHARGING, FULL // 100) for it in (FULL // 4, FULL))
+    assert [TAPERED.charge_at(it, 10_000) for it in begins] == [FULL // 2] * 2
 
 
 @given(charges, charges, loads)
@@ -110,29 +109,29 @@ def test_over_hours_too_they_are_the_first_milliseconds(charge: int, target: int
         assert at_ms == 0 or not least <= PAPER.charge_at(battery, at_ms - 1) <= most
 
 
-def test_full_discharge_takes_table_i_s_962_minutes_within_half_a_percent() -> None:
-    empty_ms = PAPER.empty_at_ms(Battery(0, FULL, Flow.DISCHARGING))
-    assert empty_ms is not None
-    assert empty_ms / 60_000 == pytest.approx(962, rel=0.005)
-    assert empty_ms / 60_000 == pytest.approx(1 / 0.0010427134, abs=0.001)
-
-
-def test_full_charge_takes_table_i_s_485_minutes() -> None:
-    # By hand: 0.16197/0.001045 + (0.5634 - 0.16197)/0.00223 + (1 - 0.5634)/0.002911 = 155.00 + 180.01 + 149.98 min.
-    full_ms = PAPER.reaches_at_ms(Battery(0, 0, Flow.CHARGING), FULL)
-    assert full_ms is not None
-    assert full_ms / 60_000 == pytest.approx(484.99, abs=0.02)
-
-
-def test_resting_and_discharging_batteries_never_reach_more() -> None:
-    assert PAPER.reaches_at_ms(Battery(0, 10, Flow.RESTING), 11) is None
-    assert PAPER.reaches_at_ms(Battery(0, 10, Flow.DISCHARGING), 11) is None
-    assert PAPER.empty_at_ms(Battery(0, 10, Flow.CHARGING)) is None
-
-
-def test_time_going_back_is_refused() -> None:
-    with pytest.raises(ValueError, match="time went back"):
-        PAPER.charge_at(Battery(10, 0, Flow.RESTING), 9)
+@pytest.mark.parametrize(
+    ("found_ms", "minutes"),
+    [
+        pytest.param(PAPER.empty_at_ms(Battery(0, FULL, Flow.DISCHARGING)), it, id=f"a full discharge, {by}")
+        for it, by in (
+            (pytest.approx(962, rel=0.005), "Table I"),
+            (pytest.approx(1 / 0.0010427134, abs=0.001), "equation (1)"),
+        )
+    ]
+    + [
+        # By hand: 0.16197/0.001045 + (0.5634 - 0.16197)/0.00223 + (1 - 0.5634)/0.002911 = 155.00 + 180.01 + 149.98 min.
+        pytest.param(
+            PAPER.reaches_at_ms(Battery(0, 0, Flow.CHARGING), FULL),
+            pytest.approx(484.99, abs=0.02),
+            id="a full charge, Table I's 485 minutes",
+        ),
+        pytest.param(PAPER.reaches_at_ms(Battery(0, 10, Flow.RESTING), 11), None, id="at rest nothing comes"),
+        pytest.param(PAPER.reaches_at_ms(Battery(0, 10, Flow.DISCHARGING), 11), None, id="nor in the water"),
+        pytest.param(PAPER.empty_at_ms(Battery(0, 10, Flow.CHARGING)), None, id="nothing empties in a dock"),
+    ],
+)
+def test_how_long_it_takes(found_ms: int | None, minutes: float | None) -> None:
+    assert (None if found_ms is None else found_ms / 60_000) == minutes
 
 
 @pytest.mark.parametrize("rate", [0.0, -0.001, 0.00000000001])
