@@ -26,24 +26,17 @@ def test_runs_of_the_same_second_do_not_share_a_directory(tmp_path, monkeypatch)
 
 
 def test_a_named_directory_may_be_new_or_empty_but_not_used(tmp_path):
-    new, empty, used = tmp_path / "a" / "new", tmp_path / "empty", tmp_path / "used"
-    empty.mkdir()
-    used.mkdir()
+    new, empty, used, file = (tmp_path / it for it in ("a/new", "empty", "used", "file"))
+    for it in (empty, used):
+        it.mkdir()
     (used / "notes.txt").write_text("mine")
-    assert RunDirectory.create("x", NOW, new).path.is_dir()
-    assert RunDirectory.create("x", NOW, empty).path == empty
-    with pytest.raises(RunDirectoryError, match=r"used: is not empty; .*choose a new directory$"):
-        RunDirectory.create("x", NOW, used)
+    file.write_text("")
+    for it in (new, empty):
+        assert RunDirectory.create("x", NOW, it).path == it and it.is_dir()
+    for it, told in ((used, r"is not empty; .*choose a new directory$"), (file, "File exists; --out wants")):
+        with pytest.raises(RunDirectoryError, match=f"{it.name}: {told}"):
+            RunDirectory.create("x", NOW, it)
     assert (used / "notes.txt").read_text() == "mine"
-
-
-def test_a_file_is_no_directory(tmp_path):
-    (tmp_path / "file").write_text("")
-    with pytest.raises(RunDirectoryError, match="file: File exists; --out wants"):
-        RunDirectory.create("x", NOW, tmp_path / "file")
-
-
-def test_a_directory_without_a_journal_is_no_run(tmp_path):
     with pytest.raises(RunDirectoryError, match=r"it has no journal\.jsonl"):
         RunDirectory.open(tmp_path)
 
@@ -78,24 +71,26 @@ def test_of_a_run_that_another_supervisor_continued_all_stays(tmp_path):
     assert run.reduced_to_bags(["apad1"]) == [] and len(run.bags) == 2
 
 
+def written(scenario, folder):
+    """A run's directory with its inputs, and the versions in it."""
+    directory = RunDirectory.create(scenario.name, NOW, folder / "run")
+    directory.write_inputs(scenario, starts_of(scenario))
+    return directory, json.loads(directory.versions.read_text())
+
+
 def test_the_inputs_make_the_same_run_again(tmp_path):
     scenario = load(POOL_FILE)
-    starts = starts_of(scenario)
-    directory = RunDirectory.create(scenario.name, NOW, tmp_path / "run")
-    directory.write_inputs(scenario, starts)
+    directory, versions = written(scenario, tmp_path)
     again = load(directory.scenario)
     assert (again.board, again.mission, again.seed) == (scenario.board, scenario.mission, scenario.seed)
-    assert read_starts(directory.path, scenario.area, scenario.fleet.ids) == starts
-    versions = json.loads(directory.versions.read_text())
+    assert read_starts(directory.path, scenario.area, scenario.fleet.ids) == starts_of(scenario)
     assert versions["python"].startswith("3.") and versions["rosbags"] and "rospy" in versions
-    assert sorted(path.name for path in directory.path.iterdir()) == [
-        "scenario.yaml",
-        "starts.csv",
-        "versions.json",
-    ]
+    names = sorted(path.name for path in directory.path.iterdir())
+    assert names == ["scenario.yaml", "starts.csv", "versions.json"]
 
 
 def test_a_run_names_the_hash_of_its_firmware(tmp_path):
+    """By `printf 'a board' | sha256sum`."""
     program = tmp_path / "board"
     program.write_bytes(b"a board")
     scenario = load(POOL_FILE)
@@ -103,12 +98,9 @@ def test_a_run_names_the_hash_of_its_firmware(tmp_path):
         FirmwareProgram(executable=str(program), agents=(1,)),
         FirmwareProgram(executable="serial:/dev/ttyUSB0", agents=(2,)),
     )
-    scenario = replace(scenario, theta=1, fleet=replace(scenario.fleet, firmware=flown))
-    directory = RunDirectory.create(scenario.name, NOW, tmp_path / "run")
-    directory.write_inputs(scenario, starts_of(scenario))
-    files = json.loads(directory.versions.read_text())["firmware_files"]
-    # By `printf 'a board' | sha256sum`.
-    assert files == {str(program): "2a7d86c59aedf33a1a1d14c01af7ed963baf7f2b6c129437df990cc4d7c28a41"}
+    _, versions = written(replace(scenario, theta=1, fleet=replace(scenario.fleet, firmware=flown)), tmp_path)
+    digest = "2a7d86c59aedf33a1a1d14c01af7ed963baf7f2b6c129437df990cc4d7c28a41"
+    assert versions["firmware_files"] == {str(program): digest}
 
 
 def test_a_run_keeps_the_file_of_its_strategy_and_names_its_hash(tmp_path, monkeypatch):
@@ -118,13 +110,10 @@ def test_a_run_keeps_the_file_of_its_strategy_and_names_its_hash(tmp_path, monke
     )
     digest = hashlib.sha256(file.read_bytes()).hexdigest()
     monkeypatch.chdir(tmp_path)
-    scenario = with_overrides(load(POOL_FILE), strategy="mine.py:Mine")
-    directory = RunDirectory.create(scenario.name, NOW, tmp_path / "run")
-    directory.write_inputs(scenario, starts_of(scenario))
-    assert json.loads(directory.versions.read_text())["strategy_files"] == {"mine.py:Mine": digest}
+    directory, versions = written(with_overrides(load(POOL_FILE), strategy="mine.py:Mine"), tmp_path)
+    assert versions["strategy_files"] == {"mine.py:Mine": digest}
     file.write_text("class Mine: pass\n")
-    moved = tmp_path / "moved"
-    directory.path.rename(moved)
+    moved = directory.path.rename(tmp_path / "moved")
     again = load(moved / "scenario.yaml")
     assert again.mission.collection == f"{moved}/collection/mine.py:Mine"
     assert isinstance(collection(again.mission.collection, trust=Trust()), Greedy)

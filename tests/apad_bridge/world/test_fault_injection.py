@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import pytest
 from flying import Flying
 from journals import facts_of, state_of
 
-from agents.mussel.stimuli import PinDisturbed, from_json
+from agents.mussel.stimuli import PinDisturbed, to_json
 from apad_bridge.runs.start_state import ongoing_faults
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.timed_faults import TABLE, FaultAt, Faults, TimedFault, injection
@@ -45,24 +47,51 @@ def test_a_fault_begins_and_heals_and_leaves_nothing(pool: Scenario, fault: Time
     assert (link.is_frozen, link.north_error_m, link.jammed_docks) == (False, 0.0, frozenset())
 
 
-@pytest.mark.parametrize("fault", [it for it in TimedFault if TABLE[it].needs_process])
-def test_what_needs_a_process_is_refused_without_one(pool: Scenario, fault: TimedFault) -> None:
-    flying = flown(pool, at(fault, 1))
-    flying.seconds(2)
-    (begun,) = flying.events("fault")
-    assert begun["refused"] == f"aMussel 3 has no process of its own: {fault} needs one"
+def refusals(flying: Flying) -> list[str | None]:
+    return [it.get("refused") for it in flying.events("fault")]
 
 
-def test_a_fault_happens_once_at_a_time(pool: Scenario) -> None:
-    flying = flown(
-        pool, at(TimedFault.LINK_CUT, 1, 10), at(TimedFault.LINK_CUT, 5, 10), at(TimedFault.LINK_CUT, 12, 10)
-    )
-    flying.seconds(15)
-    assert [it.get("refused") for it in flying.events("fault")] == [
-        None,
-        "aMussel 3 has the fault link_cut already",
-        None,
-    ]
+def wires(flying: Flying, kind: int) -> list[list[int]]:
+    return [it["wire"] for it in flying.events("stimulus") if it["wire"][0] == kind]
+
+
+CUT = TimedFault.LINK_CUT
+TOLD: dict[str, tuple[list[FaultAt], Callable[[Flying], Any], list[Any]]] = {
+    **{
+        f"{fault} is refused without a process": (
+            [at(fault, 1)],
+            refusals,
+            [f"aMussel 3 has no process of its own: {fault} needs one"],
+        )
+        for fault in TimedFault
+        if TABLE[fault].needs_process
+    },
+    "a fault happens once at a time": (
+        [at(CUT, 1, 10), at(CUT, 5, 10), at(CUT, 12, 10)],
+        refusals,
+        [None, "aMussel 3 has the fault link_cut already", None],
+    ),
+    "the two defects of a pin keep each other": (
+        [at(TimedFault.EDGE_FALSE, 1, 20), at(TimedFault.EDGE_MISSED, 5, 5)],
+        lambda it: wires(it, to_json(PinDisturbed(1, 0))[0]),
+        [to_json(PinDisturbed(*it)) for it in ((1, 0), (1, 1), (1, 0), (0, 0))],
+    ),
+    # A process that was killed is told again, so that the jam lasts as long as it should.
+    "a defect of the body outlives its process": (
+        [at(TimedFault.BUOYANCY_STUCK, 1, 60), at(TimedFault.KILLED, 5)],
+        lambda it: [*(data["id"] for data in it.events("died")), *wires(it, 13)],
+        [3, [13, 1], [13, 1]],
+    ),
+}
+
+
+@pytest.mark.parametrize(("faults", "what", "told"), TOLD.values(), ids=TOLD)
+def test_what_a_flight_tells(
+    pool: Scenario, faults: list[FaultAt], what: Callable[[Flying], Any], told: list[Any]
+) -> None:
+    flying = flown(pool, *faults)
+    flying.seconds(25)
+    assert what(flying) == told
 
 
 def test_each_dock_jams_and_moves_again_by_itself(pool: Scenario) -> None:
@@ -76,8 +105,7 @@ def test_each_dock_jams_and_moves_again_by_itself(pool: Scenario) -> None:
         flying.seconds(8)
         jammed.append(flying.flight._world.faults._link.jammed_docks)
     assert jammed == [{1, 3}, {3}, set()]
-    refused = "the aPad has the fault dock_jammed already"
-    assert [it.get("refused") for it in flying.events("fault")] == [None, None, refused]
+    assert refusals(flying) == [None, None, "the aPad has the fault dock_jammed already"]
 
 
 def test_a_jam_that_is_over_ends_no_other_in_a_resumed_run() -> None:
@@ -89,24 +117,6 @@ def test_a_jam_that_is_over_ends_no_other_in_a_resumed_run() -> None:
     ]
     jammed = injection(TimedFault.DOCK_JAMMED, None, 3.0, 60)
     assert ongoing_faults(state_of(lines)) == [Ongoing(jammed, 62_000)]
-
-
-def test_the_two_defects_of_a_pin_keep_each_other(pool: Scenario) -> None:
-    flying = flown(pool, at(TimedFault.EDGE_FALSE, 1, 20), at(TimedFault.EDGE_MISSED, 5, 5))
-    flying.seconds(25)
-    disturbed = [
-        it for data in flying.events("stimulus") if isinstance(it := from_json(data["wire"]), PinDisturbed)
-    ]
-    assert disturbed == [PinDisturbed(1, 0), PinDisturbed(1, 1), PinDisturbed(1, 0), PinDisturbed(0, 0)]
-
-
-def test_a_defect_of_the_body_outlives_its_process(pool: Scenario) -> None:
-    """A process that was killed is told again, so that the jam lasts as long as it should."""
-    flying = flown(pool, at(TimedFault.BUOYANCY_STUCK, 1, 60), at(TimedFault.KILLED, 5))
-    flying.seconds(10)
-    assert [data["id"] for data in flying.events("died")] == [3]
-    jams = [data["wire"] for data in flying.events("stimulus") if data["wire"][0] == 13]
-    assert jams == [[13, 1], [13, 1]]
 
 
 def test_a_leak_takes_as_much_as_it_says(pool: Scenario) -> None:
@@ -134,14 +144,12 @@ def test_a_supervisor_goes_on_with_the_faults_that_another_began(pool: Scenario)
 
     def resumed(context):  # type: ignore[no-untyped-def]
         fleet = context.world.fleet
-        faults = FaultInjection(fleet.host, pool.time_scale, (), ongoing)
-        return replace(context, world=World(fleet, faults))
+        return replace(context, world=World(fleet, FaultInjection(fleet.host, pool.time_scale, (), ongoing)))
 
     flying = Flying(pool, resumed)
-    flying.seconds(20)
-    faults = flying.flight._world.faults
-    assert faults._host._defects and faults._link.north_error_m == 5.0
-    flying.seconds(50)
-    assert not faults._host._defects and faults._link.north_error_m == 0.0
-    assert flying.events("fault") == []
+    faults, has = flying.flight._world.faults, []
+    for seconds in (20, 50):
+        flying.seconds(seconds)
+        has.append((bool(faults._host._defects), faults._link.north_error_m))
+    assert has == [(True, 5.0), (False, 0.0)] and flying.events("fault") == []
     assert [it["fault"] for it in flying.events("fault_over")] == ["apad_lies", "link_delay"]

@@ -1,5 +1,7 @@
 """Tests the fit on logs made by equations (1) and (2), step by step."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -30,17 +32,44 @@ def at(fitted: BatteryFit) -> list[float]:
     return [number for segment in fitted.charge_segments for number in segment]
 
 
-def test_the_paper_s_charging_curve_is_found_in_a_log_of_it() -> None:
-    fitted = fit_log(log(charged(EQUATION_2, 1 / 60), 1 / 60))
-    assert fitted.direction is Direction.CHARGING and fitted.rmse < 1e-4
-    assert at(fitted) == pytest.approx([0.16197, 0.001045, 0.5634, 0.00223, 1.0, 0.002911], rel=2e-3)
-    assert minutes_to_full(fitted.charge_segments) == pytest.approx(485, abs=1)
+MINUTES = np.arange(100.0)
+BENT = 0.3 + 0.002 * MINUTES + 0.003 * np.maximum(0, MINUTES - 50)
+CURVE = charged(EQUATION_2, 1.0)
+KEPT = np.concatenate((np.arange(0, 90), np.arange(140, len(CURVE))))
+
+
+@pytest.mark.parametrize(
+    ("given_log", "segments", "expected", "rel", "also"),
+    [
+        pytest.param(
+            *(log(charged(EQUATION_2, 1 / 60), 1 / 60), None, [it for row in EQUATION_2 for it in row], 2e-3),
+            {"direction": Direction.CHARGING, "rmse": pytest.approx(0, abs=1e-4)},
+            id="the paper's charging curve",
+        ),
+        pytest.param(*(log(BENT), 2, [0.4, 0.002, 1.0, 0.005], 1e-3, {}), id="a log that stops short"),
+        pytest.param(
+            BatteryLog("a.csv", KEPT.astype(float), CURVE[KEPT], 7),
+            *(None, [it for row in EQUATION_2 for it in row], 0.02),
+            {"gaps": ((89.0, 140.0),), "left_out": 7},
+            id="gaps are told and fitted across",
+        ),
+    ],
+)
+def test_a_charge_is_found_in_a_log_of_it(
+    given_log: BatteryLog, segments: int | None, expected: list[float], rel: float, also: dict[str, Any]
+) -> None:
+    fitted = fit_log(given_log, segments)
+    assert at(fitted) == pytest.approx(expected, rel=rel)
+    assert {name: getattr(fitted, name) for name in also} == also
+
+
+def test_the_paper_s_curve_fills_in_the_paper_s_time() -> None:
+    assert minutes_to_full(EQUATION_2) == pytest.approx(485, abs=1)
 
 
 def test_the_paper_s_discharging_rate_is_found_in_a_noisy_log_of_it() -> None:
-    scaled = 1 - 0.0010427134 * np.arange(960.0)
-    scaled += np.random.default_rng(5).normal(0, 0.01, 960)
-    fitted = fit_log(log(scaled))
+    noise = np.random.default_rng(5).normal(0, 0.01, 960)
+    fitted = fit_log(log(1 - 0.0010427134 * np.arange(960.0) + noise))
     assert fitted.direction is Direction.DISCHARGING
     assert fitted.discharge_per_min == pytest.approx(0.0010427134, rel=0.005)
     assert fitted.rmse == pytest.approx(0.01, rel=0.1)
@@ -80,11 +109,10 @@ def test_a_charge_along_a_discharge_s_curve_has_the_rates_of_its_charge() -> Non
 
 
 def test_rests_before_and_after_are_no_part_of_the_charge() -> None:
-    curve = charged(EQUATION_2, 1.0)
-    rested = np.concatenate((np.full(60, -0.01), curve, np.full(200, 1.0)))
+    rested = np.concatenate((np.full(60, -0.01), CURVE, np.full(200, 1.0)))
     fitted = fit_log(log(rested))
     assert fitted.outside == pytest.approx(260, abs=2)
-    assert at(fitted) == pytest.approx(at(fit_log(log(curve))), rel=0.02)
+    assert at(fitted) == pytest.approx(at(fit_log(log(CURVE))), rel=0.02)
     falling = fit_log(log(1 - rested), 3)
     assert falling.direction is Direction.DISCHARGING
     assert [piece.per_min for piece in falling.segments] == pytest.approx(
@@ -92,23 +120,8 @@ def test_rests_before_and_after_are_no_part_of_the_charge() -> None:
     )
 
 
-def test_a_log_that_stops_short_is_prolonged_to_both_ends() -> None:
-    minutes = np.arange(100.0)
-    fitted = fit_log(log(0.3 + 0.002 * minutes + 0.003 * np.maximum(0, minutes - 50)), 2)
-    assert at(fitted) == pytest.approx([0.4, 0.002, 1.0, 0.005], rel=1e-3)
-
-
-def test_gaps_are_told_and_fitted_across() -> None:
-    curve = charged(EQUATION_2, 1.0)
-    keep = np.concatenate((np.arange(0, 90), np.arange(140, len(curve))))
-    fitted = fit_log(BatteryLog("a.csv", keep.astype(float), curve[keep], 7))
-    assert (fitted.gaps, fitted.left_out) == (((89.0, 140.0),), 7)
-    assert at(fitted) == pytest.approx([0.16197, 0.001045, 0.5634, 0.00223, 1.0, 0.002911], rel=0.02)
-
-
 def test_residuals_are_those_of_each_segment() -> None:
-    minutes = np.arange(100.0)
-    scaled = 0.005 * minutes + 0.005 * np.maximum(0, minutes - 60)
+    scaled = 0.005 * MINUTES + 0.005 * np.maximum(0, MINUTES - 60)
     scaled[60:] += np.where(np.arange(40) % 2, 0.01, -0.01)
     fitted = fit_log(log(np.clip(scaled, None, 0.99)), 2)
     quiet, loud = fitted.segments

@@ -92,10 +92,9 @@ def test_the_charger_at_home_feeds_an_apad_that_rests_there_and_no_other(config)
     home = Home(charging_w=125.0, go_at=0.2)
     half = replace(config, battery=replace(config.battery, start_fraction=0.5), home=home)
     at_home, elsewhere = SimulatedAPad(half), SimulatedAPad(half, home_m=(30.0, 0.0))
-    for apad in (at_home, elsewhere):
+    for apad, watts in ((at_home, 125 - 25), (elsewhere, -25)):
         apad.advance(360_000)
-    assert at_home.battery.fraction == pytest.approx(0.5 + (125 - 25) * 360 / FULL_J, rel=1e-12)
-    assert elsewhere.battery.fraction == pytest.approx(0.5 - 25 * 360 / FULL_J, rel=1e-12)
+        assert apad.battery.fraction == pytest.approx(0.5 + watts * 360 / FULL_J, rel=1e-12)
     assert at_home.battery.ledger.used_wh == pytest.approx(25 * 0.1)
     elsewhere.receive(GoTo(1, 30.0, 0.0, 0.5, 0.5), 360_000)
     elsewhere.advance(500_000)
@@ -111,37 +110,35 @@ def test_cruising_draws_the_thrust_that_drag_asks_for(apad, goal_m):
     apad.receive(GoTo(1, *goal_m, 0.5, 0.5), 0)
     apad.advance(30_000)
     assert apad.motion.forces_n == pytest.approx((3.535534,) * 4)
-    assert apad.battery.power_w == pytest.approx(25 + 6 * 4 * 3.535534)
-    before = apad.battery.used_fraction
+    power_w, before = 25 + 6 * 4 * 3.535534, apad.battery.used_fraction
+    assert apad.battery.power_w == pytest.approx(power_w)
     apad.advance(40_000)
-    assert apad.battery.used_fraction - before == pytest.approx(10 * (25 + 84.852814) / FULL_J)
+    assert apad.battery.used_fraction - before == pytest.approx(10 * power_w / FULL_J)
 
 
 def test_an_empty_battery_stops_thrusters_and_mechanisms_and_says_so(small_battery):
     apad = SimulatedAPad(small_battery)
     apad.receive(CloseDock(1, 0, 5), 0)
     facts = apad.receive(GoTo(2, 100.0, 0.0, 0.5, 0.5), 0) + apad.advance(120_000)
-    failures = [fact for fact in facts if isinstance(fact, CommandFailed)]
-    assert [failure.command_id for failure in failures] == [2]
-    assert "battery" in failures[0].reason
-    assert (apad.battery.fraction, apad.battery.voltage_v) == (0.0, 10.5)
-    assert apad.motion.forces_n == (0.0, 0.0, 0.0, 0.0)
+    [failure] = [fact for fact in facts if isinstance(fact, CommandFailed)]
+    assert failure.command_id == 2 and "battery" in failure.reason
+    battery = apad.battery
+    assert (battery.fraction, battery.voltage_v, apad.motion.forces_n) == (0.0, 10.5, (0.0,) * 4)
     # it coasted to a stop; the dock stays closed, and every command fails
-    stopped = [fact for fact in facts if isinstance(fact, PoseReported)]
-    assert stopped[-1].north_m > next(p.north_m for p in stopped if p.at_ms == failures[0].at_ms)
+    places = {fact.at_ms: fact.north_m for fact in facts if isinstance(fact, PoseReported)}
+    assert max(places.values()) == places[max(places)] > places[failure.at_ms]
     assert (apad.pose.speed_m_s, dict(apad.docked)) == (0.0, {0: 5})
-    for command in (OpenDock(3, 0, 5), CloseDock(4, 1, 6), Hold(5, 0.0, 0.0), GoTo(6, 0.0, 0.0, 0.5, 0.5)):
-        [fact] = apad.receive(command, 120_000)
-        assert isinstance(fact, CommandFailed) and fact.command_id == command.command_id
+    commands = OpenDock(3, 0, 5), CloseDock(4, 1, 6), Hold(5, 0.0, 0.0), GoTo(6, 0.0, 0.0, 0.5, 0.5)
+    told = [fact for command in commands for fact in apad.receive(command, 120_000)]
+    assert [(type(it), it.command_id) for it in told] == [(CommandFailed, n) for n in (3, 4, 5, 6)]
     assert len([fact for fact in apad.advance(123_000) if isinstance(fact, BatteryReported)]) == 3
 
 
 def test_docks_close_and_open_at_once(apad):
     apad.advance(10)
-    assert apad.receive(CloseDock(1, 3, 7), 11) == [DockClosed(11, 3, 7)]
-    assert dict(apad.docked) == {3: 7}
-    assert apad.receive(OpenDock(2, 3, 7), 12) == [DockOpened(12, 3, 7)]
-    assert dict(apad.docked) == {}
+    closed, held = apad.receive(CloseDock(1, 3, 7), 11), dict(apad.docked)
+    assert (closed, held) == ([DockClosed(11, 3, 7)], {3: 7})
+    assert (apad.receive(OpenDock(2, 3, 7), 12), dict(apad.docked)) == ([DockOpened(12, 3, 7)], {})
 
 
 @pytest.mark.parametrize(
@@ -158,9 +155,11 @@ def test_docks_close_and_open_at_once(apad):
 def test_what_a_dock_refuses(apad, command, word):
     apad.receive(CloseDock(1, 0, 7), 10)
     [fact] = apad.receive(command, 20)
-    assert isinstance(fact, CommandFailed) and fact.command_id == 9
-    assert word in fact.reason
-    assert dict(apad.docked) == {0: 7}
+    assert (type(fact), fact.command_id, dict(apad.docked)) == (
+        CommandFailed,
+        9,
+        {0: 7},
+    ) and word in fact.reason
 
 
 def test_docks_follow_the_vehicle_and_do_not_turn_with_it(apad):
