@@ -1,5 +1,8 @@
 from __future__ import annotations
 
+from collections.abc import Callable
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -35,6 +38,10 @@ def chain(_: int) -> ChargeChoice:
     return ChargeChoice(ROWS, None, 0.0)
 
 
+def after(load: Load, from_ms: int, to_ms: int, choose: Callable[[int], ChargeChoice] = chain) -> Load:
+    return propagated(load, from_ms, to_ms, spending(PER_MIN, None), HOUR, choose)
+
+
 def by_trial(hours: int, trials: int = 200_000) -> tuple[np.ndarray, np.ndarray]:
     """Modes and amounts of a chain that begins awake at half past the hour, by Monte Carlo."""
     rng = np.random.default_rng(3)
@@ -49,7 +56,7 @@ def by_trial(hours: int, trials: int = 200_000) -> tuple[np.ndarray, np.ndarray]
 
 
 def test_moments_by_mode_are_those_of_the_chain() -> None:
-    load = propagated(Load.known(Mode.IDLE), HOUR // 2, 9 * HOUR - 1, spending(PER_MIN, None), HOUR, chain)
+    load = after(Load.known(Mode.IDLE), HOUR // 2, 9 * HOUR - 1)
     modes, spent = by_trial(8)
     for mode in (Mode.ASLEEP, Mode.IDLE, Mode.HIGH_LOAD):
         there = modes == mode
@@ -57,16 +64,13 @@ def test_moments_by_mode_are_those_of_the_chain() -> None:
         assert probability == pytest.approx(there.mean(), abs=0.004)
         assert mean == pytest.approx(spent[there].mean(), rel=0.01)
         assert variance == pytest.approx(spent[there].var(), rel=0.03)
-    assert load.expected[0] == pytest.approx(0.4**8)
-    assert load.expected[1] == pytest.approx(8.5 * 0.06, rel=1e-5)
+    assert load.expected[:2] == (pytest.approx(0.4**8), pytest.approx(8.5 * 0.06, rel=1e-5))
 
 
 def test_cuts_do_not_show() -> None:
-    whole = propagated(Load.known(Mode.ASLEEP), 0, 7 * HOUR + 5, spending(PER_MIN, None), HOUR, chain)
-    cut = Load.known(Mode.ASLEEP)
-    times = [0, 1, HOUR - 1, HOUR, HOUR + 1, 3 * HOUR, 7 * HOUR + 4, 7 * HOUR + 5]
-    for n in range(1, len(times)):
-        cut = propagated(cut, times[n - 1], times[n], spending(PER_MIN, None), HOUR, chain)
+    whole, cut = after(Load.known(Mode.ASLEEP), 0, 7 * HOUR + 5), Load.known(Mode.ASLEEP)
+    for times in pairwise([0, 1, HOUR - 1, HOUR, HOUR + 1, 3 * HOUR, 7 * HOUR + 4, 7 * HOUR + 5]):
+        cut = after(cut, *times)
     for one, other in zip(cut.by_mode, whole.by_mode, strict=True):
         assert one == pytest.approx(other, rel=1e-9, abs=1e-12)
 
@@ -76,28 +80,23 @@ def test_the_schedule_is_followed_but_for_the_unscheduled_share() -> None:
 
     def commanded(decision_ms: int) -> ChargeChoice:
         mode = schedule.at(decision_ms)
-        assert mode is not None
         return ChargeChoice(scheduled_rows(HABITS, mode), mode, 0.0)
 
-    load = propagated(Load.known(Mode.ASLEEP), 0, 4 * HOUR - 1, spending(PER_MIN, None), HOUR, commanded)
-    assert load.expected[0] == pytest.approx(0.94**3)
-    assert load.expected[1] == pytest.approx(2 * 0.006 + 2 * 0.18, rel=1e-4)
-    assert load.by_mode[Mode.HIGH_LOAD][0] == pytest.approx(0.94)
-    assert load.by_mode[Mode.IDLE][0] == pytest.approx(0.03)
+    load = after(Load.known(Mode.ASLEEP), 0, 4 * HOUR - 1, commanded)
+    expected = pytest.approx(0.94**3), pytest.approx(2 * 0.006 + 2 * 0.18, rel=1e-4)
+    assert load.expected[:2] == expected
+    assert [load.by_mode[it][0] for it in (Mode.HIGH_LOAD, Mode.IDLE)] == pytest.approx([0.94, 0.03])
 
 
 def test_rows_without_a_schedule_add_up_and_remember() -> None:
-    for remembered, trust in ((None, 0.0), (Mode.IDLE, 0.75)):
-        for row in usual_rows(HABITS, HABITS.shares, remembered, trust):
-            assert sum(row) == pytest.approx(1.0)
-    assert usual_rows(HABITS, HABITS.shares, Mode.IDLE, 0.75)[2][1] == pytest.approx(0.75 + 0.25 * 0.5 * 0.3)
+    rows, remembering = (usual_rows(HABITS, HABITS.shares, *it) for it in ((None, 0.0), (Mode.IDLE, 0.75)))
+    assert [sum(row) for row in (*rows, *remembering)] == pytest.approx([1.0] * 6)
+    assert remembering[2][1] == pytest.approx(0.75 + 0.25 * 0.5 * 0.3)
 
 
 def test_an_unknown_plan_makes_the_deviation_grow_with_the_time() -> None:
-    def unknown(_: int) -> ChargeChoice:
-        return ChargeChoice(((1.0, 0.0, 0.0),) * 3, None, 0.002)
-
-    load = propagated(Load.known(Mode.ASLEEP), 0, 10 * HOUR, spending(PER_MIN, None), HOUR, unknown)
+    unknown = ChargeChoice(((1.0, 0.0, 0.0),) * 3, None, 0.002)
+    load = after(Load.known(Mode.ASLEEP), 0, 10 * HOUR, lambda _: unknown)
     assert load.total()[2] == pytest.approx((10 * 0.002) ** 2)
 
 

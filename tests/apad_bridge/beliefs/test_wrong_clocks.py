@@ -150,29 +150,31 @@ def test_one_wrong_stamp_costs_one_packet(made: Made, ahead_ms: int) -> None:
     assert said(fleet, 63 * MINUTE, ahead_ms + 5) == CANNOT_SHOW
 
 
-@pytest.fixture
-def fleet(made: Made) -> FleetBeliefs:
-    return made()
+def status(sequence: int, agent_ms: int) -> StatusPacket:
+    return StatusPacket(5, sequence, State.ACTIVE, 0.7, 1.0, 3.0, 4.0, 3.0, agent_ms)
 
 
 @both
-def test_packets_of_a_boards_first_minute_that_waited_and_come_at_once_are_none_of_a_restart(
-    fleet: FleetBeliefs,
+@pytest.mark.parametrize(
+    ("begins_ms", "packets", "why_not"),
+    [
+        pytest.param(
+            *(30_000, [status(n, THETA * 5000 * n) for n in range(1, 5)], OVERTAKEN),
+            id="packets of its first minute that waited are none of a restart",
+        ),
+        pytest.param(
+            *(MINUTE, [status(9, YEAR)] * 3, CANNOT_SHOW), id="the same packet agrees with nothing but itself"
+        ),
+    ],
+)
+def test_packets_that_come_at_once(
+    made: Made, begins_ms: int, packets: list[StatusPacket], why_not: str
 ) -> None:
-    assert said(fleet, 30_000, 0) is None
-    waited = [
-        StatusPacket(5, n, State.ACTIVE, 0.7, 1.0, 3.0, 4.0, 3.0, THETA * 5000 * n) for n in range(1, 5)
-    ]
-    fleet.advance(32_000)
-    assert [fleet.hear(it, 31_000 + n) for n, it in enumerate(waited)] == [OVERTAKEN] * 4
-    assert said(fleet, 35_000, 0) is None
-
-
-@both
-def test_the_same_packet_twice_agrees_with_nothing_but_itself(fleet: FleetBeliefs) -> None:
-    said(fleet, MINUTE, 0)
-    twice = StatusPacket(5, 9, State.ACTIVE, 0.7, 1.0, 3.0, 4.0, 3.0, YEAR)
-    assert [fleet.hear(twice, MINUTE + n) for n in (1, 2, 3)] == [CANNOT_SHOW] * 3
+    fleet = made()
+    said(fleet, begins_ms, 0)
+    fleet.advance(begins_ms + 1000)
+    assert [fleet.hear(it, begins_ms + 1000 + n) for n, it in enumerate(packets)] == [why_not] * len(packets)
+    assert said(fleet, begins_ms + 5000, 0) is None
 
 
 @both
@@ -201,8 +203,8 @@ def test_to_a_twins_batteries_no_time_has_passed_when_its_clock_is_set() -> None
     for it in (fleet, never_set):
         it.advance(62 * MINUTE)
     set_anew, steady = fleet.get(5), never_set.get(5)
-    assert set_anew.primary == pytest.approx(steady.primary, abs=1e-12)
-    assert set_anew.charge_cov == pytest.approx(steady.charge_cov, abs=1e-12)
+    charge, expected = ([it.primary, *it.charge_cov] for it in (set_anew, steady))
+    assert charge == pytest.approx(expected, abs=1e-12)
     assert set_anew.mode is steady.mode and set_anew.mode in (Mode.SURFACING, Mode.FLOATING)
     assert set_anew.clock.offset_ms == YEAR - THETA * 61 * MINUTE
 
@@ -216,6 +218,5 @@ def test_a_clock_that_was_set_is_in_the_notebook(made: Made, tmp_path: Path) -> 
         said(fleet, at_ms * MINUTE, ahead_ms)
         book.flush(at_ms * MINUTE)
     book.close()
-    assert restore(tmp_path / "checkpoint.jsonl", resumed).whole
-    assert resumed.kept() == fleet.kept()
+    assert restore(tmp_path / "checkpoint.jsonl", resumed).whole and resumed.kept() == fleet.kept()
     assert said(resumed, 63 * MINUTE, -60 * MINUTE * THETA) is None
