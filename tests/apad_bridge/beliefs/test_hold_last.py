@@ -71,13 +71,8 @@ def test_it_learns_from_packets_alone_and_stays_as_it_was() -> None:
     assert beliefs.learn(5, TimeslotSilent(), 500) is None and beliefs.get(5) is None
     beliefs.hear(PACKET, 2000)
     before = beliefs.get(5)
-    for measurement in (
-        (TimeslotSilent(), 2500),
-        (Permitted(), 2500),
-        (Docked(), 2600),
-        (Released(0.0, 0.0), 2700),
-    ):
-        assert beliefs.learn(5, *measurement) is None
+    measurements = (TimeslotSilent(), 2500), (Permitted(), 2500), (Docked(), 2600), (Released(0.0, 0.0), 2700)
+    assert [beliefs.learn(5, *it) for it in measurements] == [None] * 4
     beliefs.advance(90_000)
     assert beliefs.get(5) is before
     with pytest.raises(ValueError):
@@ -91,6 +86,6 @@ def test_a_short_status_says_the_state_and_the_charges_of_one_whose_place_is_kno
     assert beliefs.hear_short(short, 1000) == reason and beliefs.all() == []
     beliefs.hear(PACKET, 2000)
     assert beliefs.hear_short(short, 3000) is None
-    found = beliefs.get(5)
-    assert (found.state, found.primary, found.secondary, found.heard_ms) == (State.EMPTY, 0.0, 0.8, 3000)
-    assert (found.north_m, found.east_m) == (3.0, 4.0)
+    it = beliefs.get(5)
+    found = it.state, it.primary, it.secondary, it.heard_ms, it.north_m, it.east_m
+    assert found == (State.EMPTY, 0.0, 0.8, 3000, 3.0, 4.0)

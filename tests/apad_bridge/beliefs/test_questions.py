@@ -34,16 +34,15 @@ def believed(
 
 def test_when_a_planner_will_be_nine_tenths_sure() -> None:
     start = believed(1, 1.0, 0.05, 0)
-    low = candidate_below(0.5)
-    assert low(start) < 1e-6
-    assert probability_at(Draining(), start, low, 5 * HOUR) == pytest.approx(0.5)
+    low, estimator = candidate_below(0.5), Draining()
+    probabilities = [low(start), probability_at(estimator, start, low, 5 * HOUR)]
+    assert probabilities == pytest.approx([0, 0.5], abs=1e-6)
     # The 0.9 quantile of a Gaussian lies at 1.2816 deviations: 0.064 of a battery, 38.4 minutes after it is at 0.5.
-    found_ms = sure_at_ms(Draining(), start, low, 0.9, 10 * HOUR, HOUR)
-    assert found_ms == pytest.approx(5 * HOUR + 0.6408 * HOUR, abs=2000)
-    assert sure_at_ms(Draining(), start, low, 0.9, 5 * HOUR, HOUR) is None
-    assert sure_at_ms(Draining(), start, full_above(0.5), 0.9, HOUR, HOUR) == 0
+    asked = (low, 10 * HOUR), (low, 5 * HOUR), (full_above(0.5), HOUR)
+    found_ms = [sure_at_ms(estimator, start, what, 0.9, until_ms, HOUR) for what, until_ms in asked]
+    assert found_ms == [pytest.approx(5 * HOUR + 0.6408 * HOUR, abs=2000), None, 0]
     with pytest.raises(ValueError):
-        sure_at_ms(Draining(), start, low, 0.9, HOUR, 0)
+        sure_at_ms(estimator, start, low, 0.9, HOUR, 0)
 
 
 def test_an_estimator_that_stands_still_is_never_surer() -> None:
@@ -68,21 +67,12 @@ def test_a_ping_must_be_worth_its_energy() -> None:
         spare_charge=0.05,
         answer_deviation=0.02,
     )
-    unsure, sure = believed(1, 0.52, 0.1, 2 * HOUR), believed(2, 0.9, 0.1, 2 * HOUR)
-    empty, wide = believed(3, 0.0, 0.01, 2 * HOUR), believed(4, 0.5, 0.3, 2 * HOUR)
-    assert [policy.is_worth(one, 2 * HOUR) for one in (unsure, sure, empty, wide)] == [
-        True,
-        False,
-        False,
-        True,
-    ]
-    assert not policy.is_worth(unsure, HOUR // 2)
     # At 0.505 the chance of an error grows with the uncertainty; an answer is no more accurate than 0.02.
-    assert [policy.is_worth(believed(5, 0.505, sd, 2 * HOUR), 2 * HOUR) for sd in (0.019, 0.021)] == [
-        False,
-        True,
-    ]
-    assert ids_to_ping(policy, [unsure, sure, empty, wide], 2 * HOUR) == [4, 1]
+    rows = (0.52, 0.1), (0.9, 0.1), (0.0, 0.01), (0.5, 0.3), (0.505, 0.019), (0.505, 0.021)
+    unsure, *others = beliefs = [believed(n, *it, 2 * HOUR) for n, it in enumerate(rows, 1)]
+    worth = [policy.is_worth(it, 2 * HOUR) for it in beliefs]
+    assert worth == [True, False, False, True, False, True] and not policy.is_worth(unsure, HOUR // 2)
+    assert ids_to_ping(policy, [unsure, *others[:3]], 2 * HOUR) == [4, 1]
 
 
 def test_a_ping_must_be_worth_the_way_that_a_search_would_cost() -> None:
@@ -92,12 +82,8 @@ def test_a_ping_must_be_worth_the_way_that_a_search_would_cost() -> None:
         return replace(believed(agent_id, charge, 0.001, 0), place_cov=(north_m2, 0.0, east_m2))
 
     # 5 m off (a 3, 4, 5 triangle) and certain to be fetched; the same distance and certain to stay; a small distance.
-    lost_sight_of, not_wanted, near = (
-        placed(1, 0.2, 9.0, 16.0),
-        placed(2, 0.9, 9.0, 16.0),
-        placed(3, 0.2, 1.0, 2.0),
-    )
-    farther = placed(4, 0.2, 36.0, 64.0)
+    lost_sight_of, not_wanted = placed(1, 0.2, 9.0, 16.0), placed(2, 0.9, 9.0, 16.0)
+    near, farther = placed(3, 0.2, 1.0, 2.0), placed(4, 0.2, 36.0, 64.0)
     assert policy.urgency(lost_sight_of) == pytest.approx(5.0)
     assert ids_to_ping(policy, [lost_sight_of, not_wanted, near, farther], 0) == [4, 1]
 
@@ -107,7 +93,5 @@ def test_suspects_are_pinged_first_and_not_again_at_once() -> None:
     suspect = Belief(2, 50_000, State.SLEEPING, 0.9, 1.0, 0.0, 0.0, suspicion=Suspicion("it jumps", False))
     lying = Belief(3, 0, State.SLEEPING, 0.4, 1.0, 0.0, 0.0, place_cov=(9.0, 0.0, 16.0))
     places = PingForPlace(candidate_below(0.5), answer_m=2.0)
-    policy = PingSuspects(places, not_before_ms=20_000)
-    assert ids_to_ping(policy, [sure, suspect, lying], 60_000) == [3]
-    assert ids_to_ping(policy, [sure, suspect, lying], 70_000) == [2, 3]
-    assert ids_to_ping(PingSuspects(None, 20_000), [sure, suspect, lying], 70_000) == [2]
+    for others, at_ms, pinged in ((places, 60_000, [3]), (places, 70_000, [2, 3]), (None, 70_000, [2])):
+        assert ids_to_ping(PingSuspects(others, 20_000), [sure, suspect, lying], at_ms) == pinged

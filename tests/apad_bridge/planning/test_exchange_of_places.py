@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from math import dist
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -51,28 +52,38 @@ def test_no_dock_holds_two_and_nobody_is_forgotten(situation: Situation) -> None
     assert [it.agent_id for it in steps if it.kind is DEPLOY] == [it.agent_id for it in situation.leaving]
 
 
-def test_a_free_dock_takes_the_collected_one_before_the_release() -> None:
-    situation = Situation(0, 0, (low(1), low(2)), (0, 1, 3), (), None, (docked(11, 1), docked(10, 0)))
-    assert tour(Cautious().plan(situation, 4), situation).steps == (
-        *(Step(COLLECT, 1, 3), Step(DEPLOY, 11, 1)),
-        *(Step(COLLECT, 2, 1), Step(DEPLOY, 10, 0)),
-    )
-
-
-def test_without_a_free_dock_the_release_comes_first_and_who_finds_no_place_leaves_last() -> None:
-    situation = Situation(0, 0, (low(1),), (0, 1), (), None, (docked(11, 1), docked(10, 0)))
-    collection = Cautious().plan(situation, 4)
-    assert tour(collection, situation).steps == (
-        *(Step(DEPLOY, 11, 1), Step(COLLECT, 1, 1)),
-        Step(DEPLOY, 10, 0),
-    )
-    assert exchanges(collection, situation) == [(11, 1)]
-
-
-def test_a_collection_on_which_nobody_leaves_is_flown_as_it_was_planned() -> None:
-    situation = Situation(0, 0, (low(1), low(2)), (2, 0))
-    collection = Solution((Step(COLLECT, 2, 2), Step(COLLECT, 1, 0)))
-    assert tour(collection, situation) == collection and exchanges(collection, situation) == []
+@pytest.mark.parametrize(
+    ("free", "leaving", "collection", "steps", "pairs"),
+    [
+        pytest.param(
+            *((0, 1, 3), (docked(11, 1), docked(10, 0)), [Step(COLLECT, 1, 0), Step(COLLECT, 2, 1)]),
+            [Step(COLLECT, 1, 3), Step(DEPLOY, 11, 1), Step(COLLECT, 2, 1), Step(DEPLOY, 10, 0)],
+            [(11, 1), (10, 2)],
+            id="a free dock takes the collected one before the release",
+        ),
+        pytest.param(
+            *((0, 1), (docked(11, 1), docked(10, 0)), [Step(COLLECT, 1, 0)]),
+            [Step(DEPLOY, 11, 1), Step(COLLECT, 1, 1), Step(DEPLOY, 10, 0)],
+            [(11, 1)],
+            id="without a free dock the release comes first and who finds no place leaves last",
+        ),
+        pytest.param(
+            *((2, 0), (), [Step(COLLECT, 2, 2), Step(COLLECT, 1, 0)]),
+            *([Step(COLLECT, 2, 2), Step(COLLECT, 1, 0)], []),
+            id="a collection on which nobody leaves is flown as it was planned",
+        ),
+    ],
+)
+def test_a_tour(
+    free: tuple[int, ...],
+    leaving: tuple[Candidate, ...],
+    collection: list[Step],
+    steps: list[Step],
+    pairs: list[tuple[int, int]],
+) -> None:
+    pool = tuple(low(it.agent_id) for it in collection)
+    situation, planned = Situation(0, 0, pool, free, (), None, leaving), Solution(tuple(collection))
+    assert tour(planned, situation).steps == tuple(steps) and exchanges(planned, situation) == pairs
 
 
 @given(

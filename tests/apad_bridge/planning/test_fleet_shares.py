@@ -124,7 +124,7 @@ def test_shares_of_simple_layouts(
     assert list(allocate(starts_m, places_m)) == shares
 
 
-def test_a_hundred_kilometres_are_exact_and_more_is_refused() -> None:
+def test_a_hundred_kilometres_are_exact_and_more_is_refused_as_nobody_to_serve_is() -> None:
     corner, apart = 1e5, 1e-3
     places_m = {
         1: (corner, corner),
@@ -134,10 +134,6 @@ def test_a_hundred_kilometres_are_exact_and_more_is_refused() -> None:
     }
     assert allocate([(-corner, 0.0), (corner, 0.0)], places_m) == ((2, 4), (1, 3))
     assert dist(places_m[1], places_m[3]) == pytest.approx(apart)
-    with pytest.raises(ValueError, match="100 km"):
-        allocate([(0.0, 0.0)], {1: (2e5, 0.0)})
-
-
-def test_somebody_has_to_serve() -> None:
-    with pytest.raises(ValueError, match="aPad"):
-        allocate([], {1: (0.0, 0.0)})
+    for starts_m, far_m, why in (([(0.0, 0.0)], (2e5, 0.0), "100 km"), ([], (0.0, 0.0), "aPad")):
+        with pytest.raises(ValueError, match=why):
+            allocate(starts_m, {1: far_m})

@@ -150,17 +150,26 @@ class Whole(Plain):
 """
 
 
+FILES = {
+    "mine": FILE,
+    "wrong": "x = 1\nclass 5:\n",
+    "raises": "\n\n1 / 0\n",
+    "empty": "",
+    "leaves": "raise SystemExit(0)\n",
+}
+
+
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
-    path = tmp_path / "mine.py"
-    path.write_text(FILE)
-    return path
+    for name, text in FILES.items():
+        (tmp_path / f"{name}.py").write_text(text)
+    return tmp_path / "mine.py"
 
 
 def test_a_class_of_a_file_is_a_strategy_and_a_changed_file_is_read_again(file: Path) -> None:
     name = f"{file}:Mine"
-    assert isinstance(collection(name, trust=Trust()), Greedy)
-    assert isinstance(collection(f"{file}:Weighed", trust=Trust()), Greedy)
+    found = [collection(f"{file}:{it}", trust=Trust()) for it in ("Mine", "Weighed")]
+    assert all(isinstance(it, Greedy) for it in found)
     assert isinstance(redeployment(f"{file}:Home", Trust()), GreedyRedeploy)
     assert (label(name), label("greedy"), identity("greedy")) == ("mine.py:Mine", "greedy", "greedy")
     first = identity(name)
@@ -173,17 +182,12 @@ def test_a_class_of_a_file_is_a_strategy_and_a_changed_file_is_read_again(file: 
 
 def test_a_strategy_that_derives_from_none_has_defaults_for_what_it_lacks(file: Path) -> None:
     situation = Situation(0, 0, (Candidate(4, 3, 0, 0.5, 1, 3, 0),), (1,))
-    plain, whole = (collection(f"{file}:{name}", trust=Trust()) for name in ("Plain", "Whole"))
-    for strategy in (plain, whole):
-        assert strategy.plan(situation, batch=1).steps == (("collect", 4, 1),)
-    solution = plain.plan(situation, batch=1)
-    assert (plain.pre_empts, plain.refuses(situation), list(plain.explain(situation, solution))) == (
-        False,
-        False,
-        [],
-    )
-    assert (whole.pre_empts, whole.refuses(situation)) == (True, True)
-    assert whole.explain(situation, solution) == [solution]
+    for name, takes_over in (("Plain", False), ("Whole", True)):
+        strategy = collection(f"{file}:{name}", trust=Trust())
+        solution = strategy.plan(situation, batch=1)
+        assert solution.steps == (("collect", 4, 1),)
+        assert (strategy.pre_empts, strategy.refuses(situation)) == (takes_over, takes_over)
+        assert list(strategy.explain(situation, solution)) == [solution] * takes_over
 
 
 @pytest.mark.parametrize(
@@ -210,13 +214,6 @@ def test_a_strategy_that_derives_from_none_has_defaults_for_what_it_lacks(file: 
     ],
 )
 def test_a_wrong_file_is_told_in_one_line_with_what_it_lacks(file: Path, name: str, message: str) -> None:
-    for other, text in (
-        ("wrong", "x = 1\nclass 5:\n"),
-        ("raises", "\n\n1 / 0\n"),
-        ("empty", ""),
-        ("leaves", "raise SystemExit(0)\n"),
-    ):
-        (file.parent / f"{other}.py").write_text(text)
     with pytest.raises(ValueError, match=message) as told:
         collection(str(file.parent / name), trust=Trust())
     assert "\n" not in str(told.value)

@@ -24,10 +24,10 @@ LINE = "serial:/dev/ttyUSB0"
 
 @pytest.fixture(autouse=True)
 def programs(tmp_path: Path) -> None:
-    for folder in ("one", "two"):
-        (tmp_path / folder).mkdir()
-        (tmp_path / folder / "board").write_text(f"#!/bin/sh\n# {folder}\n")
-        (tmp_path / folder / "board").chmod(0o755)
+    for board in (tmp_path / "one/board", tmp_path / "two/board"):
+        board.parent.mkdir()
+        board.write_text(f"#!/bin/sh\n# {board.parent.name}\n")
+        board.chmod(0o755)
 
 
 def with_firmware(directory: Path, firmware: Any, **changes: Any) -> Path:
@@ -39,16 +39,21 @@ def with_firmware(directory: Path, firmware: Any, **changes: Any) -> Path:
 
 
 @pytest.mark.parametrize(
-    "firmware", ["one/board", {"executable": "one/board"}, [{"executable": "one/board"}]], ids=str
+    ("firmware", "count"),
+    [
+        ("one/board", 1),
+        ({"executable": "one/board"}, 1),
+        ([{"executable": "one/board"}], 1),
+        (None, 0),
+        ([], 0),
+    ],
+    ids=str,
 )
-def test_a_name_and_a_mapping_stand_for_a_list_of_one(tmp_path: Path, firmware: Any) -> None:
-    scenario = load(with_firmware(tmp_path, firmware))
-    assert scenario.fleet.firmware == (FirmwareProgram(executable=str(tmp_path / "one" / "board")),)
-
-
-@pytest.mark.parametrize("firmware", [None, []], ids=str)
-def test_none_is_ours(tmp_path: Path, firmware: Any) -> None:
-    assert load(with_firmware(tmp_path, firmware)).fleet.firmware == ()
+def test_a_name_and_a_mapping_stand_for_a_list_of_one_and_none_is_ours(
+    tmp_path: Path, firmware: Any, count: int
+) -> None:
+    program = FirmwareProgram(executable=str(tmp_path / "one" / "board"))
+    assert load(with_firmware(tmp_path, firmware)).fleet.firmware == (program,) * count
 
 
 MIXED = [
@@ -78,10 +83,9 @@ def test_a_run_s_copy_has_both_programs_of_one_name(tmp_path: Path) -> None:
     copy = tmp_path / "copy"
     copy.mkdir()
     write_with_files(copy / "scenario.yaml", scenario)
-    found = [it.executable for it in load(copy / "scenario.yaml").fleet.firmware]
-    assert [Path(it).read_text()[-4:-1] for it in found[:2]] == ["one", "two"]
-    assert all(Path(it).is_relative_to(copy) for it in found[:2])
-    assert found[2] == LINE
+    *found, line = (it.executable for it in load(copy / "scenario.yaml").fleet.firmware)
+    own = [(Path(it).read_text()[-4:-1], Path(it).is_relative_to(copy)) for it in found]
+    assert (own, line) == ([("one", True), ("two", True)], LINE)
     write_resolved(tmp_path / "resolved.yaml", scenario)
     assert load(tmp_path / "resolved.yaml") == scenario
 
@@ -139,5 +143,4 @@ def test_a_run_refuses_a_serial_line_that_cannot_be_flown_before_anything_starts
     path = with_firmware(tmp_path, {"executable": "serial:/dev/no-such-board", "agents": [3]}, theta=1)
     assert main(["run", str(path), "--out", str(tmp_path / "run"), *words]) == 2
     said = capsys.readouterr().err
-    assert why in said and said.count("\n") == 1
-    assert not (tmp_path / "run").exists()
+    assert why in said and said.count("\n") == 1 and not (tmp_path / "run").exists()
