@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterable
+from contextlib import closing, suppress
 from pathlib import Path
 
 import pytest
@@ -50,37 +50,45 @@ def carried() -> Belief:
     )
 
 
+BELIEVED = {
+    **{"agent_id": 7, "state": State.ACTIVE, "charge": 0.5, "secondary": 0.875},
+    **{"north_m": 10.0, "east_m": 20.0, "age_s": 1.5},
+    **{"charge_deviation": pytest.approx(0.01), "secondary_deviation": pytest.approx(0.02)},
+    "charges_covariance": pytest.approx(0.00005),
+    **{"north_deviation_m": 2.0, "east_deviation_m": 3.0, "place_covariance_m2": 0.5},
+    **{"clock_offset_ms": 250.0, "clock_deviation_ms": 300.0},
+    **{"silent_timeslots": 65_535, "learned_from": 3, "charge_parts": (0.75, 0.5, 0.0, 0.25, 1.125, 0.5)},
+}
+
+
+def write(path: Path, times_ms: Iterable[int]) -> Path:
+    """A bag with a sample at each time."""
+    with closing(BagWriter(path, TimeScale(THETA))) as bag:
+        for at_ms in times_ms:
+            bag.sample(at_ms, [TRUTH], [belief_sample(carried(), 61_500)], None)
+    return path
+
+
 def test_all_of_a_belief_comes_back(tmp_path: Path) -> None:
-    bag = BagWriter(tmp_path / "run.bag", TimeScale(THETA))
-    bag.sample(61_500, [TRUTH], [belief_sample(carried(), 61_500)], None)
-    bag.close()
-    assert why_no_deviations(bag.path) is None
-    (instant,) = instants([bag.path], 500)
-    assert (instant.at_ms, instant.agent_ms, instant.truths) == (61_500, THETA * 61_500, (TRUTH,))
+    write(tmp_path / "run.bag", [61_500])
+    assert why_no_deviations(tmp_path / "run.bag") is None
+    (instant,) = instants([tmp_path / "run.bag"], 500)
     (it,) = instant.beliefs
-    assert (it.agent_id, it.state, it.charge, it.secondary) == (7, State.ACTIVE, 0.5, 0.875)
-    assert (it.north_m, it.east_m, it.age_s) == (10.0, 20.0, 1.5)
-    assert (it.charge_deviation, it.secondary_deviation) == pytest.approx((0.01, 0.02))
-    assert it.charges_covariance == pytest.approx(0.00005)
-    # A tenth of the quarter, 1.2816 deviations below its mean; more than 0.025 lies above 1.
-    assert (it.charge_low, it.charge_high) == pytest.approx((1.125 - 1.2816 * 0.5, 1.0), abs=1e-4)
-    assert (it.north_deviation_m, it.east_deviation_m, it.place_covariance_m2) == (2.0, 3.0, 0.5)
-    assert it.mode_probabilities[Mode.IDLE] == 0.75 and it.mode_probabilities[Mode.LOST] == 0.25
-    assert len(it.mode_probabilities) == len(Mode)
-    assert (it.clock_offset_ms, it.clock_deviation_ms) == (250.0, 300.0)
-    assert (it.silent_timeslots, it.learned_from) == (65_535, 3)
+    assert (instant.at_ms, instant.agent_ms, instant.truths) == (61_500, THETA * 61_500, (TRUTH,))
+    # A tenth of the quarter lies 1.2816 deviations below its mean; more than 0.025 lies above 1.
+    expected = BELIEVED | {"charge_low": pytest.approx(1.125 - 1.2816 * 0.5, abs=1e-4), "charge_high": 1.0}
+    assert {name: getattr(it, name) for name in expected} == expected
+    modes = {mode: share for mode, share in enumerate(it.mode_probabilities) if share}
+    assert (len(it.mode_probabilities), modes) == (len(Mode), {Mode.IDLE: 0.75, Mode.LOST: 0.25})
     assert dict(zip(QUANTITIES, it.reported, strict=True))["depth_m"] == 3.25
-    assert it.charge_parts == (0.75, 0.5, 0.0, 0.25, 1.125, 0.5)
 
 
 def test_who_claims_to_be_certain_knows_no_deviation() -> None:
     newest = Belief(7, 60_000, State.ACTIVE, 0.5, 0.875, 10.0, 20.0)
     sample = belief_sample(newest, 61_000)
-    assert sample[:7] == (7, State.ACTIVE, 0.5, 0.875, 10.0, 20.0, 1.0)
-    assert all(map(math.isnan, sample[7:15])) and sample.mode_probabilities == ()
-    assert math.isnan(sample.clock_offset_ms) and math.isnan(sample.clock_deviation_ms)
-    assert (sample.silent_timeslots, sample.learned_from) == (0, 1)
-    assert all(map(math.isnan, sample.reported))
+    unknown = *sample[7:15], sample.clock_offset_ms, sample.clock_deviation_ms, *sample.reported
+    assert sample[:7] == (7, State.ACTIVE, 0.5, 0.875, 10.0, 20.0, 1.0) and all(map(math.isnan, unknown))
+    assert (sample.mode_probabilities, sample.silent_timeslots, sample.learned_from) == ((), 0, 1)
 
 
 def test_the_definition_counts_modes_and_sources_as_beliefs_do() -> None:
@@ -91,13 +99,8 @@ def test_the_definition_counts_modes_and_sources_as_beliefs_do() -> None:
 
 
 def test_samples_are_taken_a_period_apart_across_bags(tmp_path: Path) -> None:
-    bags = []
-    for name, seconds in (("run.bag", range(25)), ("run-2.bag", range(33, 62))):
-        bag = BagWriter(tmp_path / name, TimeScale(THETA))
-        for second in seconds:
-            bag.sample(1000 * second, [TRUTH], [belief_sample(carried(), 61_500)], None)
-        bag.close()
-        bags.append(bag.path)
+    first, second = range(0, 25_000, 1000), range(33_000, 62_000, 1000)
+    bags = [write(tmp_path / "run.bag", first), write(tmp_path / "run-2.bag", second)]
     assert [it.at_ms for it in instants(bags, 10_000)] == [0, 10_000, 20_000, 33_000, 40_000, 50_000, 60_000]
 
 
@@ -106,10 +109,9 @@ def test_a_bag_of_means_is_read_by_its_own_definitions(
 ) -> None:
     path = bag_of_means(tmp_path / "run.bag", 31)
     assert why_no_deviations(path) == f"{path}: its beliefs have no deviations"
-    found = list(instants([path], 10_000))
-    assert [it.at_ms for it in found] == [0, 10_000, 20_000, 30_000]
-    assert found[1].truths == (TRUTH,)
-    (it,) = found[1].beliefs
+    _, second, *_ = found = list(instants([path], 10_000))
+    (it,) = second.beliefs
+    assert ([it.at_ms for it in found], second.truths) == ([0, 10_000, 20_000, 30_000], (TRUTH,))
     assert it[:7] == (7, State.ACTIVE, 0.75, 1.0, 1.0, -2.5, 4.5)
     assert math.isnan(it.charge_deviation) and math.isnan(it.charge_low) and it.mode_probabilities == ()
 
@@ -141,11 +143,7 @@ def test_random_bytes_are_a_bag_that_cannot_be_read(
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     """A bag of five seconds."""
-    bag = BagWriter(tmp_path_factory.mktemp("whole") / "run.bag", TimeScale(THETA))
-    for second in range(5):
-        bag.sample(1000 * second, [TRUTH], [belief_sample(carried(), 61_500)], None)
-    bag.close()
-    return bag.path.read_bytes()
+    return write(tmp_path_factory.mktemp("whole") / "run.bag", range(0, 5000, 1000)).read_bytes()
 
 
 @given(st.integers(4200, 10_000), st.binary(min_size=1, max_size=40))

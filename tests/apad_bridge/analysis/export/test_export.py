@@ -27,17 +27,18 @@ OCTAVE = shutil.which("octave")
 
 
 def test_every_kind_of_event_and_every_sample_has_its_table(pool_run):
-    tables = {it.name: it for it in tables_of(pool_run)}
-    for table in tables.values():
-        assert {len(it) for it in table.columns.values()} == {table.rows}
-    lines = lines_in(pool_run.journal)
-    kinds = {line["kind"] for line in lines} - {"truth", "belief", "apad", "tick"}
-    assert {f"event_{kind}" for kind in kinds} == {name for name in tables if name.startswith("event_")}
-    for kind in kinds:
-        assert tables[f"event_{kind}"].rows == sum(line["kind"] == kind for line in lines)
-    assert tables["truth"].rows == 12 * 601 and tables["apad"].rows == 601
-    closed = [line for line in lines if line["kind"] == "dock"]
-    assert tables["event_dock"].columns["agent"] == [line["agent"] for line in closed]
+    tables, lines = {it.name: it for it in tables_of(pool_run)}, lines_in(pool_run.journal)
+    rows = {it.name: it.rows for it in tables.values()}
+    assert {it.name: {len(own) for own in it.columns.values()} for it in tables.values()} == {
+        name: {count} for name, count in rows.items()
+    }
+    kinds = Counter(f"event_{line['kind']}" for line in lines)
+    for kind in ("truth", "belief", "apad", "tick"):
+        del kinds[f"event_{kind}"]
+    assert {name: count for name, count in rows.items() if name.startswith("event_")} == kinds
+    assert (rows["truth"], rows["apad"]) == (12 * 601, 601)
+    closed = [line["agent"] for line in lines if line["kind"] == "dock"]
+    assert tables["event_dock"].columns["agent"] == closed
     assert tables["summary_amussels"].columns["id"] == list(range(1, 13))
     beliefs = tables["beliefs"].columns
     assert set(beliefs["depth_m"]) >= {0.0, max(tables["truth"].columns["depth"])}, "what it reports, by name"
@@ -52,16 +53,13 @@ def test_mcap_has_the_bag_s_messages_with_their_definitions(pool_run, tmp_path):
         messages = list(reader.iter_messages(topics="/musselbed/truth"))
         assert len(messages) == rows["/musselbed/truth"] == 601
         schema, channel, message = messages[-1]
-        assert (schema.name, schema.encoding) == ("musselbed_msgs/FleetTruth", "ros1msg")
-        assert channel.message_encoding == "ros1" and message.log_time == 600 * 10**9
+        found = schema.name, schema.encoding, channel.message_encoding, message.log_time
+        assert found == ("musselbed_msgs/FleetTruth", "ros1msg", "ros1", 600 * 10**9)
         store = get_typestore(Stores.ROS1_NOETIC)
         types = get_types_from_msg(schema.data.decode(), TRUTH)
         store.register({name: fields for name, fields in types.items() if name not in store.types})
         fleet = store.deserialize_ros1(message.data, TRUTH)
-        summary = json.loads(pool_run.summary.read_text())["amussels"]
-        assert {it.id: it.primary for it in fleet.agents} == pytest.approx(
-            {int(n): it["final_charge"] for n, it in summary.items()}, abs=1e-5
-        )
+        assert {it.id: it.primary for it in fleet.agents} == charges(pool_run)
         assert {it.name for it in reader.iter_attachments()} == {"scenario.yaml", "summary.json"}
 
 
@@ -77,21 +75,16 @@ def test_an_mcap_in_ros_2_s_form_is_read_by_the_decoder_of_its_format(pool_run, 
         assert [it.name for it in reader.iter_attachments()] == ["scenario.yaml", "summary.json"]
     assert heard == rows and rows["/musselbed/apad"] == 601
     schema, channel, status = newest["/musselbed/apad"]
-    assert (schema.name, schema.encoding) == ("musselbed_msgs/msg/APadStatus", "ros2msg")
-    text = schema.data.decode()
+    kinds, text = (schema.name, schema.encoding, channel.message_encoding), schema.data.decode()
+    assert kinds == ("musselbed_msgs/msg/APadStatus", "ros2msg", "cdr")
     assert "builtin_interfaces/Time" in text and "uint32 seq" not in text
-    assert channel.message_encoding == "cdr"
     *_, line = (it for it in lines_in(pool_run.journal) if it["kind"] == "apad")
     stamp, keys = status.header.stamp, ("north_m", "east_m", "heading_rad", "voltage_v", "battery")
     found = [status.north, status.east, status.heading, status.voltage, status.battery_fraction]
     assert found == pytest.approx([line[key] for key in keys], abs=0.02)
     told = (stamp.sec, stamp.nanosec, status.mission_time_ms, status.header.frame_id, status.primitive)
-    assert told == (600, 0, 600_000, "musselbed/ned", line["primitive"])
-    assert list(status.docks) == line["docks"]
-    summary = json.loads(pool_run.summary.read_text())["amussels"]
-    charges = {int(n): it["final_charge"] for n, it in summary.items()}
-    fleet = newest["/musselbed/truth"][2]
-    assert {it.id: it.primary for it in fleet.agents} == pytest.approx(charges, abs=1e-5)
+    assert (*told, *status.docks) == (600, 0, 600_000, "musselbed/ned", line["primitive"], *line["docks"])
+    assert {it.id: it.primary for it in newest["/musselbed/truth"][2].agents} == charges(pool_run)
 
 
 def test_csv_and_parquet_say_the_same(pool_run, tmp_path):
@@ -125,8 +118,12 @@ def test_octave_opens_the_mat_file(pool_run, tmp_path):
     assert answered.stdout == f"{rows['truth']} {rows['event_dock']} cautious"
 
 
-def test_a_run_that_was_killed_is_exported_and_left_as_it_is(pool_run, tmp_path):
-    copy = RunDirectory(shutil.copytree(pool_run.path, tmp_path / "run"))
+@pytest.fixture
+def copy(pool_run, tmp_path):
+    return RunDirectory(shutil.copytree(pool_run.path, tmp_path / "run"))
+
+
+def test_a_run_that_was_killed_is_exported_and_left_as_it_is(copy, tmp_path):
     bag = copy.bags[0]
     torn = bytearray(bag.read_bytes()[: bag.stat().st_size * 2 // 3])
     # A bag that was never closed has an index at 0.
@@ -137,8 +134,7 @@ def test_a_run_that_was_killed_is_exported_and_left_as_it_is(pool_run, tmp_path)
     assert bag.read_bytes() == torn
 
 
-def test_samples_that_were_uploaded_go_along(pool_run, tmp_path):
-    copy = RunDirectory(shutil.copytree(pool_run.path, tmp_path / "run"))
+def test_samples_that_were_uploaded_go_along(copy, tmp_path):
     sample = {"id": 3, "sequence": 0, "mission_ms": 1500, "oxygen": 7.5, "counts": [1, 2], "saturated": []}
     copy.samples.write_text(json.dumps(sample) + "\n")
     (samples,) = (it for it in tables_of(copy) if it.name == "samples")
@@ -148,6 +144,11 @@ def test_samples_that_were_uploaded_go_along(pool_run, tmp_path):
         ((schema, _, message),) = make_reader(file).iter_messages(topics="/musselbed/samples")
     assert schema.encoding == "jsonschema" and json.loads(message.data) == sample
     assert json.loads(schema.data)["properties"]["oxygen"] == {"type": "number"}
+
+
+def charges(run):
+    summary = json.loads(run.summary.read_text())["amussels"]
+    return pytest.approx({int(n): it["final_charge"] for n, it in summary.items()}, abs=1e-5)
 
 
 @pytest.mark.parametrize("to", list(Format))
@@ -166,14 +167,13 @@ def test_the_command(pool_run, tmp_path, capsys):
 
 
 @pytest.mark.parametrize("to", list(Format))
-def test_a_damaged_chunk_of_a_bag_is_one_line(pool_run, tmp_path, capsys, to):
-    damaged = RunDirectory(shutil.copytree(pool_run.path, tmp_path / "run"))
-    data = bytearray(damaged.bags[0].read_bytes())
+def test_a_damaged_chunk_of_a_bag_is_one_line(copy, tmp_path, capsys, to):
+    data = bytearray(copy.bags[0].read_bytes())
     data[len(data) // 2 : len(data) // 2 + 3000] = bytes(3000)
-    damaged.bags[0].write_bytes(data)
-    assert main(["export", "--to", to, str(damaged.path), "--out", str(tmp_path / "out")]) == 2
+    copy.bags[0].write_bytes(data)
+    assert main(["export", "--to", to, str(copy.path), "--out", str(tmp_path / "out")]) == 2
     told = capsys.readouterr().err
-    assert f"{damaged.bags[0]}: " in told and "damaged" in told and len(told.splitlines()) == 1
+    assert f"{copy.bags[0]}: " in told and "damaged" in told and len(told.splitlines()) == 1
 
 
 SUMMARY_READERS = ("check", "export --to csv", "report", "replay")
@@ -187,10 +187,9 @@ DAMAGES = ["", "{", "[]", "null", '{"services": ']
         ("check", "{}", ", or of another version: 'cost_m'"),
     ],
 )
-def test_a_damaged_summary_is_one_line(pool_run, tmp_path, capsys, command, text, why):
-    damaged = RunDirectory(shutil.copytree(pool_run.path, tmp_path / "run"))
-    damaged.summary.write_text(text)
-    assert main([*command.split(), str(damaged.path)]) == 2
+def test_a_damaged_summary_is_one_line(copy, capsys, command, text, why):
+    copy.summary.write_text(text)
+    assert main([*command.split(), str(copy.path)]) == 2
     # On a busy machine a command that writes says so before.
     (told,) = (it for it in capsys.readouterr().err.splitlines() if not it.startswith("writing "))
-    assert f"{damaged.summary} is damaged{why}" in told
+    assert f"{copy.summary} is damaged{why}" in told
