@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from itertools import product
 from pathlib import Path
 from typing import Any, cast
@@ -159,44 +159,37 @@ class Bench:
     def do(self, move: str) -> str:
         name, *words = move.split()
         numbers = [float(it) for it in words if re.fullmatch(r"[\d.e-]+|nan", it)]
-        mission, beliefs = self.flight.supervisor.mission, self.flight.supervisor.beliefs
-        match name:
-            case "ticks":
-                self.ticks(int(words[0]))
-            case "until":
-                for _ in range(300):
-                    if move.endswith(mission.state.phase.value) or self.charging:
-                        break
-                    self.ticks(1)
-            case "real":
-                self.real_one_says(numbers[0], numbers[1], State[words[2]], int(numbers[2]))
-            case "fault":
-                return told(self.ask(FaultRequest(int(words[0]), TimedFault(words[1]))))
-            case "elsewhere":
-                self.flight.supervisor.allocation.give(int(words[0]))
-            case "back":
-                self.flight.supervisor.allocation.take(int(words[0]))
-            case "believed":
-                belief = beliefs.get(THE_ONE)
-                age_s = (self.flight.now_ms - belief.heard_ms) // 1000
-                return f"{belief.north_m:.2f} m, {belief.primary:.2f}, heard {age_s} s ago"
-            case "body":
-                state, north_m = self.truth()
-                return f"{state.name} at {north_m:.2f} m"
-            case "home":
-                return str(self.home_m() and tuple(round(it, 2) for it in self.home_m()))
-            case "see":
-                seen = {
-                    "beliefs": [it.agent_id for it in beliefs.all()],
-                    "plan": [it.agent_id for it in mission.state.plan],
-                }
-                return str(seen[words[0]]) if words[0] in seen else mission.state.phase.value
-            case _:
-                whom = self.charging if words[0] == "docked" else int(words[0])
-                trigger = PresenceTrigger[name.upper()]
-                place, charges = tuple(numbers[1:3]) or None, tuple(numbers[3:5]) or None
-                return told(self.ask(PresenceRequest(whom, trigger, "a test", place, charges)))
-        return ""
+        supervisor = self.flight.supervisor
+        mission, beliefs = supervisor.mission, supervisor.beliefs
+        told_of: dict[str, Callable[[], object]] = {
+            "ticks": lambda: self.ticks(int(words[0])),
+            "real": lambda: self.real_one_says(numbers[0], numbers[1], State[words[2]], int(numbers[2])),
+            "fault": lambda: told(self.ask(FaultRequest(int(words[0]), TimedFault(words[1])))),
+            "elsewhere": lambda: supervisor.allocation.give(int(words[0])),
+            "back": lambda: supervisor.allocation.take(int(words[0])),
+            "believed": self.believed,
+            "body": lambda: "{.name} at {:.2f} m".format(*self.truth()),
+            "home": lambda: str(self.home_m() and tuple(round(it, 2) for it in self.home_m())),
+            "see beliefs": lambda: [it.agent_id for it in beliefs.all()],
+            "see plan": lambda: [it.agent_id for it in mission.state.plan],
+            "see phase": lambda: mission.state.phase.value,
+        }
+        if name == "until":
+            while not (move.endswith(mission.state.phase.value) or self.charging):
+                self.ticks(1)
+            return ""
+        act = told_of.get(move if name == "see" else name)
+        if act is not None:
+            answer = act()
+            return "" if answer is None or name in ("elsewhere", "back") else str(answer)
+        whom = self.charging if words[0] == "docked" else int(words[0])
+        place, charges = tuple(numbers[1:3]) or None, tuple(numbers[3:5]) or None
+        return told(self.ask(PresenceRequest(whom, PresenceTrigger[name.upper()], "a test", place, charges)))
+
+    def believed(self) -> str:
+        belief = self.flight.supervisor.beliefs.get(THE_ONE)
+        age_s = (self.flight.now_ms - belief.heard_ms) // 1000
+        return f"{belief.north_m:.2f} m, {belief.primary:.2f}, heard {age_s} s ago"
 
     @property
     def charging(self) -> int | None:
@@ -449,10 +442,10 @@ def test_uptimes_are_of_the_simulated_ones_and_others_are_told_apart(bench: Benc
     bench.ticks(8)
     figures = uptime_figures(bench.recorder.meter, bench.flight.now_ms - 1000)
     # Ticks 1 to 19 of two aMussels, and ticks 1 to 11 of the two whose presence changed at the end of tick 11.
-    assert figures["counted_s"] == 2 * 19 + 2 * 11
-    assert figures["uptime_paper"] == {"mean": 100.0, "max": 100.0, "min": 100.0}
-    assert figures["active_mean"] == (2 * 19 + 2 * 11) / 19
-    assert figures["excluded"] == {"amussels": 2, "beside_real_s": 8, "retired_s": 8, "samples_taken": 0}
+    excluded = {"amussels": 2, "beside_real_s": 8, "retired_s": 8, "samples_taken": 0}
+    wanted = {"counted_s": 2 * 19 + 2 * 11, "uptime_paper": {"mean": 100.0, "max": 100.0, "min": 100.0}}
+    wanted |= {"active_mean": (2 * 19 + 2 * 11) / 19, "excluded": excluded}
+    assert {name: figures[name] for name in wanted} == wanted
 
 
 def test_what_was_done_is_answered_when_it_is_recorded(bench: Bench) -> None:
@@ -482,33 +475,24 @@ def test_what_was_done_is_answered_when_it_is_recorded(bench: Bench) -> None:
 
 def test_another_supervisor_knows_who_is_real_and_who_is_retired(bench: Bench) -> None:
     bench.ticks(3)
-    bench.ask(
-        PresenceRequest(THE_ONE, PresenceTrigger.HAND_OVER, "a test"),
-        PresenceRequest(1, PresenceTrigger.RETIRE, "a test"),
-    )
-    bench.ask(
-        PresenceRequest(1, PresenceTrigger.SPAWN, "a test", (7.0, 8.0), (0.5, 0.5)),
-        PresenceRequest(2, PresenceTrigger.RETIRE, "a test"),
-    )
-    lines = [{"t": at_ms, "kind": kind, **data} for at_ms, kind, data in facts_of(bench.recorder)]
-    again = Presences([1, 2, 3, 4], 3.0, state_of(lines).presences.values())
-    assert [again.of(it) for it in (1, 2, 3, 4)] == [
-        Presence.SIMULATED,
-        Presence.RETIRED,
-        Presence.REAL,
-        Presence.SIMULATED,
-    ]
-    assert again.simulated == {1, 4}
+    for move in ("hand_over 3", "retire 1", "spawn 1 7 8 0.5 0.5", "retire 2"):
+        assert bench.answer(move).startswith("done")
+    again = Presences([1, 2, 3, 4], 3.0, state_of(lines_of(facts_of(bench.recorder))).presences.values())
+    known = {1: Presence.SIMULATED, 2: Presence.RETIRED, 3: Presence.REAL, 4: Presence.SIMULATED}
+    assert {it: again.of(it) for it in known} == known and again.simulated == {1, 4}
     coordinator = Coordinator(bench.host, bench.coordinator.granted_ms, bench.scenario.time_scale)
     again.mute_as_before(coordinator)
     spoke = {it.agent_id for it in coordinator.advance(bench.flight.now_ms + 5000) if isinstance(it, Output)}
     assert spoke == {1, 4}
 
 
-def resumed(bench: Bench, journal_lines: list[Any]) -> Coordinator:
-    """The fleet under a new coordinator, after a kill that left these lines in the journal."""
-    lines = [{"t": at_ms, "kind": kind, **data} for at_ms, kind, data in journal_lines]
-    journal = journal_of(json.loads(json.dumps(lines)))
+def lines_of(facts: Iterable[Any]) -> list[dict[str, Any]]:
+    return [{"t": at_ms, "kind": kind, **data} for at_ms, kind, data in facts]
+
+
+def resumed(bench: Bench, facts: list[Any]) -> Coordinator:
+    """The fleet under a new coordinator, after a kill that left these facts in the journal."""
+    journal = journal_of(json.loads(json.dumps(lines_of(facts))))
     state = StartState(
         cast(Recorder, bench.recorder), bench.presences, cast(LearnedState, None), journal=journal
     )

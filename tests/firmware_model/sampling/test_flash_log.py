@@ -31,12 +31,12 @@ def sequences(log: FlashLog) -> list[int]:
     return [found.sequence for found in log.read(0, 10**9)]
 
 
-def test_what_it_holds_by_hand() -> None:
-    # Four pages of three records: the current page and the two before it count; the fourth is the next to be erased.
-    assert sequences(filled(2)) == [0, 1]
-    assert sequences(filled(8)) == list(range(8))
-    assert sequences(filled(9)) == list(range(3, 9))
-    assert sequences(filled(13)) == list(range(6, 13))
+# Four pages of three records: the current page and the two before it count; the fourth is the next to be erased.
+@pytest.mark.parametrize(
+    ("count", "held"), [(2, range(2)), (8, range(8)), (9, range(3, 9)), (13, range(6, 13))]
+)
+def test_what_it_holds_by_hand(count: int, held: range) -> None:
+    assert sequences(filled(count)) == list(held)
 
 
 def test_the_real_one_holds_99_days_of_a_sample_an_hour() -> None:
@@ -45,20 +45,13 @@ def test_the_real_one_holds_99_days_of_a_sample_an_hour() -> None:
     assert min(n - ring.oldest(n) for n in range(5000, 5500)) == 2380 > 99 * 24
 
 
-def test_it_is_read_in_parts_and_the_newest_alone() -> None:
+def test_it_is_read_in_parts_and_only_what_is_next_or_there_is_written_and_acknowledged() -> None:
     log = filled(8)
-    assert log.read(2, 4) == (record(2), record(3)) and log.newest() == record(7)
-    assert filled(0).newest() is None
-    assert log.read(8, 20) == ()
-
-
-def test_only_the_next_record_is_written() -> None:
+    assert (log.read(2, 4), log.read(8, 20)) == ((record(2), record(3)), ())
+    assert (log.newest(), filled(0).newest()) == (record(7), None)
     with pytest.raises(ValueError, match="comes next"):
-        filled(2).append(record(3))
-
-
-def test_an_acknowledgement_of_what_is_not_there_is_refused() -> None:
-    assert not filled(5).acknowledge(6)
+        log.append(record(9))
+    assert not log.acknowledge(9)
 
 
 def test_flash_is_programmed_once_and_within_a_page() -> None:
@@ -94,18 +87,15 @@ def test_a_torn_last_write_is_dropped_and_counted(count: int, kept: int) -> None
 def test_a_bit_that_fell_over_costs_that_record_alone() -> None:
     flash = MemoryFlash(*SMALL)
     log = filled(5, flash)
-    page = flash._pages[0]
-    page[RECORD_BYTES + 7] ^= 0x10
-    assert sequences(log) == [0, 2, 3, 4]
-    assert sequences(FlashLog(flash, 5, 0)) == [0, 2, 3, 4]
+    flash._pages[0][RECORD_BYTES + 7] ^= 0x10
+    assert sequences(log) == sequences(FlashLog(flash, 5, 0)) == [0, 2, 3, 4]
 
 
 def test_no_sequence_is_given_twice_when_flash_and_registers_disagree() -> None:
-    empty = FlashLog(MemoryFlash(*SMALL), 7, 2)
-    assert (empty.next_sequence, empty.torn, sequences(empty)) == (7, 7, [])
     flash = MemoryFlash(*SMALL)
     filled(8, flash)
-    behind = FlashLog(flash, 5, 0)
+    empty, behind = FlashLog(MemoryFlash(*SMALL), 7, 2), FlashLog(flash, 5, 0)
+    assert (empty.next_sequence, empty.torn, sequences(empty)) == (7, 7, [])
     assert (behind.next_sequence, behind.torn) == (8, 0)
 
 
@@ -157,10 +147,10 @@ class Life(RuleBasedStateMachine):
     @invariant()
     def it_holds_what_it_must(self) -> None:
         first = max(0, (self.taken // A_PAGE - PAGES_HERE + 2) * A_PAGE)
-        assert self.log.next_sequence == self.taken
+        found = self.log.next_sequence, self.log.overwritten, self.log.waiting
+        read = max(first, self.acknowledged)
+        assert found == (self.taken, read - self.acknowledged, self.taken - read)
         assert sequences(self.log) == [n for n in range(first, self.taken) if n not in self.unreadable]
-        assert self.log.overwritten == max(0, first - self.acknowledged)
-        assert self.log.waiting == self.taken - max(first, self.acknowledged)
 
 
 TestLife = Life.TestCase

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
@@ -64,38 +65,38 @@ class Watched:
 
     def answer(self, move: str) -> str:
         name, *words = move.split()
+        try:
+            return self.done(name, words)
+        except ValueError as error:
+            return str(error)
+
+    def done(self, name: str, words: list[str]) -> str:
         apad, now_ms = self.apad, self.now_ms
-        match name:
-            case "go":
-                goal = go_to(words[0], NORTH_M + float(words[1]), EAST_M + float((*words, "0")[2]))
-                return shown(apad.receive(goal, now_ms))
-            case "perch" | "release":
-                made = {"perch": perch, "release": release}[name]
-                return shown(apad.receive(made(" ".join(words)), now_ms))
-            case "unknown":
-                return shown(apad.receive(GoalOrder("what", 7, 0.0, 0.0, ""), now_ms))
-            case "cancel":
-                return shown(apad.cancel(words[0], now_ms))
-            case "velocity":
-                return shown(apad.enable_velocity_control(words == ["on"], now_ms))
-            case "position":
-                return shown(apad.enable_position_control(words == ["on"], now_ms))
-            case "axes":
-                return shown(apad.configure_axes([2, 2, 0, 0, 0, 0], now_ms))
-            case "battery":
-                apad.change_battery(float(words[0]), now_ms)
-                return f"{apad.battery_percent:g}"
-            case "dock":
-                try:
-                    return shown(apad.set_dock(int(words[0]), words[1] == "closes", now_ms))
-                except ValueError as error:
-                    return str(error)
-            case "at":
-                return f"{apad.pose.north_m - NORTH_M:.1f}, {apad.pose.east_m - EAST_M:.1f}"
-            case "see":
-                return str(getattr(apad, words[0]))
-        self.now_ms = round(1000 * float(words[0]))
-        return shown(apad.advance(self.now_ms))
+        if name == "battery":
+            apad.change_battery(float(words[0]), now_ms)
+        if name == "advance":
+            self.now_ms = round(1000 * float(words[0]))
+        is_on, whom = words == ["on"], " ".join(words)
+        published: dict[str, Callable[[], list[Published]]] = {
+            "go": lambda: apad.receive(
+                go_to(words[0], NORTH_M + float(words[1]), EAST_M + float((*words, "0")[2])), now_ms
+            ),
+            "perch": lambda: apad.receive(perch(whom), now_ms),
+            "release": lambda: apad.receive(release(whom), now_ms),
+            "unknown": lambda: apad.receive(GoalOrder("what", 7, 0.0, 0.0, ""), now_ms),
+            "cancel": lambda: apad.cancel(words[0], now_ms),
+            "velocity": lambda: apad.enable_velocity_control(is_on, now_ms),
+            "position": lambda: apad.enable_position_control(is_on, now_ms),
+            "axes": lambda: apad.configure_axes([2, 2, 0, 0, 0, 0], now_ms),
+            "dock": lambda: apad.set_dock(int(words[0]), words[1] == "closes", now_ms),
+            "advance": lambda: apad.advance(self.now_ms),
+        }
+        seen: dict[str, Callable[[], str]] = {
+            "battery": lambda: f"{apad.battery_percent:g}",
+            "at": lambda: f"{apad.pose.north_m - NORTH_M:.1f}, {apad.pose.east_m - EAST_M:.1f}",
+            "see": lambda: str(getattr(apad, words[0])),
+        }
+        return seen[name]() if name in seen else shown(published[name]())
 
 
 def shown(published: list[Published]) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -45,15 +46,9 @@ def vehicle(drift_m_s: tuple[float, float] = (0.0, 0.0), start_ms: int = 0) -> G
 
 def status_changes(published: list[Published], docking: bool = False) -> list[tuple[int, PrimitiveStatus]]:
     """Changes of a status, with their times."""
-    told: list[tuple[int, PrimitiveStatus]] = []
-    for it in published:
-        if (
-            isinstance(it, StatusPublished)
-            and it.docking is docking
-            and (not told or told[-1][1] is not it.status)
-        ):
-            told.append((it.at_ms, it.status))
-    return told
+    told = [it for it in published if isinstance(it, StatusPublished) and it.docking is docking]
+    before = [None, *(it.status for it in told)]
+    return [(it.at_ms, it.status) for it, last in zip(told, before, strict=False) if it.status is not last]
 
 
 @pytest.fixture
@@ -75,35 +70,32 @@ class Watched:
     def answer(self, move: str) -> str:
         name, *words = move.split()
         numbers = [float(it) for it in words if it.lstrip("-").replace(".", "").isdigit()]
-        apad, now_ms = self.apad, self.now_ms
-        match name:
-            case "go":
-                order = GoTo(0, NORTH_M + numbers[0], EAST_M, *(numbers[1:] or (0.5, 0.5)))
-                return shown(apad.receive(order, now_ms))
-            case "hold":
-                return shown(
-                    apad.receive(Hold(0, NORTH_M + numbers[0], EAST_M + numbers[1], *numbers[2:]), now_ms)
-                )
-            case "dock" | "undock":
-                order = replace({"dock": DOCK, "undock": UNDOCK}[name], dock_index=int(words[0]))
-                return shown(apad.receive(order, now_ms))
-            case "manual":
-                return shown(apad.set_manual(words == ["on"], now_ms))
-            case "stop" | "pause" | "go_on":
-                return shown(getattr(apad, name)(now_ms))
-            case "load":
-                return shown(apad.load(int(words[0]), words[1] == "on", now_ms) or [])
-            case "detect":
-                return shown(apad.detect(numbers[0], numbers[1], now_ms) or [])
-            case "at":
-                pose = apad.pose
-                return f"{pose.north_m - NORTH_M:.1f}, {pose.east_m - EAST_M:.1f}, {pose.heading_rad:.2f} rad"
-            case "battery":
-                return f"{apad.battery_percent:.2f} %"
-            case "see":
-                return str(getattr(apad, words[0]))
-        self.now_ms = round(1000 * numbers[0])
-        return shown(apad.advance(self.now_ms))
+        apad, now_ms, pose = self.apad, self.now_ms, self.apad.pose
+        if name == "advance":
+            self.now_ms = round(1000 * numbers[0])
+        published: dict[str, Callable[[], list[Published] | None]] = {
+            "go": lambda: apad.receive(
+                GoTo(0, NORTH_M + numbers[0], EAST_M, *(numbers[1:] or (0.5, 0.5))), now_ms
+            ),
+            "hold": lambda: apad.receive(
+                Hold(0, NORTH_M + numbers[0], EAST_M + numbers[1], *numbers[2:]), now_ms
+            ),
+            "dock": lambda: apad.receive(replace(DOCK, dock_index=int(words[0])), now_ms),
+            "undock": lambda: apad.receive(replace(UNDOCK, dock_index=int(words[0])), now_ms),
+            "manual": lambda: apad.set_manual(words == ["on"], now_ms),
+            **{it: lambda: getattr(apad, name)(now_ms) for it in ("stop", "pause", "go_on")},
+            "load": lambda: apad.load(int(words[0]), words[1] == "on", now_ms),
+            "detect": lambda: apad.detect(numbers[0], numbers[1], now_ms),
+            "advance": lambda: apad.advance(self.now_ms),
+        }
+        seen: dict[str, Callable[[], str]] = {
+            "at": lambda: (
+                f"{pose.north_m - NORTH_M:.1f}, {pose.east_m - EAST_M:.1f}, {pose.heading_rad:.2f} rad"
+            ),
+            "battery": lambda: f"{apad.battery_percent:.2f} %",
+            "see": lambda: str(getattr(apad, words[0])),
+        }
+        return seen[name]() if name in seen else shown(published[name]() or [])
 
 
 def shown(published: list[Published]) -> str:
@@ -114,19 +106,17 @@ def shown(published: list[Published]) -> str:
             f"{it.name.lower()} at {at_ms / 1000:g}" for at_ms, it in status_changes(published, docking)
         ]
         found += [f"{'docking' if docking else 'way'} {', '.join(changes)}"] * bool(changes)
-    for it in published:
-        match it:
-            case ArmPublished():
-                found.append(f"open at {it.at_ms / 1000:g}: {[n for n in range(4) if it.arm.is_open[n]]}")
-            case CameraTurned():
-                found.append(f"camera {it.servo:g}")
-            case Finished():
-                found.append(f"finished at {it.at_ms / 1000:g}")
-            case GoToBegun():
-                found.append("begun")
-            case GoToEnded():
-                found.append(f"ended: {it.status.name.lower()}")
+    found += [ONCE[type(it)](it) for it in published if type(it) in ONCE]
     return "; ".join(found)
+
+
+ONCE: dict[type, Callable[[Any], str]] = {
+    ArmPublished: lambda it: f"open at {it.at_ms / 1000:g}: {[n for n in range(4) if it.arm.is_open[n]]}",
+    CameraTurned: lambda it: f"camera {it.servo:g}",
+    Finished: lambda it: f"finished at {it.at_ms / 1000:g}",
+    GoToBegun: lambda it: "begun",
+    GoToEnded: lambda it: f"ended: {it.status.name.lower()}",
+}
 
 
 STORIES: dict[str, tuple[dict[str, Any], str]] = {
