@@ -61,10 +61,15 @@ def packets_at(console: socket.socket) -> list[bytes]:
     return packets
 
 
+def local_socket() -> socket.socket:
+    link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    link.bind(("127.0.0.1", 0))
+    return link
+
+
 def show(run_dir: Path) -> tuple[ImcGateway, list[bytes]]:
     """Shows an ended run to a console; the gateway and the packets that reached the console."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as console:
-        console.bind(("127.0.0.1", 0))
+    with local_socket() as console:
         console.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 20)
         gateway = gateway_of(run_dir, console.getsockname(), 0x4001)
         assert gateway.run(lambda: False) == "mission time"
@@ -87,19 +92,18 @@ def test_an_independent_codec_reads_every_packet_and_the_log_has_them_all(
     shown: tuple[ImcGateway, list[bytes]], codec: Codec
 ) -> None:
     gateway, packets = shown
-    log = gateway.log_folder / "Data.lsf"
-    logged = log.read_bytes()
-    said = codec.read_log(logged)
-    assert name_of(said[0]) == "LoggingControl" and said[0].op == 1
-    assert said[0].name == f"{log.parent.parent.name}/{log.parent.name}"
-    assert [name_of(codec.read(it)) for it in packets] == [name_of(it) for it in said[2:]]
-    assert b"".join(packets) == logged[-len(b"".join(packets)) :]
+    folder, sent = gateway.log_folder, b"".join(packets)
+    logged = (folder / "Data.lsf").read_bytes()
+    begun, *said = codec.read_log(logged)
+    name = f"{folder.parent.name}/{folder.name}"
+    assert (name_of(begun), begun.op, begun.name) == ("LoggingControl", 1, name)
+    assert [name_of(codec.read(it)) for it in packets] == [name_of(it) for it in said[1:]]
+    assert sent == logged[-len(sent) :]
 
 
 def test_times_are_unix_time_also_at_theta_30(shown: tuple[ImcGateway, list[bytes]], codec: Codec) -> None:
-    now_s = time.time()
-    for packet in shown[1]:
-        assert now_s - 600 < header_of(codec.read(packet)).timestamp <= now_s
+    times_s = [header_of(codec.read(it)).timestamp for it in shown[1]]
+    assert time.time() - 600 < min(times_s) and max(times_s) <= time.time()
 
 
 def test_the_systems_are_announced_where_the_journal_says_that_they_are(
@@ -115,16 +119,14 @@ def test_the_systems_are_announced_where_the_journal_says_that_they_are(
     for src, line in newest.items():
         place = newest[apad] if src in docked else line
         (announced,), state = said[src, "Announce"], said[src, "EstimatedState"][-1]
-        latitude, longitude = map(math.radians, frame.to_geographic(place["north_m"], place["east_m"]))
-        assert (announced.lat, announced.lon) == pytest.approx((latitude, longitude), abs=1e-12)
-        assert (state.lat, state.lon) == pytest.approx(
-            (math.radians(frame.latitude_deg), math.radians(frame.longitude_deg)), abs=1e-15
-        )
-        assert (state.x, state.y) == pytest.approx((place["north_m"], place["east_m"]), abs=1e-4)
+        at_m, origin = (place["north_m"], place["east_m"]), (frame.latitude_deg, frame.longitude_deg)
         charge = line["battery"] if src == apad else line["charge"]
-        assert said[src, "FuelLevel"][-1].value == pytest.approx(100 * charge, abs=1e-4)
         volts = line["voltage_v"] if src == apad else 3.6 + 0.6 * charge
-        assert said[src, "Voltage"][-1].value == pytest.approx(volts, abs=1e-3)
+        told = [announced.lat, announced.lon, state.lat, state.lon]
+        assert told == pytest.approx([*map(math.radians, (*frame.to_geographic(*at_m), *origin))], abs=1e-12)
+        assert (state.x, state.y) == pytest.approx(at_m, abs=1e-4)
+        battery = [said[src, it][-1].value for it in ("FuelLevel", "Voltage")]
+        assert battery == [pytest.approx(100 * charge, abs=1e-4), pytest.approx(volts, abs=1e-3)]
         assert said[src, "Heartbeat"] != [] and announced.services.startswith("imc+udp://127.0.0.1:")
         if src != apad:
             assert said[src, "EntityState"][-1].description == line["state"].lower().replace("_", " ")
@@ -232,12 +234,7 @@ def test_each_shown_system_answers_for_its_entities_to_the_console_that_asked(
     flown: Path, codec: Codec
 ) -> None:
     """Neptus asks every system that it sees, by its own id, and again at each Announce until it is answered."""
-    with (
-        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as console,
-        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger,
-    ):
-        for link in (console, stranger):
-            link.bind(("127.0.0.1", 0))
+    with local_socket() as console, local_socket() as stranger:
         gateway = gateway_of(flown, console.getsockname())
         apad, amussels = apad_and_amussels(gateway)
         for link, asked in (
@@ -251,9 +248,8 @@ def test_each_shown_system_answers_for_its_entities_to_the_console_that_asked(
         for _ in range(4):
             for received in gateway._wire.receive(1.0):
                 gateway._take(received)
-        gateway._wire.close()
-        gateway._log.close()
-        gateway._number.close()
+        for part in (gateway._wire, gateway._log, gateway._number):
+            part.close()
         read = [codec.read(it) for it in packets_at(console)]
     answers = [(header_of(it).src, header_of(it).dst, it.list) for it in read if name_of(it) == "EntityList"]
     assert answers == [(apad, 0x4001, imc_messages.ENTITIES), (amussels + 3, 0x4001, imc_messages.ENTITIES)]
@@ -262,6 +258,13 @@ def test_each_shown_system_answers_for_its_entities_to_the_console_that_asked(
 @pytest.fixture
 def copy_of_run(flown: Path, tmp_path: Path) -> Callable[[str], Path]:
     return lambda name: Path(shutil.copytree(flown, tmp_path / name, ignore=shutil.ignore_patterns("imc")))
+
+
+def rewrite(file: Path, block: str, **changes: Any) -> None:
+    """Changes keys of a block of a scenario's file."""
+    scenario = yaml.safe_load(file.read_text())
+    scenario[block] |= changes
+    file.write_text(yaml.safe_dump(scenario))
 
 
 @contextmanager
@@ -288,9 +291,8 @@ def test_runs_that_a_machine_shows_at_once_share_no_id_name_or_port(
     with opened(copy_of_run("a")) as first, opened(copy_of_run("b")) as second:
         third = announced_by(copy_of_run("c"), codec)
         systems = [first.systems, second.systems, {number: name for name, number in third.items()}]
-        assert [len(it) for it in systems] == [7, 7, 7]
-        assert len({it for one in systems for it in one}) == 21
-        assert len({name for one in systems for name in one.values()}) == 21
+        ids, names = ({it for one in systems for it in part(one)} for part in (dict.keys, dict.values))
+        assert ([len(it) for it in systems], len(ids), len(names)) == ([7, 7, 7], 21, 21)
         assert first.address != second.address
 
 
@@ -320,12 +322,10 @@ def test_gateways_of_one_run_of_several_apads_share_its_ids(copy_of_run: Callabl
     whole = copy_of_run("whole")
     for name in ("apad1", "apad2"):
         shutil.copytree(whole, whole / name, ignore=shutil.ignore_patterns("imc", "apad*"))
-        scenario = yaml.safe_load((whole / "scenario.yaml").read_text())
-        scenario["apad"]["name"] = name
-        (whole / name / "scenario.yaml").write_text(yaml.safe_dump(scenario))
+        rewrite(whole / name / "scenario.yaml", "apad", name=name)
     with opened(whole / "apad1") as first, opened(whole / "apad2") as second:
-        assert second.apad.imc_id == first.apad.imc_id + 1
-        assert second.address[1] == first.address[1] + 1
+        numbers = [(it.apad.imc_id, it.address[1]) for it in (first, second)]
+        assert numbers[1] == tuple(it + 1 for it in numbers[0])
         assert apad_and_amussels(first)[1] == second.apad.imc_id // 0x10 * 0x40 - 0x2A0 * 0x40 + 0x9A00
 
 
@@ -333,9 +333,7 @@ def test_no_ids_left_is_one_line(
     copy_of_run: Callable[[str], Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     large = copy_of_run("large")
-    scenario = yaml.safe_load((large / "scenario.yaml").read_text())
-    scenario["fleet"]["first_id"] = 1500
-    (large / "scenario.yaml").write_text(yaml.safe_dump(scenario))
+    rewrite(large / "scenario.yaml", "fleet", first_id=1500)
     with opened(copy_of_run("a")):
         assert main.main(["imc", str(large)]) == 2
     assert capsys.readouterr().err.count("\n") == 1
@@ -351,8 +349,7 @@ def test_a_log_never_goes_back_in_time(
 ) -> None:
     """Whatever the clock of a console, and wherever this machine's clock is set while the gateway serves."""
     readings = iter(clock_s)
-    with pytest.MonkeyPatch.context() as patch, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as console:
-        console.bind(("127.0.0.1", 0))
+    with pytest.MonkeyPatch.context() as patch, local_socket() as console:
         gateway = gateway_of(flown, console.getsockname(), 0x4001)
         patch.setattr(time, "time", lambda: next(readings, clock_s[-1]))
         for sent_s in consoles_s:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import copy
 from dataclasses import asdict
-from functools import cache
+from functools import cache, reduce
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 from flying import journaled
@@ -54,10 +55,7 @@ def changed(**changes: Any) -> Scenario:
     data["fleet"]["start"] = {"charge": [0.6, 1.0]}
     for path, value in changes.items():
         *blocks, key = path.split("__")
-        place = data
-        for block in blocks:
-            place = place[block]
-        place[key] = value
+        reduce(dict.__getitem__, blocks, data)[key] = value
     return from_data(data, "test")
 
 
@@ -369,9 +367,9 @@ def test_shares_flown_one_by_one_are_those_of_the_apads_in_step() -> None:
     opened.runner.run()
     ours = {it.name: fly_event_driven(it.scenario) for it in members(scenario, starts_of(scenario))}
     for name, flown in opened.figures().items():
-        assert ours[name].services == flown["services"] > 0
-        assert ours[name].metres == pytest.approx(flown["planned_m"])
-        assert ours[name].uptime_paper_mean == pytest.approx(flown["uptime_paper"]["mean"])
+        found = ours[name].services, ours[name].metres, ours[name].uptime_paper_mean
+        assert found == pytest.approx((flown["services"], flown["planned_m"], flown["uptime_paper"]["mean"]))
+        assert flown["services"] > 0
 
 
 @pytest.mark.parametrize(
@@ -403,25 +401,22 @@ def test_the_cruising_apad_arrives_when_and_where_the_simulated_one_does(
     config = POOL.apad
     stepped, cruising = SimulatedAPad(config), CruisingAPad(config, flight_parts.misses(POOL))
     now_ms = 0
-    cruising.advance(0)
-    stepped.advance(0)
+    for apad in (cruising, stepped):
+        apad.advance(0)
     for number, goal in enumerate(goals, start=1):
         command = GoTo(number, *goal, speed_m_s, radius_m)
         stepped.receive(command, now_ms)
         cruising.command(cleared(command), now_ms)
-        second_ms = cruising.advance_until(now_ms + 900_000, 0.0)
-        arrived = [fact for fact in cruising.advance(second_ms) if isinstance(fact, Arrived)]
-        facts = stepped.advance(second_ms)
-        assert arrived and arrived == [fact for fact in facts if isinstance(fact, Arrived)]
-        now_ms = second_ms
-    now_ms += 60_000
-    stepped.advance(now_ms)
-    cruising.advance(now_ms)
-    ours, theirs = cruising.battery.ledger, stepped.battery.ledger
-    assert theirs.used_wh == pytest.approx(
-        stepped.battery.used_fraction * config.battery.capacity_wh, rel=1e-9
-    )
-    assert asdict(ours) == pytest.approx(asdict(theirs), rel=1e-6)
+        now_ms = cruising.advance_until(now_ms + 900_000, 0.0)
+        ours, theirs = (
+            [it for it in apad.advance(now_ms) if isinstance(it, Arrived)] for apad in (cruising, stepped)
+        )
+        assert ours == theirs and ours
+    for apad in (cruising, stepped):
+        apad.advance(now_ms + 60_000)
+    used_wh = stepped.battery.used_fraction * config.battery.capacity_wh
+    assert stepped.battery.ledger.used_wh == pytest.approx(used_wh, rel=1e-9)
+    assert asdict(cruising.battery.ledger) == pytest.approx(asdict(stepped.battery.ledger), rel=1e-6)
 
 
 def test_a_dock_lets_an_amussel_go_where_the_apad_is() -> None:
@@ -446,10 +441,8 @@ def test_drift_is_the_sum_of_the_body_s_own_steps(seed: int, agent_id: int, ampl
 
 
 def test_a_strategy_that_fails_fails_the_study(monkeypatch: pytest.MonkeyPatch) -> None:
-    def broken(*_: object) -> None:
-        raise RuntimeError("no idea")
-
-    monkeypatch.setattr("apad_bridge.planning.strategies.paper_strategies.Cautious.plan", broken)
+    plan = "apad_bridge.planning.strategies.paper_strategies.Cautious.plan"
+    monkeypatch.setattr(plan, Mock(side_effect=RuntimeError("no idea")))
     with pytest.raises(StrategyFailed, match="no idea"):
         fly(changed(seed=1), Model.EVENT_DRIVEN)
 

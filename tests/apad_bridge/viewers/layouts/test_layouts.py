@@ -155,12 +155,13 @@ def test_an_aPad_of_a_global_name(pool: LayoutFleet) -> None:
 
 def test_a_namespace_comes_before_all_names_but_those_of_a_bag() -> None:
     fleet = of_scenario("pool-12", "/bay/north")
-    assert all(name.startswith("/bay/north/musselbed/") for name in rviz_topics(fleet))
-    assert all(name.startswith("/bay/north/") for name in rqt_plots(fleet)[0])
     paths = foxglove_paths(fleet)
-    of_bag = paths.pop("run.bag")
-    assert all(name.startswith("/bay/north/") for name in paths["apad1"])
-    assert of_bag and all(name.startswith("/musselbed/") for name in of_bag)
+    for names, begins in (
+        (rviz_topics(fleet), "/bay/north/musselbed/"),
+        ([*rqt_plots(fleet)[0], *paths["apad1"]], "/bay/north/"),
+        (paths["run.bag"], "/musselbed/"),
+    ):
+        assert names and [it for it in names if not it.startswith(begins)] == []
     summary = foxglove(fleet)["configById"]["DiagnosticSummary!fleet"]
     assert summary["topicToRender"] == "/diagnostics"
 
@@ -197,12 +198,10 @@ def topic_and_field(name: str) -> tuple[str, str]:
 
 def test_every_field_that_is_plotted_is_a_number_in_its_message(pool: LayoutFleet) -> None:
     tabs = [*foxglove_paths(pool).values(), *rqt_plots(pool)]
-    seen = set()
-    for name in (name for tab in tabs for name in tab):
-        topic, field = topic_and_field(name)
-        seen.add(field := re.sub(r"\d+", "N", field))
-        assert field_type(TYPES[topic.rpartition("/")[2]], field).startswith(("float", "uint")), name
-    assert len(seen) == 4
+    plotted = {topic_and_field(name) for tab in tabs for name in tab}
+    fields = {(TYPES[topic.rpartition("/")[2]], re.sub(r"\d+", "N", field)) for topic, field in plotted}
+    assert all(field_type(*it).startswith(("float", "uint")) for it in fields)
+    assert len({field for _, field in fields}) == 4
 
 
 def test_a_runs_bag_has_what_is_shown_of_it(pool: LayoutFleet, tmp_path: Path) -> None:
@@ -221,15 +220,14 @@ def test_neighbours_have_colours_of_their_own() -> None:
 
 def test_the_area_fits_into_rviz_on_the_same_grid_as_in_foxglove(bay_fleet: LayoutFleet) -> None:
     data = rviz(bay_fleet)
-    view = data["Views"]["Current"]
+    view, grid = data["Views"]["Current"], data["Displays"][0]
     # The area is 60 m by 200 m, north first; RViz 1.14 draws on 1327 x 768 of a 1360 x 860 window, so the width decides.
     assert (view["X"], view["Y"]) == (100, 30)
     assert 0.8 * 1327 < view["Scale"] * 200 < 0.95 * 1327 and view["Scale"] * 60 < 0.95 * 768
-    grid = data["Displays"][0]
     half_m = grid["Cell Size"] * grid["Plane Cell Count"] / 2
     for axis, to_m in (("X", 200), ("Y", 60)):
-        assert grid["Offset"][axis] % grid["Cell Size"] == 0, "lines at whole multiples"
-        assert grid["Offset"][axis] - half_m <= 0 and grid["Offset"][axis] + half_m >= to_m
+        middle_m = grid["Offset"][axis]
+        assert middle_m % grid["Cell Size"] == 0 and middle_m - half_m <= 0 and middle_m + half_m >= to_m
     in_foxglove = foxglove(bay_fleet)["configById"]["3D!scene"]["layers"]["grid"]
     assert in_foxglove["size"] / in_foxglove["divisions"] == grid["Cell Size"] == 5
     assert in_foxglove["position"] == list(grid["Offset"].values())
