@@ -90,34 +90,26 @@ def test_two_bags_2_s_apart_with_a_step_and_5_percent_missing_become_one_whole_b
     messages = with_flags(list(recorded_messages(run_dir / "run.bag")))
     lost_first, lost_second = ({it for it in range(len(messages)) if draw.random() < 0.05} for _ in range(2))
     first, second, out = (tmp_path / name for name in ("apad.bag", "station.bag", "whole.bag"))
-    late = lambda: draw.expovariate(1 / 0.01)  # noqa: E731
-    record(first, messages, lambda it: it not in lost_first, clocks[0], late)
-    record(second, messages, lambda it: it not in lost_second, clocks[1], late)
+    for path, lost, clock in ((first, lost_first, clocks[0]), (second, lost_second, clocks[1])):
+        record(
+            path, messages, lambda it, lost=lost: it not in lost, clock, lambda: draw.expovariate(1 / 0.01)
+        )
     assert main.main(["logs", "merge", str(first), str(second), "--out", str(out), "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
 
     assert [it["offset_s"] for it in told["clock"]] == pytest.approx([sign * 2.0, sign * -3.5], abs=0.02)
     assert told["steps_s"] == pytest.approx([sign * -5.5], abs=0.03)
 
-    # Everything that either machine recorded, once.
-    whole = Counter(
-        (it.connection.topic, it.data)
-        for place, it in enumerate(messages)
-        if not (place in lost_first and place in lost_second)
-    )
-    merged = contents(out)
-    flag = ("/flag", b"\x01")
-    assert {key: count for key, count in merged.items() if key != flag} == {
-        key: count for key, count in whole.items() if key != flag
-    }
-    assert abs(merged[flag] - whole[flag]) <= 2  # without a stamp they pair by time alone, also at the step
+    # Everything that either machine recorded, once. Flags have no stamp, and pair by time alone, also at the step.
+    both = lost_first & lost_second
+    whole = Counter((it.connection.topic, it.data) for place, it in enumerate(messages) if place not in both)
+    merged, flag = contents(out), ("/flag", b"\x01")
+    assert abs(merged[flag] - whole[flag]) <= 2
+    assert {**merged, flag: 0} == {**whole, flag: 0}
     for name, lost, others in (("first", lost_first, lost_second), ("second", lost_second, lost_first)):
         missing = Counter(messages[place].connection.topic for place in lost - others)
-        assert {
-            topic: counts[f"missing_in_{name}"]
-            for topic, counts in told["topics"].items()
-            if topic != flag[0] and counts[f"missing_in_{name}"]
-        } == {topic: count for topic, count in missing.items() if topic != flag[0]}
+        found = Counter({topic: its[f"missing_in_{name}"] for topic, its in told["topics"].items()})
+        assert {**+found, flag[0]: 0} == {**missing, flag[0]: 0}
 
     # By the first one's clock: what only the second recorded stands where it belongs.
     with Reader(out) as reader:
@@ -128,12 +120,11 @@ def test_two_bags_2_s_apart_with_a_step_and_5_percent_missing_become_one_whole_b
 
     # The run's figures, from both and from either alone.
     summary = json.loads((run_dir / "summary.json").read_text())
-    of_merged = told["figures"]["merged"]
-    assert of_merged["uptime_paper_mean"] == pytest.approx(summary["uptime_paper"]["mean"], abs=0.5)
-    assert of_merged["cost_m"] == pytest.approx(summary["cost_m"], abs=0.01)
-    for name in ("first", "second"):
-        alone = told["figures"][name]
-        assert alone["uptime_paper_mean"] == pytest.approx(summary["uptime_paper"]["mean"], abs=1.5)
+    uptime, figures = summary["uptime_paper"]["mean"], told["figures"]
+    assert figures["merged"]["uptime_paper_mean"] == pytest.approx(uptime, abs=0.5)
+    assert figures["merged"]["cost_m"] == pytest.approx(summary["cost_m"], abs=0.01)
+    for alone in (figures["first"], figures["second"]):
+        assert alone["uptime_paper_mean"] == pytest.approx(uptime, abs=1.5)
         assert alone["cost_m"] == pytest.approx(summary["cost_m"], rel=0.1)
         assert 0.02 < alone["ticks_missing"] / 400 < 0.09
 

@@ -23,12 +23,11 @@ def logs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """charge.csv by equation (2) and discharge.csv by equation (1), a row a minute, with 3 mV of noise."""
     monkeypatch.chdir(tmp_path)
     random = np.random.default_rng(7)
-    rows, u = [], 0.0
-    while u < 1:
-        rows.append(u)
-        u += 0.001045 if u <= 0.16197 else 0.00223 if u <= 0.5634 else 0.002911
+    rows = [0.0]
+    while (u := rows[-1]) < 1:
+        rows.append(u + (0.001045 if u <= 0.16197 else 0.00223 if u <= 0.5634 else 0.002911))
     falling = [1 - 0.0010427134 * minute for minute in range(959)]
-    for name, scaled in (("charge.csv", rows), ("discharge.csv", falling)):
+    for name, scaled in (("charge.csv", rows[:-1]), ("discharge.csv", falling)):
         lines = [f"{n},{3600 + 600 * u + random.normal(0, 3):.1f}" for n, u in enumerate(scaled)]
         (tmp_path / name).write_text("\n".join(["time_min,voltage_mv", *lines]) + "\n")
     return tmp_path

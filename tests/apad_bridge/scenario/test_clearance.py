@@ -67,26 +67,18 @@ def test_no_hull_that_drag_or_even_braking_slows_coasts_farther_than_the_room_ha
         assert coasted_m(speed_m_s) <= 1.02 * room.clearance_m(speed_m_s) + 0.01
 
 
-def test_what_a_scenario_leaves_out_is_named() -> None:
-    assert stopping_room(GuardOptions(coasting_m=4.2, coasting_speed_m_s=0.6)) == [
-        "guards.position_error_m",
-        "guards.hull_m",
-    ]
-
-
 def test_the_scenario_of_a_real_apad_has_the_clearance_for_both_generations() -> None:
     """Generation A goes as fast as its guard lets it."""
     guards = load(SCENARIOS / "real-apad.yaml").guards
-    assert guards is not None and guards.speed_limit_m_s is not None
-    room = stopping_room(guards)
-    assert isinstance(room, StoppingRoom)
+    room, stronger = stopping_room(guards), stopping_room(guards, 0.6)
     # 0.5 + 0.35 + (0.8 + 0.2) x 3 + 4.2 x (0.8 / 0.6)^2
-    assert room.clearance_m(guards.speed_limit_m_s) == pytest.approx(11.3167, abs=1e-3)
-    assert room.clearance_m(guards.speed_limit_m_s) <= guards.clearance_m
-    assert stopping_room(replace(guards, hull_m=None)) == ["guards.hull_m"]
+    needed_m = room.clearance_m(guards.speed_limit_m_s)
+    assert needed_m == pytest.approx(11.3167, abs=1e-3) and needed_m <= guards.clearance_m
     # A known sea of 0.6 m/s, and one slower than the drift that the guards state.
-    stronger = stopping_room(guards, 0.6)
-    assert isinstance(stronger, StoppingRoom)
     more_m = stronger.clearance_m(0.5) - room.clearance_m(0.5)
     assert more_m == pytest.approx((0.6 - guards.drift_m_s) * guards.reaction_s)
     assert stopping_room(guards, 0.1) == room
+    # What a scenario leaves out is named.
+    partly = GuardOptions(coasting_m=4.2, coasting_speed_m_s=0.6)
+    lacks = [stopping_room(it) for it in (replace(guards, hull_m=None), partly)]
+    assert lacks == [["guards.hull_m"], ["guards.position_error_m", "guards.hull_m"]]

@@ -38,12 +38,6 @@ def scenarios(draw: st.DrawFn) -> Scenario:
 
 @settings(deadline=None)
 @given(scenarios())
-def test_a_resolved_scenario_is_the_same_scenario(scenario: Scenario) -> None:
-    assert from_data(yaml.safe_load(yaml.safe_dump(resolve(scenario))), "again") == scenario
-
-
-@settings(deadline=None)
-@given(scenarios())
 def test_a_written_scenario_is_the_same_scenario(
     tmp_path_factory: pytest.TempPathFactory, scenario: Scenario
 ) -> None:

@@ -22,6 +22,7 @@ class Vehicle:
 
     def __init__(self) -> None:
         self.commands: list[VehicleCommand] = []
+        self.link = FaultyLink(self)
 
     def advance(self, now_ms: int) -> list[LinkFact]:
         return [PoseReported(now_ms, 1.0, 2.0, 0.0), Carried(now_ms, 3, 1.0, 2.0)]
@@ -36,9 +37,13 @@ class Vehicle:
 GO = GoTo(1, 5.0, 5.0, 0.5, 1.0)
 
 
-def test_a_frozen_vehicle_says_and_does_nothing_until_it_heals_and_loses_nothing() -> None:
-    vehicle = Vehicle()
-    link = FaultyLink(vehicle)
+@pytest.fixture
+def vehicle() -> Vehicle:
+    return Vehicle()
+
+
+def test_a_frozen_vehicle_says_and_does_nothing_until_it_heals_and_loses_nothing(vehicle: Vehicle) -> None:
+    link = vehicle.link
     link.is_frozen = True
     link.command(cleared(GO), 1000)
     assert [type(it) for it in link.advance(1000)] == [Carried]  # the docks hold all the same
@@ -51,20 +56,16 @@ def test_a_frozen_vehicle_says_and_does_nothing_until_it_heals_and_loses_nothing
 
 
 @pytest.mark.parametrize("error_m", [0.0, 5.0])
-def test_a_vehicle_lies_about_its_place_and_about_nothing_else(error_m: float) -> None:
-    vehicle = Vehicle()
-    link = FaultyLink(vehicle)
-    link.north_error_m = error_m
-    link.command(cleared(GO), 0)
-    assert link.advance(0) == [PoseReported(0, 1.0 + error_m, 2.0, 0.0), Carried(0, 3, 1.0, 2.0)]
+def test_a_vehicle_lies_about_its_place_and_about_nothing_else(vehicle: Vehicle, error_m: float) -> None:
+    vehicle.link.north_error_m = error_m
+    vehicle.link.command(cleared(GO), 0)
+    assert vehicle.link.advance(0) == [PoseReported(0, 1.0 + error_m, 2.0, 0.0), Carried(0, 3, 1.0, 2.0)]
     assert vehicle.commands == [GO]
 
 
-def test_a_jammed_dock_fails_its_orders_and_the_others_move() -> None:
-    vehicle = Vehicle()
-    link = FaultyLink(vehicle)
-    link.jammed_docks = frozenset([2])
-    link.command(cleared(CloseDock(7, 2, 3)), 0)
-    link.command(cleared(OpenDock(8, 1, 4)), 0)
-    assert CommandFailed(0, 7, "dock 3 is jammed") in link.advance(0)
+def test_a_jammed_dock_fails_its_orders_and_the_others_move(vehicle: Vehicle) -> None:
+    vehicle.link.jammed_docks = frozenset([2])
+    for order in (CloseDock(7, 2, 3), OpenDock(8, 1, 4)):
+        vehicle.link.command(cleared(order), 0)
+    assert CommandFailed(0, 7, "dock 3 is jammed") in vehicle.link.advance(0)
     assert vehicle.commands == [OpenDock(8, 1, 4)]

@@ -1,6 +1,8 @@
 """Boards on batteries that years and cycles have aged."""
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import pytest
 
@@ -18,21 +20,19 @@ def test_cycles_and_years_take_their_parts() -> None:
     assert capacity_left(100, 0.5, Fading(per_100_cycles=1000, per_year=100)) == 8950
 
 
-@pytest.mark.parametrize(("cycles", "years"), [(-1, 0), (0, -0.1), (10_000, 0), (0, 40)])
-def test_an_age_that_cannot_be_is_refused(cycles: int, years: float) -> None:
-    with pytest.raises(ValueError, match=r"age|nothing is left"):
-        capacity_left(cycles, years)
-
-
-@pytest.mark.parametrize("capacity", [0, AS_NEW + 1])
-def test_a_capacity_that_cannot_be_is_refused(capacity: int) -> None:
-    with pytest.raises(ValueError, match="capacity"):
-        aged(board(None, power()), capacity)
-
-
-def test_as_new_nothing_changes() -> None:
-    config = board(None, power(metering=METERING))
-    assert aged(config, AS_NEW) == config
+@pytest.mark.parametrize(
+    ("refused", "why"),
+    [
+        *(
+            (partial(capacity_left, *it), r"age|nothing is left")
+            for it in ((-1, 0), (0, -0.1), (10_000, 0), (0, 40))
+        ),
+        *((partial(aged, board(None, power()), it), "capacity") for it in (0, AS_NEW + 1)),
+    ],
+)
+def test_an_age_or_a_capacity_that_cannot_be_is_refused(refused: Callable[[], object], why: str) -> None:
+    with pytest.raises(ValueError, match=why):
+        refused()
 
 
 def test_what_it_lasts_and_what_it_takes_to_charge_shrink_alike() -> None:
@@ -47,10 +47,11 @@ def test_what_it_lasts_and_what_it_takes_to_charge_shrink_alike() -> None:
     assert full_ms is not None and full_ms / 60_000 == pytest.approx(0.8 * 484.99, abs=0.1)
 
 
-def test_the_paper_s_worst_case_ages_too() -> None:
-    model = ChargeModel.from_minutes(0.001, ((1.0, 0.002),))
-    config = BoardConfig(1, model, 50, 2000, 600_000, 120_000)
-    assert aged(config, 5000).charge == ChargeModel.from_minutes(0.002, ((1.0, 0.004),))
+def test_the_paper_s_worst_case_ages_too_and_as_new_nothing_changes() -> None:
+    new, half = (ChargeModel.from_minutes(0.001 * n, ((1.0, 0.002 * n),)) for n in (1, 2))
+    assert aged(BoardConfig(1, new, 50, 2000, 600_000, 120_000), 5000).charge == half
+    config = board(None, power(metering=METERING))
+    assert aged(config, AS_NEW) == config
 
 
 def test_the_same_current_pulls_the_voltage_down_as_far_as_ever() -> None:
@@ -59,5 +60,4 @@ def test_the_same_current_pulls_the_voltage_down_as_far_as_ever() -> None:
         bench = Bench(aged(board(None, power(kept_on=1 << 6, metering=replace(METERING, noise=0))), capacity))
         bench.run(minutes=1)
         reading, _ = bench.board.readings(bench.now_ms)
-        sag = bench.primary - reading
-        assert sag == pytest.approx(grains(0.045), rel=0.01)
+        assert bench.primary - reading == pytest.approx(grains(0.045), rel=0.01)

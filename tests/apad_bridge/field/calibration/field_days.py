@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -29,7 +29,7 @@ from apad_bridge.world.generation_b import simulated_messages as of_b
 from apad_bridge.world.generation_b.vehicle import GenerationBVehicle
 from apad_bridge.world.simulated_stack import PosePublished
 
-EPOCH_S, RADIUS_M = 1.7e9, 0.5
+EPOCH_S, RADIUS_M, NAV = 1.7e9, 0.5, "auv_msgs/msg/NavSts"
 _ACTION = {
     "actionlib_msgs/msg/GoalID": "time stamp\nstring id\n",
     "actionlib_msgs/msg/GoalStatus": "GoalID goal_id\nuint8 status\nstring text\n",
@@ -69,21 +69,16 @@ class Vehicle:
 
 
 def drawn(config: APad, seed: int) -> Vehicle:
-    draw = np.random.default_rng(seed)
-    battery = replace(
-        config.battery, hotel_w=float(draw.uniform(15, 40)), charging_w_per_dock=float(draw.uniform(5, 20))
-    )
-    return Vehicle(
-        float(draw.uniform(0.5, 0.9)),
-        replace(
-            config,
-            max_acceleration_m_s2=float(draw.uniform(0.15, 0.35)),
-            thruster_w_per_n=float(draw.uniform(3, 9)),
-            drift_m_s=(float(draw.uniform(-0.1, 0.1)), float(draw.uniform(-0.1, 0.1))),
-            dock_miss_probability=float(draw.uniform(0.05, 0.4)),
-            battery=battery,
-        ),
-    )
+    draw = np.random.default_rng(seed).uniform
+    its = {"hotel_w": float(draw(15, 40)), "charging_w_per_dock": float(draw(5, 20))}
+    speed_m_s = float(draw(0.5, 0.9))
+    numbers = {
+        "max_acceleration_m_s2": float(draw(0.15, 0.35)),
+        "thruster_w_per_n": float(draw(3, 9)),
+        "drift_m_s": (float(draw(-0.1, 0.1)), float(draw(-0.1, 0.1))),
+        "dock_miss_probability": float(draw(0.05, 0.4)),
+    }
+    return Vehicle(speed_m_s, replace(config, battery=replace(config.battery, **its), **numbers))
 
 
 class Recorder:
@@ -99,34 +94,26 @@ class Recorder:
                 case PosePublished(at_ms, seen):
                     noise = self._draw.normal(0, self._deviation_m, 2)
                     place = seen.north_m + float(noise[0]), seen.east_m + float(noise[1])
-                    self.put(
-                        at_ms, f"/{self._apad}/position", "auv_msgs/msg/NavSts", self.nav(at_ms, place, 0)
-                    )
+                    self.put(at_ms, f"/{self._apad}/position", NAV, self.nav(at_ms, place, 0))
                 case of_a.HeldPositionPublished(at_ms, name, north_m, east_m, released):
                     told = self.nav(at_ms, (north_m, east_m), int(released))
-                    self.put(at_ms, f"/{name}/position_static", "auv_msgs/msg/NavSts", told)
+                    self.put(at_ms, f"/{name}/position_static", NAV, told)
                 case of_a.BatteryAndProgressPublished(at_ms, percent):
-                    self._battery(at_ms, percent)
+                    self._std(at_ms, "battery_level", "Float64", round(percent, 1))
                 case of_b.BatteryPublished() | BatteryReceived():
-                    self._battery(it.at_ms, it.percent)
+                    self._std(it.at_ms, "battery_level", "Float64", round(it.percent, 1))
                 case of_a.GoalEnded(at_ms, key, outcome):
                     self._result(at_ms, key, _CODES[outcome])
                 case of_b.StatusPublished(at_ms, docking, status):
-                    name = "docking_status" if docking else "goto_status"
-                    self._std(at_ms, name, "Int32", int(status))
+                    self._std(at_ms, "docking_status" if docking else "goto_status", "Int32", int(status))
                 case of_b.ArmPublished(at_ms, arm):
                     states = np.array([float(it) for it in arm.is_open], np.float32)
-                    arms = made(
-                        "std_msgs/Float32MultiArray", made("std_msgs/MultiArrayLayout", [], 0), states
-                    )
-                    self.put(at_ms, f"/{self._apad}/dock_out", "std_msgs/msg/Float32MultiArray", arms)
+                    layout = made("std_msgs/MultiArrayLayout", [], 0)
+                    self._std(at_ms, "dock_out", "Float32MultiArray", layout, states)
         return published
 
-    def _battery(self, at_ms: int, percent: float) -> None:
-        self._std(at_ms, "battery_level", "Float64", round(percent, 1))
-
-    def _std(self, at_ms: int, leaf: str, kind: str, value: Any) -> None:
-        self.put(at_ms, f"/{self._apad}/{leaf}", f"std_msgs/msg/{kind}", made(f"std_msgs/{kind}", value))
+    def _std(self, at_ms: int, leaf: str, kind: str, *values: Any) -> None:
+        self.put(at_ms, f"/{self._apad}/{leaf}", f"std_msgs/msg/{kind}", made(f"std_msgs/{kind}", *values))
 
     def put(self, at_ms: int, topic: str, kind: str, message: Any) -> None:
         connection = _connection(topic, kind)
@@ -139,16 +126,19 @@ class Recorder:
     def goal(self, at_ms: int, goal: GoalOrder) -> None:
         here = pose(goal.north_m, goal.east_m)
         inner = made("apad/aPadGoal", goal.kind, here, goal.name, here)
-        goal_id = made("actionlib_msgs/GoalID", self._time(at_ms), goal.key)
-        message = made("apad/aPadActionGoal", self._header(at_ms), goal_id, inner)
-        self.put(at_ms, f"/{self._apad}/action_server/goal", "apad/msg/aPadActionGoal", message)
+        self._action(at_ms, goal.key, "goal", "apad/aPadActionGoal", lambda goal_id: (goal_id, inner))
 
     def _result(self, at_ms: int, key: str, code: int) -> None:
-        goal_id = made("actionlib_msgs/GoalID", self._time(at_ms), key)
-        status = made("actionlib_msgs/GoalStatus", goal_id, code, "")
         result = made("apad/aPadResult", 0, 0, pose(0.0, 0.0))
-        message = made("apad/aPadActionResult", self._header(at_ms), status, result)
-        self.put(at_ms, f"/{self._apad}/action_server/result", "apad/msg/aPadActionResult", message)
+        self._action(
+            *(at_ms, key, "result", "apad/aPadActionResult"),
+            lambda goal_id: (made("actionlib_msgs/GoalStatus", goal_id, code, ""), result),
+        )
+
+    def _action(self, at_ms: int, key: str, leaf: str, kind: str, rest: Callable[[Any], Any]) -> None:
+        goal_id = made("actionlib_msgs/GoalID", self._time(at_ms), key)
+        message = made(kind, self._header(at_ms), *rest(goal_id))
+        self.put(at_ms, f"/{self._apad}/action_server/{leaf}", kind.replace("/", "/msg/"), message)
 
     def _time(self, at_ms: int) -> Any:
         whole_ms = round(EPOCH_S) * 1000 + at_ms

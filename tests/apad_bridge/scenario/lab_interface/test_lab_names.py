@@ -35,9 +35,8 @@ def test_names_in_the_docs_can_be_read(tmp_path: Path) -> None:
     blocks = re.findall(r"^```yaml\n(hear:.*?)^```", DOCS.read_text(), re.MULTILINE | re.DOTALL)
     assert len(blocks) == 2
     for block in blocks:
-        path = tmp_path / "names.yaml"
-        path.write_text(block)
-        names = load_names(path)
+        (tmp_path / "names.yaml").write_text(block)
+        names = load_names(tmp_path / "names.yaml")
         assert names.hear and names.tell
         if names.hear[0].topic == "/wifi":
             assert names.hear[0].id_of(SimpleNamespace(data="release 12")) == 12
@@ -45,16 +44,14 @@ def test_names_in_the_docs_can_be_read(tmp_path: Path) -> None:
 
 def test_ids_and_slots_come_out_of_texts_and_numbers() -> None:
     docked = next(ear for ear in load_names(SHIPPED / "strings.yaml").hear if ear.what is MessageKind.DOCKED)
-    message = SimpleNamespace(data="amussel17 closed, dock 3")
-    assert (docked.id_of(message), docked.dock_index_of(message)) == (17, 2)
-    nothing = SimpleNamespace(data="hello")
-    assert (docked.id_of(nothing), docked.dock_index_of(nothing)) == (None, None)
+    for text, numbers in (("amussel17 closed, dock 3", (17, 2)), ("hello", (None, None))):
+        message = SimpleNamespace(data=text)
+        assert (docked.id_of(message), docked.dock_index_of(message)) == numbers
 
 
 def test_a_broadcast_is_for_everyone() -> None:
     (tap,) = [ear for ear in load_names(SHIPPED / "modem.yaml").hear if ear.what is MessageKind.PACKET]
-    assert tap.everyone.is_met(SimpleNamespace(req_type=1))
-    assert not tap.everyone.is_met(SimpleNamespace(req_type=2))
+    assert [tap.everyone.is_met(SimpleNamespace(req_type=it)) for it in (1, 2)] == [True, False]
 
 
 @pytest.mark.parametrize(
@@ -88,10 +85,8 @@ def test_fields_are_reached_by_their_paths_and_keep_their_kinds() -> None:
         header=SimpleNamespace(frame_id="x"), msg=[4, 5], flag=False, number=0.0, bytes=b""
     )
     assert read(message, "msg[1]") == 5
-    write(message, "header.frame_id", 7)
-    write(message, "flag", 1)
-    write(message, "number", 3)
-    write(message, "bytes", b"ab")
+    for path, value in (("header.frame_id", 7), ("flag", 1), ("number", 3), ("bytes", b"ab")):
+        write(message, path, value)
     assert (message.header.frame_id, message.flag, message.number, message.bytes) == ("7", True, 3.0, b"ab")
     with pytest.raises(AttributeError):
         read(message, "nothing")
