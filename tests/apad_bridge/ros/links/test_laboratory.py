@@ -70,6 +70,8 @@ def test_docks_by_others_reach_a_vehicle_that_needs_them_and_its_own_are_told(
     link = LaboratoryLink(laboratory, vehicle, alerts.append if takes_alerts else None)
     topics.to_receive = [DockReport(1_000, None, 2, True)]
     assert link.advance(1_000) == facts
+    link.command("an order", 1_000)
+    assert vehicle.command.call_args.args == ("an order", 1_000)
     assert alerts == [DockReport(1_000, None, 2, True)] * takes_alerts
     assert laboratory.ignored.total() == (not takes_alerts)
     assert topics.published == [(MessageKind.DOCKED, 3, 2), (MessageKind.RELEASED, 4, 1)]
