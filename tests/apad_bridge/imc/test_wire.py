@@ -18,11 +18,16 @@ NEPTUS, APAD = 0x4001, 0x2A01
 PATIENCE_S = 60.0
 
 
+def local_socket() -> socket.socket:
+    link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    link.bind(("127.0.0.1", 0))
+    link.settimeout(PATIENCE_S)
+    return link
+
+
 @pytest.fixture
 def console() -> Iterator[socket.socket]:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link:
-        link.bind(("127.0.0.1", 0))
-        link.settimeout(PATIENCE_S)
+    with local_socket() as link:
         yield link
 
 
@@ -60,13 +65,12 @@ def test_only_a_listed_console_gives_orders(
     (got,) = received(wire)
     assert isinstance(got.message, imcpy.Abort)
     found = wire.why_not_obeyed(replace(got, sender=(host, got.sender[1])), APAD)
-    assert found is None if why is None else found is not None and why in found
+    assert found is why or why in found
 
 
 def test_another_user_of_the_machine_gives_no_orders_by_a_listed_id(wire: Wire, codec: Codec) -> None:
     """It shares the host with the console, and cannot send from its port: nor by announcing its own as the console's."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as local:
-        local.bind(("127.0.0.1", 0))
+    with local_socket() as local:
         mine = "{}:{}".format(*local.getsockname())
         announced = codec.make("Announce", sys_name="n", sys_type=0, services=f"imc+udp://{mine}/")
         local.sendto(codec.pack(announced, NEPTUS, 0xFFFF), wire.address)
@@ -125,9 +129,8 @@ def test_what_is_no_imc_is_dropped_and_counted(wire: Wire, console: socket.socke
 
 
 def test_a_console_is_written_with_its_id_and_its_address() -> None:
-    assert ImcConsole.parse("0x4001@127.0.0.1:6001") == ImcConsole(("127.0.0.1", 6001), NEPTUS)
-    assert ImcConsole.parse("16385@127.0.0.1:6001").imc_id == NEPTUS
-    assert ImcConsole.parse("127.0.0.1:6001").imc_id is None
+    for written, imc_id in (("0x4001@", NEPTUS), ("16385@", NEPTUS), ("", None)):
+        assert ImcConsole.parse(f"{written}127.0.0.1:6001") == ImcConsole(("127.0.0.1", 6001), imc_id)
 
 
 @pytest.fixture
@@ -143,10 +146,8 @@ def group_wire(console: socket.socket) -> Iterator[Wire]:
 def test_by_multicast_consoles_are_found_and_nobody_is_obeyed(
     group_wire: Wire, console: socket.socket, codec: Codec, tmp_path: Path
 ) -> None:
-    sender = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    with sender:
+    with local_socket() as sender:
         sender.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton("127.0.0.1"))
-        sender.bind(("127.0.0.1", 0))
         for port in ANNOUNCE_PORTS:
             sender.sendto(codec.pack(codec.make("Abort"), NEPTUS, APAD), (GROUP, port))
         got = received(group_wire)[0]

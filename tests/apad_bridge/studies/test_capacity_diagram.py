@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -28,11 +29,12 @@ LATE_H = 48
 
 
 def setting_of(plan: StudyPlan, amussels: int, mean: float) -> int:
-    start = {"charge": [round(mean - 0.2, 6), round(mean + 0.2, 6)]}
+    wanted = {
+        "fleet.count": amussels,
+        "fleet.start": {"charge": [round(mean - 0.2, 6), round(mean + 0.2, 6)]},
+    }
     values = [dict(it.parameters) for it in plan.settings]
-    return next(
-        n for n, it in enumerate(values) if (it["fleet.count"], it["fleet.start"]) == (amussels, start)
-    )
+    return next(n for n, it in enumerate(values) if it | wanted == it)
 
 
 @pytest.fixture
@@ -78,11 +80,9 @@ def rows_of(plan: StudyPlan, border: dict[int, float]) -> list[dict[str, Any]]:
         values: dict[str, Any] = dict(setting.parameters)
         low, high = values["fleet.start"]["charge"]
         is_held = (low + high) / 2 >= border.get(values["fleet.count"], 2.0) - 1e-9
-        for strategy in plan.strategies:
-            for seed in plan.seeds:
-                dead_h = 0.0 if is_held else 7.0
-                figures = {"dead_late_h": dead_h, "uptime_paper_mean": 70.0}
-                rows.append({"setting": index, "strategy": strategy, "seed": seed, **figures})
+        figures = {"setting": index, "dead_late_h": 0.0 if is_held else 7.0, "uptime_paper_mean": 70.0}
+        trials = product(plan.strategies, plan.seeds)
+        rows += [{**figures, "strategy": strategy, "seed": seed} for strategy, seed in trials]
     return rows
 
 

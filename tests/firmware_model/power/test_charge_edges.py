@@ -1,5 +1,6 @@
 """Stories of a charger's pin that bounces, chatters, or has a missed edge, on a board that sleeps."""
 
+from collections.abc import Callable
 from functools import partial
 
 import pytest
@@ -38,31 +39,37 @@ def test_a_missed_rising_edge_is_found_by_the_next_sample_of_the_level() -> None
     assert bench.primary_fraction == pytest.approx(0.5 + 3 * 1.2435 * 0.00223, abs=0.0015)
 
 
-def test_a_missed_falling_edge_is_found_too_and_it_still_waits_for_the_word_to_sink() -> None:
-    bench = asleep()
-    lives(bench, "rises 2min")
-    bench.trace.clear()
-    bench.charge_pin_falls(noticed=False)
-    assert bench.board.primary.flow is not Flow.CHARGING
-    assert told(bench.run(minutes=4)) == [
-        f"300000 {MISSED}",
-        "300050 CHARGING -CHARGE_EDGE_FELL-> RELEASED",
-        "420050 RELEASED -CLEAR_TO_SINK-> SINKING",
-    ]
+# It still waits for the word to sink. The wake's next step, to the Pi, reads the pin.
+MISSES = {
+    "a missed falling edge is found too": (
+        *(asleep, "rises 2min", "charge_pin_falls", 4),
+        [
+            f"300000 {MISSED}",
+            "300050 CHARGING -CHARGE_EDGE_FELL-> RELEASED",
+            "420050 RELEASED -CLEAR_TO_SINK-> SINKING",
+        ],
+    ),
+    "a wake finds a missed edge before the period does": (
+        *(lambda: Bench(board(FIELD, power())), "3605000ms", "charge_pin_rises", 1),
+        [
+            "3610000 SAMPLING -SAMPLES_TO_PROCESS-> PROCESSING",
+            f"3610000 {MISSED}",
+            "3610050 PROCESSING -CHARGE_EDGE_ROSE-> CHARGING",
+        ],
+    ),
+}
 
 
-def test_a_wake_finds_a_missed_edge_before_the_period_does() -> None:
-    bench = Bench(board(FIELD, power()))
-    bench.run_until(3_605_000)
-    assert bench.state is State.SAMPLING
+@pytest.mark.parametrize(("begins", "script", "edge", "minutes", "lines"), MISSES.values(), ids=MISSES)
+def test_a_missed_edge(
+    begins: Callable[[], Bench], script: str, edge: str, minutes: int, lines: list[str]
+) -> None:
+    bench = begins()
+    lives(bench, script)
     bench.trace.clear()
-    bench.charge_pin_rises(noticed=False)
-    # The wake's next step, to the Pi, reads the pin.
-    assert told(bench.run(minutes=1)) == [
-        "3610000 SAMPLING -SAMPLES_TO_PROCESS-> PROCESSING",
-        f"3610000 {MISSED}",
-        "3610050 PROCESSING -CHARGE_EDGE_ROSE-> CHARGING",
-    ]
+    getattr(bench, edge)(noticed=False)
+    assert (bench.board.primary.flow is Flow.CHARGING) is (edge == "charge_pin_rises")
+    assert told(bench.run(minutes=minutes)) == lines
 
 
 def test_chatter_in_the_dock_is_no_release_while_the_charger_runs_for_most_of_it() -> None:

@@ -13,23 +13,25 @@ LINEAR = Sensor("linear", "m", (-10.0, 0.5), low=-5.0, high=100.0, noise=2.0, ca
 QUIET = (0.0, 0.0, 0.0, 0.0)
 
 
-def test_a_reading_by_hand() -> None:
-    assert LINEAR.read(7.0, 0.0) == (34, False)  # (7 + 10) / 0.5
-    assert LINEAR.read(7.0, 1.5) == (40, False)  # three more by its noise
-    assert LINEAR.read(7.2, 0.0) == (34, False)  # the nearer of 7 and 7.5
-    assert LINEAR.read(7.25, 0.0) == (34, False)  # the lower of two as near
-    assert LINEAR.value(34) == 7.0
-
-
-def test_beyond_its_range_it_reads_as_at_the_end() -> None:
-    assert LINEAR.read(100.0, 0.0) == (220, False) and LINEAR.read(100.1, 0.0) == (220, True)
-    assert LINEAR.read(-5.0, 0.0) == (10, False) and LINEAR.read(-5.1, 0.0) == (10, True)
-    assert LINEAR.read(99.0, 1.0) == (220, True)  # its noise took it there
+@pytest.mark.parametrize(
+    ("true", "noise", "count", "outside"),
+    [
+        pytest.param(7.0, 0.0, 34, False, id="(7 + 10) / 0.5"),
+        pytest.param(7.0, 1.5, 40, False, id="three more by its noise"),
+        pytest.param(7.2, 0.0, 34, False, id="the nearer of 7 and 7.5"),
+        pytest.param(7.25, 0.0, 34, False, id="the lower of two as near"),
+        *(pytest.param(it, 0.0, 220, it > 100, id=f"{it}, at or beyond its end") for it in (100.0, 100.1)),
+        *(pytest.param(it, 0.0, 10, it < -5, id=f"{it}, at or beyond its begin") for it in (-5.0, -5.1)),
+        pytest.param(99.0, 1.0, 220, True, id="its noise took it beyond its end"),
+    ],
+)
+def test_a_reading_by_hand(true: float, noise: float, count: int, outside: bool) -> None:
+    assert LINEAR.read(true, noise) == (count, outside)
 
 
 def test_coefficients_go_from_the_constant_on() -> None:
     squared = Sensor("squared", "m", (1.0, 2.0, 3.0), low=1.0, high=6.0, noise=0.0, calm=None, load_mw=0)
-    assert squared.value(10) == 1 + 20 + 300
+    assert (squared.value(10), LINEAR.value(34)) == (1 + 20 + 300, 7.0)
 
 
 @pytest.mark.parametrize(
