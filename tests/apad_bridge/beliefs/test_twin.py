@@ -164,6 +164,11 @@ FIGURES: dict[Any, Callable[[Belief], Any]] = {
     "gated": lambda it: state_of(it).gated,
     "learned": lambda it: state_of(it).mean[2:6],
     "place": lambda it: (it.north_m, it.east_m),
+    "place_variance": lambda it: it.place_cov[0],
+    "east_variance": lambda it: it.place_cov[2],
+    "lift": lambda it: state_of(it).mean[3],
+    "clock": lambda it: (it.clock.drift_ppm, it.clock.offset_ms),
+    "secondary_variance": lambda it: it.charge_cov[2],
     **{mode: lambda it, mode=mode: it.probability_of(mode) for mode in Mode},
 }
 """Beside the fields of a belief; a mode is its probability."""
@@ -196,6 +201,33 @@ ODD: Steps = [
 FLOATS = 0.5 - 60 * ASLEEP - 0.027 - IDLE - 0.003 * 31 / 60
 CALLS_300 = {"calls": CallParameters(300_000, 0.1)}
 CALLED = unread(heard(0, State.SLEEPING, 0.6), (Permitted(), HOUR))
+# Of a full battery on a charger that lifts its voltage by 0.03, and a clock that gains 30 parts in a million.
+AT_THE_END = np.minimum(1.0, np.clip(1.0 + np.random.default_rng(4).normal(0, 0.015, 300), 0, 1) + 0.03)
+AHEAD_MS = [2000 + round(hour * HOUR * 30e-6) for hour in range(200)]
+GPS = WaterParameters(0.0, 0.1, 3600.0, 0.5, is_ground_truth=False, way_down_s=60.0)
+
+
+def placed(at_ms: int, sequence: int, state: State, depth_m: float, north_m: float = 3.0) -> _Stamped:
+    return StatusPacket(1, sequence, state, 0.9, 1.0, north_m, 4.0, depth_m, at_ms), at_ms
+
+
+BELOW = unread(*(placed(n * HOUR, n, State.SLEEPING, 3.0) for n in range(10)))
+AFLOAT = unread(*(placed(n * 10_000, n, State.FLOATING, 0.0) for n in range(5)))
+TOO_SOON = unread(placed(9_999, 1, State.FLOATING, 0.0))
+HOW_SURE: dict[str, tuple[WaterParameters, Steps, float, float]] = {
+    # The error of the fix, and 0.1 m/s for the minute of the way down.
+    "from below": (GPS, BELOW[:1], 36.25, 36.25),
+    "a place repeated from below makes nobody surer": (GPS, BELOW, 36.25, 36.25),
+    "fixes at the surface make surer": (GPS, AFLOAT, 0.0, 0.5**2),
+    # In ten seconds it went 1 m: a variance of 1.25, which a fix of 0.25 brings to 1.25 * 0.25 / 1.5.
+    "a fix ten seconds after another counts": (GPS, AFLOAT[:2], 0.207, 0.209),
+    "and none a millisecond earlier": (GPS, [AFLOAT[0], *TOO_SOON], 1.24, 1.25),
+    "the way down does not": (
+        *(GPS, [AFLOAT[0], *unread((Docked(), 1000), (Released(3.0, 4.0), HOUR))], 37.0, 37.0),
+    ),
+    "who states where it is is believed each time": (replace(GPS, is_ground_truth=True), BELOW, 0.0, 0.05),
+}
+"""The water, what comes, and between which bounds the variance of the place is then."""
 SCENES: dict[str, tuple[dict[str, Any], dict[int, Schedule], Steps]] = {
     # Most of the weight is one narrow Gaussian; a tail holds the unscheduled modes.
     "it goes on by the schedule and says how sure it is": (
@@ -525,6 +557,111 @@ SCENES: dict[str, tuple[dict[str, Any], dict[int, Schedule], Steps]] = {
             ),
         ],
     ),
+    "readings at the end of the scale do not pull a full battery down": (
+        {},
+        ALWAYS_ASLEEP,
+        [
+            *unread(*(heard(n * 600_000, State.CHARGING, it, n) for n, it in enumerate(AT_THE_END.tolist()))),
+            (None, 299 * 600_000, {"primary": above(0.999), "lift": pytest.approx(0.0, abs=0.004)}),
+        ],
+    ),
+    "a clock that gains is learned": (
+        {},
+        {},
+        [
+            *unread(
+                *(
+                    heard(n * HOUR, State.SLEEPING, 0.9, n, agent_ms=n * HOUR + it)
+                    for n, it in enumerate(AHEAD_MS)
+                )
+            ),
+            (
+                *(None, 199 * HOUR),
+                {"clock": (pytest.approx(30, abs=3), pytest.approx(AHEAD_MS[-1], abs=500))},
+            ),
+        ],
+    ),
+    **{
+        f"the water moves it in mission time, here at theta {theta}": (
+            {"scale": TimeScale(theta)},
+            {},
+            [
+                *unread(heard(0, State.ACTIVE, 0.9, agent_ms=0)),
+                (None, HOUR, {"place_variance": pytest.approx(1.0 + 3600 * 0.001, abs=0.036)}),
+            ],
+        )
+        for theta in (1, 30)
+    },
+    "a range says how far and not where": (
+        {"water": WaterParameters(0.01, 0.0, 3600.0, 1.0)},
+        {},
+        [
+            *unread(heard(0, State.ACTIVE, 0.9)),
+            (None, 10 * HOUR, {"place_cov": pytest.approx((361.0, 0.0, 361.0))}),
+            (
+                *(Ranged(110.0, 3.0, -96.0, 0.25), 10 * HOUR),
+                {
+                    "place": (pytest.approx(3.0, abs=0.1), pytest.approx(14.0, abs=3.0)),
+                    "place_variance": pytest.approx(361.0, rel=0.01),
+                    "east_variance": between(0, 361 / 5),
+                    "learned_from": Source.PACKET | Source.RANGE,
+                },
+            ),
+            (Fixed(5.0, 12.0, 1.0), 10 * HOUR, {"place_variance": between(0, 1)}),
+        ],
+    ),
+    **{
+        f"one that is asked within a wake: {state.name} is {mode.name} by {len(schedules)} schedules": (
+            {},
+            schedules,
+            [
+                *unread(*hourly(State.SLEEPING, 0.9, 60 * ASLEEP, 5)),
+                (ShortStatus(1, state, 0.883, 1.0), 4 * HOUR + 600_000, {"mode": mode, "state": state}),
+            ],
+        )
+        for schedules, state, mode in (
+            (ALWAYS_ASLEEP, State.PROCESSING, Mode.ASLEEP),
+            (ALWAYS_ASLEEP, State.ACTIVE, Mode.ASLEEP),
+            (ALWAYS_ASLEEP, State.HOVERING, Mode.HIGH_LOAD),
+            ({}, State.PROCESSING, Mode.HIGH_LOAD),
+        )
+    },
+    **{
+        f"how sure a place is: {name}": (
+            {"water": water},
+            ALWAYS_ASLEEP,
+            [
+                *steps[:-1],
+                (*steps[-1][:2], {"place_variance": between(least * (1 - 1e-6), most * (1 + 1e-6))}),
+            ],
+        )
+        for name, (water, steps, least, most) in HOW_SURE.items()
+    },
+    "a fix as it left the surface which no packet had stated is weighed": (
+        {"water": GPS},
+        ALWAYS_ASLEEP,
+        [
+            *AFLOAT,
+            (*placed(120_000, 5, State.SLEEPING, 3.0, north_m=3.4), {"north_m": between(3.0001, 3.3999)}),
+        ],
+    ),
+    # An empty or full secondary that reads 0.5 has a bias of a half, which no board has.
+    **{
+        f"the first reading of the secondary, {stated}, is believed within the greatest bias": (
+            UNTOLD,
+            ALWAYS_ASLEEP,
+            [
+                (
+                    *heard(HOUR, State.SLEEPING, 0.6, secondary=stated),
+                    {
+                        "secondary": pytest.approx(stated, abs=0.05),
+                        "secondary_variance": between(0, 0.05**2),
+                    },
+                )
+            ],
+        )
+        for stated in (0.04, 0.5, 0.96)
+    },
 }
 
 
@@ -678,51 +815,12 @@ def test_drain_and_bias_of_one_are_learned_while_it_is_heard(untaught: Twin) -> 
     assert learned[4] == pytest.approx(sag, abs=3 * spread[4]) and spread[4] < 0.005
 
 
-def test_readings_at_the_end_of_the_scale_do_not_pull_a_full_battery_down(twin: Twin) -> None:
-    noise = np.random.default_rng(4).normal(0, 0.015, 300)
-    readings = np.minimum(1.0, np.clip(1.0 + noise, 0, 1) + 0.03)
-    reports = [heard(n * 600_000, State.CHARGING, float(it), n) for n, it in enumerate(readings)]
-    belief = told(twin, *reports)
-    assert belief.primary > 0.999 and state_of(belief).mean[3] == pytest.approx(0.0, abs=0.004)
-
-
-def test_a_clock_that_gains_is_learned(untaught: Twin) -> None:
-    ahead_ms = [2000 + round(hour * HOUR * 30e-6) for hour in range(200)]
-    clock = told(
-        untaught,
-        *(heard(n * HOUR, State.SLEEPING, 0.9, n, agent_ms=n * HOUR + it) for n, it in enumerate(ahead_ms)),
-    ).clock
-    assert (clock.drift_ppm, clock.offset_ms) == (
-        pytest.approx(30, abs=3),
-        pytest.approx(ahead_ms[-1], abs=500),
-    )
-
-
 def test_readings_near_to_each_other_are_one_and_change_nothing_else(untaught: Twin) -> None:
     """200 independent readings would leave one hundredth of the variance."""
     first, *others = (heard(1000 * n, State.ACTIVE, 0.9 - n * IDLE / 60, n) for n in range(200))
     belief = told(untaught, first, *others)
-    assert belief.heard_ms == 199_000
-    assert belief.charge_cov[0] > told(untaught, first).charge_cov[0] / 2.5
+    assert belief.heard_ms == 199_000 and belief.charge_cov[0] > told(untaught, first).charge_cov[0] / 2.5
     assert untaught.update(belief, *heard(200_000, State.PROCESSING, 0.87, 200)).mode is Mode.HIGH_LOAD
-
-
-@pytest.mark.parametrize("theta", [1, 30])
-def test_the_water_moves_it_in_mission_time_whatever_theta_is(theta: int) -> None:
-    twin = Twin(replace(KNOWLEDGE, scale=TimeScale(theta)), {})
-    belief = told(twin, heard(0, State.ACTIVE, 0.9, agent_ms=0))
-    later = twin.predict(belief, 3_600_000)
-    assert later.place_cov[0] - belief.place_cov[0] == pytest.approx(3600 * 0.001, rel=0.01)
-
-
-def test_a_range_says_how_far_and_not_where() -> None:
-    twin = Twin(replace(KNOWLEDGE, water=WaterParameters(0.01, 0.0, 3600.0, 1.0)), {})
-    belief = twin.predict(told(twin, heard(0, State.ACTIVE, 0.9)), 10 * HOUR)
-    ranged = twin.update(belief, Ranged(110.0, 3.0, -96.0, 0.25), 10 * HOUR)
-    assert (ranged.east_m, ranged.north_m) == (pytest.approx(14.0, abs=3.0), pytest.approx(3.0, abs=0.1))
-    assert ranged.place_cov[0] == pytest.approx(belief.place_cov[0], rel=0.01)
-    assert ranged.place_cov[2] < belief.place_cov[2] / 5 and Source.RANGE in ranged.learned_from
-    assert twin.update(ranged, Fixed(5.0, 12.0, 1.0), 10 * HOUR).place_cov[0] < 1.0
 
 
 def test_a_short_status_corrects_the_charge_and_says_nothing_of_place_or_time(twin: Twin) -> None:
@@ -740,24 +838,6 @@ def test_a_short_status_corrects_the_charge_and_says_nothing_of_place_or_time(tw
     assert state_of(later).packet == (30, 30 * HOUR - 5000)
 
 
-@pytest.mark.parametrize(
-    ("schedules", "state", "mode"),
-    [
-        (ALWAYS_ASLEEP, State.PROCESSING, Mode.ASLEEP),
-        (ALWAYS_ASLEEP, State.ACTIVE, Mode.ASLEEP),
-        (ALWAYS_ASLEEP, State.HOVERING, Mode.HIGH_LOAD),
-        ({}, State.PROCESSING, Mode.HIGH_LOAD),
-    ],
-)
-def test_one_that_is_asked_within_a_short_wake_is_not_taken_for_awake(
-    schedules: dict[int, Schedule], state: State, mode: Mode
-) -> None:
-    twin = Twin(KNOWLEDGE, schedules)
-    short = ShortStatus(1, state, 0.883, 1.0), 4 * HOUR + 600_000
-    asked = told(twin, *hourly(State.SLEEPING, 0.9, 60 * ASLEEP, 5), short)
-    assert (asked.mode, asked.state) == (mode, state)
-
-
 @pytest.mark.parametrize(("deviations", "gated"), [(-4.0, 0), (4.0, 0), (-7.0, 1)])
 def test_the_gate_stands_between_four_deviations_and_seven(twin: Twin, deviations: float, gated: int) -> None:
     due = twin.predict(told(twin, *hourly(State.SLEEPING, 0.7, 60 * ASLEEP, 6)), 6 * HOUR)
@@ -765,62 +845,6 @@ def test_the_gate_stands_between_four_deviations_and_seven(twin: Twin, deviation
     sd = (state_of(due).cov[0, 0] + 0.015**2) ** 0.5
     odd = twin.update(due, *heard(6 * HOUR, State.SLEEPING, due.primary + deviations * sd, 6))
     assert state_of(odd).gated == gated
-
-
-GPS = replace(KNOWLEDGE, water=WaterParameters(0.0, 0.1, 3600.0, 0.5, is_ground_truth=False, way_down_s=60.0))
-
-
-def placed(at_ms: int, sequence: int, state: State, depth_m: float, north_m: float = 3.0) -> _Stamped:
-    return StatusPacket(1, sequence, state, 0.9, 1.0, north_m, 4.0, depth_m, at_ms), at_ms
-
-
-BELOW = [placed(n * HOUR, n, State.SLEEPING, 3.0) for n in range(10)]
-AFLOAT = [placed(n * 10_000, n, State.FLOATING, 0.0) for n in range(5)]
-TOO_SOON = placed(9_999, 1, State.FLOATING, 0.0)
-TRUTHFUL = replace(GPS, water=replace(GPS.water, is_ground_truth=True))
-
-
-@pytest.mark.parametrize(
-    ("knowledge", "reports", "least", "most"),
-    [
-        # The error of the fix, and 0.1 m/s for the minute of the way down.
-        pytest.param(GPS, BELOW[:1], 36.25, 36.25, id="from below"),
-        pytest.param(GPS, BELOW, 36.25, 36.25, id="a place repeated from below makes nobody surer"),
-        pytest.param(GPS, AFLOAT, 0.0, 0.5**2, id="fixes at the surface make surer"),
-        # In ten seconds it went 1 m: a variance of 1.25, which a fix of 0.25 brings to 1.25 * 0.25 / 1.5.
-        pytest.param(GPS, AFLOAT[:2], 0.207, 0.209, id="a fix ten seconds after another counts"),
-        pytest.param(GPS, [AFLOAT[0], TOO_SOON], 1.24, 1.25, id="and none a millisecond earlier"),
-        pytest.param(
-            GPS,
-            [*AFLOAT[:1], (Docked(), 1000), (Released(3.0, 4.0), HOUR)],
-            37.0,
-            37.0,
-            id="the way down does not",
-        ),
-        pytest.param(TRUTHFUL, BELOW, 0.0, 0.05, id="who states where it is is believed each time"),
-    ],
-)
-def test_how_sure_a_place_is(
-    knowledge: TwinParameters, reports: list[_Stamped], least: float, most: float
-) -> None:
-    variance = told(Twin(knowledge, ALWAYS_ASLEEP), *reports).place_cov[0]
-    assert least * (1 - 1e-6) <= variance <= most * (1 + 1e-6)
-
-
-def test_a_fix_as_it_left_the_surface_which_no_packet_had_stated_is_weighed() -> None:
-    below = placed(120_000, 5, State.SLEEPING, 3.0, north_m=3.4)
-    assert 3.0 < told(Twin(GPS, ALWAYS_ASLEEP), *AFLOAT, below).north_m < 3.4
-
-
-@pytest.mark.parametrize("stated", [0.04, 0.5, 0.96])
-def test_a_learning_twin_believes_the_first_reading_of_the_secondary_within_the_greatest_bias(
-    stated: float,
-) -> None:
-    """An empty or full secondary that reads 0.5 has a bias of a half, which no board has."""
-    twin = Twin(replace(KNOWLEDGE, untold=UntoldParameters(0.4, 0.2, 0.05)), ALWAYS_ASLEEP)
-    belief = told(twin, heard(HOUR, State.SLEEPING, 0.6, secondary=stated))
-    assert belief.secondary == pytest.approx(stated, abs=0.05)
-    assert sqrt(belief.charge_cov[2]) < 0.05
 
 
 @pytest.mark.parametrize("placed", [True, False])
