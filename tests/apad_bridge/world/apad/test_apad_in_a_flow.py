@@ -6,7 +6,9 @@ Its hull: 25 kg, 40 N at 1 m/s in water, 0.08 N at 1 m/s in air, four thrusters 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -40,60 +42,107 @@ def current(north_m_s: float, east_m_s: float = 0.0, wind_m_s: Vector | None = N
     return Surface(CurrentConfig(steady_text(north_m_s, east_m_s)).stream(), wind_m_s)
 
 
-@pytest.mark.parametrize(
-    ("surface", "force_n", "north_m_s"),
-    [
-        # 40 * 0.2^2 = 1.6 N towards the south
-        pytest.param(current(0.2), 1.6 / X, 0.0, id="the drag of the water that passes"),
-        # 0.08 * 10^2 = 8 N towards the west: across the bow two thrusters push forwards and two backwards
-        pytest.param(Surface(STILL, (0.0, 10.0)), 8 / X, 0.0, id="the drag of the air"),
-        # along the bow four thrusters give 84.85 N, enough for 1.456 m/s through the water
-        pytest.param(current(1.5), 30.0, 1.5 - math.sqrt(4 * 30 / math.sqrt(2) / 40), id="beyond its thrust"),
-    ],
-)
-def test_holding_takes_the_drag_up_to_full_power(
-    config: APad, surface: Surface, force_n: float, north_m_s: float
-) -> None:
-    apad = SimulatedAPad(config, surface=surface)
-    apad.receive(Hold(1, 0.0, 0.0), 0)
-    apad.advance(120_000)
-    assert [abs(it) for it in apad.motion.forces_n] == pytest.approx([force_n] * 4)
-    assert apad.pose.north_m_s == pytest.approx(north_m_s, abs=0.001)
-    assert ((apad.pose.north_m, apad.pose.east_m) == (0.0, 0.0)) is (north_m_s == 0)
-    assert north_m_s or apad.battery.used_fraction == pytest.approx((25 + 6 * 4 * force_n) * 120 / FULL_J)
+def thrust_n(forces_n: tuple[float, ...]) -> float:
+    one, other, _, _ = forces_n
+    return math.hypot(one + other, one - other) * math.sqrt(2)
 
 
-@pytest.mark.parametrize(
-    ("current_m_s", "force_n"),
-    [
-        ((0.2, 0.0), 40 * 0.3**2),
-        ((-0.2, 0.0), 40 * 0.7**2),
-        ((0.0, 0.2), 40 * (0.5**2 + 0.2**2)),
-        ((0.5, 0.0), 0.0),
-    ],
-)
-def test_going_takes_the_drag_through_the_water_at_the_ordered_speed_over_ground(
-    config: APad, current_m_s: Vector, force_n: float
-) -> None:
-    apad = SimulatedAPad(config, surface=current(*current_m_s))
-    apad.receive(GoTo(1, 100.0, 0.0, 0.5, 0.5), 0)
-    apad.advance(60_000)
-    assert (apad.pose.north_m_s, apad.pose.east_m_s) == pytest.approx((0.5, 0.0), abs=1e-9)
-    assert apad.pose.east_m == pytest.approx(0.0, abs=1e-6)
-    one, other, _, _ = apad.motion.forces_n
-    assert math.hypot(one + other, one - other) * math.sqrt(2) == pytest.approx(force_n, abs=1e-6)
-
-
-def test_against_a_strong_current_the_top_speed_through_the_water_is_what_counts(config: APad) -> None:
-    apad = SimulatedAPad(config, surface=current(-0.6))
-    facts = apad.receive(GoTo(1, 40.0, 0.0, 0.9, 0.5), 0)
-    facts += apad.advance(60_000)
+FIGURES: dict[str, Callable[[SimulatedAPad], Any]] = {
+    "forces": lambda it: [abs(force_n) for force_n in it.motion.forces_n],
+    "thrust_n": lambda it: thrust_n(it.motion.forces_n),
+    "velocity": lambda it: (it.pose.north_m_s, it.pose.east_m_s),
+    "place": lambda it: (it.pose.north_m, it.pose.east_m),
+    "power_w": lambda it: it.battery.power_w,
+    "used_j": lambda it: it.battery.used_fraction * FULL_J,
+}
+TIDE = Surface(CurrentConfig(tides=(TideConstituent(400, 400_000, 0),)).stream())
+STILL_THERE = {"place": (0.0, 0.0), "velocity": (0.0, 0.0)}
+SCENES: dict[str, tuple[Surface, Any, dict[int, dict[str, Any]]]] = {
+    # 40 * 0.2^2 = 1.6 N towards the south
+    "holding takes the drag of the water that passes": (
+        current(0.2),
+        Hold(1, 0.0, 0.0),
+        {
+            120_000: {
+                **STILL_THERE,
+                "forces": pytest.approx([1.6 / X] * 4),
+                "used_j": pytest.approx((25 + 6 * 4 * 1.6 / X) * 120),
+            }
+        },
+    ),
+    # 0.08 * 10^2 = 8 N towards the west: across the bow two thrusters push forwards and two backwards
+    "holding takes the drag of the air": (
+        Surface(STILL, (0.0, 10.0)),
+        Hold(1, 0.0, 0.0),
+        {
+            120_000: {
+                **STILL_THERE,
+                "forces": pytest.approx([8 / X] * 4),
+                "used_j": pytest.approx((25 + 6 * 4 * 8 / X) * 120),
+            }
+        },
+    ),
+    # along the bow four thrusters give 84.85 N, enough for 1.456 m/s through the water
+    "beyond its thrust it drifts at full power": (
+        current(1.5),
+        Hold(1, 0.0, 0.0),
+        {
+            120_000: {
+                "forces": pytest.approx([30.0] * 4),
+                "velocity": (pytest.approx(1.5 - math.sqrt(4 * 30 / math.sqrt(2) / 40), abs=0.001), 0.0),
+            }
+        },
+    ),
+    **{
+        f"going takes the drag through the water at the ordered speed over ground, in {current_m_s}": (
+            current(*current_m_s),
+            GoTo(1, 100.0, 0.0, 0.5, 0.5),
+            {
+                60_000: {
+                    "velocity": pytest.approx((0.5, 0.0), abs=1e-9),
+                    "place": (pytest.approx(30, abs=1), pytest.approx(0.0, abs=1e-6)),
+                    "thrust_n": pytest.approx(force_n, abs=1e-6),
+                }
+            },
+        )
+        for current_m_s, force_n in (
+            ((0.2, 0.0), 40 * 0.3**2),
+            ((-0.2, 0.0), 40 * 0.7**2),
+            ((0.0, 0.2), 40 * (0.5**2 + 0.2**2)),
+            ((0.5, 0.0), 0.0),
+        )
+    },
     # 1.0 m/s through the water leave 0.4 over ground
-    assert apad.pose.north_m_s == pytest.approx(0.4)
-    facts += apad.advance(200_000)
-    (arrived,) = [it for it in facts if isinstance(it, Arrived)]
-    assert arrived.at_ms == pytest.approx(1000 * 39.5 / 0.4, rel=0.03)
-    assert (apad.pose.north_m, apad.pose.speed_m_s) == (40.0, 0.0)
+    "against a strong current the top speed through the water is what counts": (
+        current(-0.6),
+        GoTo(1, 40.0, 0.0, 0.9, 0.5),
+        {
+            60_000: {"velocity": (pytest.approx(0.4), 0.0)},
+            200_000: {"place": (40.0, 0.0), "velocity": (0.0, 0.0)},
+        },
+    ),
+    "the flow of a tide is felt at rest within a second": (
+        TIDE,
+        None,
+        {
+            100_500: {"power_w": pytest.approx(25 + 6 * 4 * 40 * 0.4**2 / X)},
+            200_500: {"power_w": pytest.approx(25, abs=1e-6), "place": (0.0, 0.0)},
+        },
+    ),
+}
+"""What moves around it, its order, and figures by times."""
+
+
+@pytest.mark.parametrize(("surface", "order", "wanted"), SCENES.values(), ids=SCENES)
+def test_scene(config: APad, surface: Surface, order: Any, wanted: dict[int, dict[str, Any]]) -> None:
+    apad, arrived_ms = SimulatedAPad(config, surface=surface), []
+    if order is not None:
+        apad.receive(order, 0)
+    for at_ms, figures in wanted.items():
+        arrived_ms += [it.at_ms for it in apad.advance(at_ms) if isinstance(it, Arrived)]
+        assert {name: FIGURES[name](apad) for name in figures} == figures, at_ms
+    far = isinstance(order, GoTo) and order.north_m == 40.0
+    assert arrived_ms == [pytest.approx(1000 * 39.5 / 0.4, rel=0.03)] * far
 
 
 @pytest.mark.parametrize("north_m_s", [0.0, 0.2, -0.2, 0.45, -0.45, -0.7])
@@ -175,17 +224,6 @@ def test_a_tide_bars_a_leg_for_a_part_of_the_day_alone(config: APad) -> None:
     barred = [legs.obstacle((0.0, 0.0), (20.0, 0.0), 3_600_000 * hour) is not None for hour in range(12)]
     # -1.2 sin(2 pi t / 12 h) is below -1 from 1.9 h to 4.1 h
     assert [hour for hour, it in enumerate(barred) if it] == [2, 3, 4]
-
-
-def test_the_flow_of_a_tide_is_felt_at_rest_within_a_second(config: APad) -> None:
-    apad = SimulatedAPad(
-        config, surface=Surface(CurrentConfig(tides=(TideConstituent(400, 400_000, 0),)).stream())
-    )
-    apad.advance(100_500)
-    assert apad.battery.power_w == pytest.approx(25 + 6 * 4 * 40 * 0.4**2 / X)
-    apad.advance(200_500)
-    assert apad.battery.power_w == pytest.approx(25, abs=1e-6)
-    assert (apad.pose.north_m, apad.pose.east_m) == (0.0, 0.0)
 
 
 @pytest.mark.parametrize(("north_m_s", "share"), [(0.0, 0.1), (0.5, 0.1 + 0.9 / 6), (1.3, 1.0)])
