@@ -1,8 +1,10 @@
 """Stories of a board that sleeps, as golden traces; and the laws of its time and its energy."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -186,15 +188,49 @@ def test_the_low_level_wakes_a_sleeper_once_and_it_reports_in_its_slot(metering:
     assert sum("LOW_LEVEL_REACHED" in line for line in told(bench.trace)) == 1
 
 
-def test_a_lost_one_that_is_docked_all_the_same_boots_and_charges() -> None:
-    """Without power no code runs, so the charger's feed is a reset."""
-    bench = asleep(primary=0.0001, secondary=0.0001)
-    bench.run(hours=1)
-    assert (bench.state, bench.board.rails) == (State.LOST, 0)
-    bench.charge_pin_rises()
-    assert (bench.state, bench.board.reset_cause) == (State.BOOTING, ResetCause.BROWN_OUT)
-    bench.run(hours=1)
-    assert bench.state is State.CHARGING and min(bench.primary, bench.secondary) > grains(0.05)
+FIGURES: dict[str, Callable[[Bench], Any]] = {
+    "state": lambda it: it.state,
+    "rails": lambda it: it.board.rails,
+    "reset": lambda it: it.board.reset_cause,
+    "flow": lambda it: it.board.secondary.flow,
+    "charge": lambda it: it.primary / FULL,
+    "charged": lambda it: min(it.primary, it.secondary) > grains(0.05),
+}
+ON_ITS_BACKUP = {"state": State.EMPTY, "flow": Flow.DISCHARGING}
+SCENES: dict[str, tuple[Callable[[], Bench], dict[str, dict[str, Any]]]] = {
+    # Without power no code runs, so the charger's feed is a reset.
+    "a lost one that is docked all the same boots and charges": (
+        lambda: asleep(primary=0.0001, secondary=0.0001),
+        {
+            "1h": {"state": State.LOST, "rails": 0},
+            "rises": {"state": State.BOOTING, "reset": ResetCause.BROWN_OUT},
+            "60min": {"state": State.CHARGING, "charged": True},
+        },
+    ),
+    "a reset does not turn the switch between the batteries": (
+        lambda: asleep(primary=0.0, secondary=0.5),
+        {
+            "rises 10min falls 10min": {
+                **ON_ITS_BACKUP,
+                "charge": pytest.approx(10 * 1.2435 * 0.001045, rel=0.1),
+            },
+            "brown_out 1min": ON_ITS_BACKUP,
+            "watchdog 1min": ON_ITS_BACKUP,
+        },
+    ),
+    "never asleep it stays active on the idle load": (
+        lambda: Bench(board(None, power())),
+        {"5h": {"state": State.ACTIVE, "charge": pytest.approx(1 - 300 * 0.0010427134, abs=1e-6)}},
+    ),
+}
+
+
+@pytest.mark.parametrize(("begins", "steps"), SCENES.values(), ids=SCENES)
+def test_scene(begins: Callable[[], Bench], steps: dict[str, dict[str, Any]]) -> None:
+    bench = begins()
+    for script, wanted in steps.items():
+        lives(bench, script)
+        assert {name: FIGURES[name](bench) for name in wanted} == wanted, script
 
 
 def test_what_its_radios_are_not_on_for_is_dropped() -> None:
@@ -214,22 +250,6 @@ def test_a_reset_says_its_cause_and_leaves_the_batteries(cause: ResetCause) -> N
     assert (bench.board.reset_cause, bench.primary, bench.state) == (cause, before, State.BOOTING)
     bench.run(minutes=2)
     assert bench.state is State.SLEEPING
-
-
-def test_a_reset_does_not_turn_the_switch_between_the_batteries() -> None:
-    bench = asleep(primary=0.0, secondary=0.5)
-    lives(bench, "rises 10min falls 10min")
-    assert bench.primary > 0
-    for _ in range(2):
-        assert (bench.state, bench.board.secondary.flow) == (State.EMPTY, Flow.DISCHARGING)
-        lives(bench, "brown_out 1min")
-
-
-def test_never_asleep_it_stays_active_on_the_idle_load() -> None:
-    bench = Bench(board(None, power()))
-    bench.run(hours=5)
-    assert bench.state is State.ACTIVE
-    assert bench.primary / FULL == pytest.approx(1 - 300 * 0.0010427134, abs=1e-6)
 
 
 # The laws.

@@ -28,72 +28,70 @@ def asleep(**start: float) -> Bench:
     return bench
 
 
-def test_a_missed_rising_edge_is_found_by_the_next_sample_of_the_level() -> None:
-    bench = asleep(primary=0.5)
-    bench.charge_pin_rises(noticed=False)
-    assert told(bench.run(minutes=3)) == [
-        f"180000 {MISSED}",
-        "180050 SLEEPING -CHARGE_EDGE_ROSE-> CHARGING",
-    ]
+def in_the_field() -> Bench:
+    return Bench(board(FIELD, power()))
+
+
+CHARGES, RESTS = {"flow": True}, {"flow": False}
+STORIES: dict[str, tuple[Callable[[], Bench], str, str, list[str], dict[str, object]]] = {
     # The charger did not wait for the firmware: 3 min at the two coils' second rate, less a part of the load.
-    assert bench.primary_fraction == pytest.approx(0.5 + 3 * 1.2435 * 0.00223, abs=0.0015)
-
-
-# It still waits for the word to sink. The wake's next step, to the Pi, reads the pin.
-MISSES = {
-    "a missed falling edge is found too": (
-        *(asleep, "rises 2min", "charge_pin_falls", 4),
+    "a missed rising edge is found by the next sample of the level": (
+        *(lambda: asleep(primary=0.5), "0ms", "rises_unseen 3min"),
+        [f"180000 {MISSED}", "180050 SLEEPING -CHARGE_EDGE_ROSE-> CHARGING"],
+        {"charge": pytest.approx(0.5 + 3 * 1.2435 * 0.00223, abs=0.0015)},
+    ),
+    "a missed falling edge charges no more": (asleep, "rises 2min", "falls_unseen", [], RESTS),
+    "a missed falling edge is found too and it still waits for the word to sink": (
+        *(asleep, "rises 2min", "falls_unseen 4min"),
         [
             f"300000 {MISSED}",
             "300050 CHARGING -CHARGE_EDGE_FELL-> RELEASED",
             "420050 RELEASED -CLEAR_TO_SINK-> SINKING",
         ],
+        RESTS,
     ),
+    # The wake's next step, to the Pi, reads the pin.
     "a wake finds a missed edge before the period does": (
-        *(lambda: Bench(board(FIELD, power())), "3605000ms", "charge_pin_rises", 1),
+        *(in_the_field, "3605000ms", "rises_unseen 1min"),
         [
             "3610000 SAMPLING -SAMPLES_TO_PROCESS-> PROCESSING",
             f"3610000 {MISSED}",
             "3610050 PROCESSING -CHARGE_EDGE_ROSE-> CHARGING",
         ],
+        CHARGES,
+    ),
+    "chatter in the dock is no release while the charger runs for most of it": (
+        *(asleep, "rises 1min", "chatter:30:10:250 rises 5min"),
+        [f"{180_001 + 2000 * n + 30} {CHATTER}" for n in (1, 2, 3, 4, 5)],
+        {"state": State.CHARGING},
+    ),
+    # The battery does not charge either: its gain in those 2.5 s of 10 s is 0.0001.
+    "chatter of a charger that hardly runs is no dock": (
+        *(asleep, "0ms", "chatter:10:30:250 1min"),
+        [f"{120_001 + 2000 * n} {CHATTER}" for n in (1, 2, 3, 4, 5)],
+        {**RESTS, "state": State.SLEEPING},
+    ),
+    "an edge while it boots is known once it has booted": (
+        *(lambda: Bench(board(HOURLY, power())), "1000ms", "rises_unseen 2000ms"),
+        [
+            "2000 BOOTING -BOOTED_ON_BOTTOM-> ACTIVE",
+            f"2000 {MISSED}",
+            "2050 ACTIVE -CHARGE_EDGE_ROSE-> CHARGING",
+        ],
+        CHARGES,
     ),
 }
 
 
-@pytest.mark.parametrize(("begins", "script", "edge", "minutes", "lines"), MISSES.values(), ids=MISSES)
-def test_a_missed_edge(
-    begins: Callable[[], Bench], script: str, edge: str, minutes: int, lines: list[str]
+@pytest.mark.parametrize(("begins", "before", "script", "lines", "figures"), STORIES.values(), ids=STORIES)
+def test_story(
+    begins: Callable[[], Bench], before: str, script: str, lines: list[str], figures: dict[str, object]
 ) -> None:
     bench = begins()
+    lives(bench, before)
+    bench.trace.clear()
     lives(bench, script)
-    bench.trace.clear()
-    getattr(bench, edge)(noticed=False)
-    assert (bench.board.primary.flow is Flow.CHARGING) is (edge == "charge_pin_rises")
-    assert told(bench.run(minutes=minutes)) == lines
-
-
-def test_chatter_in_the_dock_is_no_release_while_the_charger_runs_for_most_of_it() -> None:
-    bench = asleep()
-    lives(bench, "rises 1min")
-    bench.trace.clear()
-    chatter = told(bench.charge_pin_chatters(high_ms=30, low_ms=10, times=250))
-    assert len(chatter) == 4 and all(line.endswith(CHATTER) for line in chatter)
-    lives(bench, "rises 5min")
-    assert bench.state is State.CHARGING
-
-
-def test_chatter_of_a_charger_that_hardly_runs_is_no_dock() -> None:
-    bench = asleep()
-    bench.charge_pin_chatters(high_ms=10, low_ms=30, times=250)
-    bench.run(minutes=1)
-    assert not any(isinstance(action, StateChanged) for action in bench.trace)
-    # The battery does not charge either: its gain in those 2.5 s of 10 s is 0.0001.
-    assert bench.state is State.SLEEPING and bench.board.primary.flow is not Flow.CHARGING
-
-
-def test_an_edge_while_it_boots_is_known_once_it_has_booted() -> None:
-    bench = Bench(board(HOURLY, power()))
-    bench.run(ms=1000)
-    bench.charge_pin_rises(noticed=False)
-    bench.run(ms=2000)
-    assert bench.state is State.CHARGING
+    flows = bench.board.primary.flow is Flow.CHARGING
+    found = {"flow": flows, "state": bench.state, "charge": bench.primary_fraction}
+    assert told(bench.trace) == lines
+    assert {name: found[name] for name in figures} == figures
