@@ -14,28 +14,22 @@ from firmware_model.states import State
 PACKET = StatusPacket(5, 0, State.ACTIVE, 0.7, 1.0, 3.0, 4.0, 3.0, 60_000)
 
 
-def test_it_believes_the_newest_packet() -> None:
-    beliefs = HoldLast([5, 6])
-    assert beliefs.get(5) is None and beliefs.hear(PACKET, 2000) is None
-    assert beliefs.hear(replace(PACKET, primary=0.6, agent_ms=90_000), 3000) is None
-    found = beliefs.get(5)
-    assert (found.primary, found.heard_ms, found.age_s(5500)) == (0.6, 3000, 2.5)
-    assert [belief.agent_id for belief in beliefs.all()] == [5]
-
-
-def test_the_depth_is_that_of_the_newest_packet() -> None:
-    """A short status has none, an overtaken packet changes nothing, and another supervisor goes on with it."""
-    beliefs, depths_m = HoldLast([5]), []
+def test_it_believes_the_newest_packet_with_its_depth() -> None:
+    """A short status has no depth, an overtaken packet changes nothing, and another supervisor goes on with it."""
+    beliefs, found = HoldLast([5, 6]), []
+    assert beliefs.get(5) is None
     for hear in (
         lambda: beliefs.hear(PACKET, 2000),
-        lambda: beliefs.hear_short(ShortStatus(5, State.ACTIVE, 0.6, 1.0), 2500),
-        lambda: beliefs.hear(replace(PACKET, depth_m=1.25, agent_ms=90_000), 3000),
+        lambda: beliefs.hear_short(ShortStatus(5, State.ACTIVE, 0.65, 1.0), 2500),
+        lambda: beliefs.hear(replace(PACKET, primary=0.6, depth_m=1.25, agent_ms=90_000), 3000),
         lambda: beliefs.hear(PACKET, 4000),
         lambda: beliefs.restore(json.loads(json.dumps(beliefs.kept()))),
     ):
         hear()
-        depths_m.append(beliefs.get(5).reported.depth_m)
-    assert depths_m == [3.0, 3.0, 1.25, 1.25, 1.25]
+        it = beliefs.get(5)
+        found.append((it.primary, it.heard_ms, it.reported.depth_m))
+    assert found == [(0.7, 2000, 3.0), (0.65, 2500, 3.0), *[(0.6, 3000, 1.25)] * 3]
+    assert [it.agent_id for it in beliefs.all()] == [5] and beliefs.get(5).age_s(5500) == 2.5
 
 
 @pytest.mark.parametrize(

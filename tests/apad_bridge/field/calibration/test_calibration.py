@@ -160,28 +160,36 @@ def test_a_vehicle_without_a_cruise_speed_does_not_fit_and_a_still_battery_is_no
     assert "speed_m_s" not in found.block.get("mission", {}) and not found.block.get("apad")
 
 
-def test_a_named_span_adrift_gives_the_drift_of_generation_a(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+Told = Callable[..., str]
+
+
+@pytest.fixture
+def told(capsys: pytest.CaptureFixture[str]) -> Told:
+    """What `musselbed calibrate` prints of a bag, or, where it fails, the error."""
+
+    def answered(bag: Path, *words: str, code: int = 0) -> str:
+        capsys.readouterr()
+        assert main.main(["calibrate", str(bag), "--scenario", str(POOL_FILE), *words]) == code
+        return capsys.readouterr()[code > 0]
+
+    return answered
+
+
+def test_a_named_span_adrift_gives_the_drift_of_generation_a(tmp_path: Path, told: Told) -> None:
     """The track of a day, and then four minutes in which the water alone carries the vehicle."""
     _, messages = day("a", 2)
     positions = [it for it in messages if it.connection.topic == "/apad1/position"]
-    reader = FactReader("the log", "apad1")
-    (last,) = [it for it in reader.read(positions[-1]) if isinstance(it, Posed)]
-    begin_s = positions[0].stamp_ns / 1e9
-    from_s = last.at_s - begin_s
+    (last,) = [it for it in FactReader("the log", "apad1").read(positions[-1]) if isinstance(it, Posed)]
+    from_s = last.at_s - positions[0].stamp_ns / 1e9
     recorder = Recorder("apad1", np.random.default_rng(1), 0.05)
     sent_ms = round((last.at_s - 1.7e9) * 1000) // 100 * 100
     for n in range(1, 2400):
-        place = last.place_m[0] + 0.05 * n / 10, last.place_m[1] - 0.03 * n / 10
-        at_ms = sent_ms + 100 * n
+        place, at_ms = (last.place_m[0] + 0.005 * n, last.place_m[1] - 0.003 * n), sent_ms + 100 * n
         recorder.put(at_ms, "/apad1/position", "auv_msgs/msg/NavSts", recorder.nav(at_ms, place, 0))
     bag = write_bag(tmp_path / "day.bag", [*messages, *recorder.messages])
-    words = ["calibrate", str(bag), "--scenario", str(POOL_FILE), "--json"]
-    assert main.main([*words, "--adrift", f"{from_s + 1}:{from_s + 238}"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["scenario"]["apad"]["drift_m_s"] == pytest.approx([0.05, -0.03], abs=0.002)
-    assert told["figures"]["drift north"]["samples"] >= 6
+    found = json.loads(told(bag, "--json", "--adrift", f"{from_s + 1}:{from_s + 238}"))
+    assert found["scenario"]["apad"]["drift_m_s"] == pytest.approx([0.05, -0.03], abs=0.002)
+    assert found["figures"]["drift north"]["samples"] >= 6
 
 
 def with_text(
@@ -195,75 +203,56 @@ def with_text(
 
 
 def test_a_bag_is_read_by_its_own_definitions_and_a_field_that_it_lacks_costs_only_what_needs_it(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, told: Told
 ) -> None:
-    def told(name: str, change: Callable[[str], str], *words: str) -> str:
-        changed = with_text(day("a", 0)[1], "/apad1/battery_level", change)
-        bag = write_bag(tmp_path / name, changed)
-        assert main.main(["calibrate", str(bag), "--scenario", str(POOL_FILE), *words]) == 0
-        return " ".join(capsys.readouterr().out.split())
+    def of(name: str, change: Callable[[str], str]) -> Path:
+        return write_bag(tmp_path / name, with_text(day("a", 0)[1], "/apad1/battery_level", change))
 
-    other = told("other.bag", lambda text: text.replace("float64 data", "float64 percent"))
+    other = told(of("other.bag", lambda text: text.replace("float64 data", "float64 percent")))
+    other = " ".join(other.split())
     assert f"/apad1/battery_level (std_msgs/Float64, md5 {'0' * 32}) has no field `data`" in other
     assert "not measured: power at rest: no battery level in the bags" in other
-    longer, plain = (
-        json.loads(told(f"{spare}.bag", lambda text, spare=spare: spare + text, "--json"))["figures"]
-        for spare in ("uint8 SPARE=1\n", "")
-    )
+    bags = of("longer.bag", lambda text: "uint8 SPARE=1\n" + text), of("plain.bag", str)
+    longer, plain = (json.loads(told(it, "--json"))["figures"] for it in bags)
     assert longer == plain and "power at rest" in plain
 
 
 def test_the_block_is_what_the_loader_reads_and_the_written_scenario_flies(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, told: Told
 ) -> None:
     vehicle, messages = day("a", 1)
     bag, out = write_bag(tmp_path / "day.bag", messages), tmp_path / "like-the-real.yaml"
-    words = ["calibrate", str(bag), "--scenario", str(POOL_FILE)]
-    assert main.main([*words, "--out", str(out)]) == 0
-    block = parse_yaml(capsys.readouterr().out.partition("# for the scenario\n")[2])
-    written = load(out)
-    assert (
-        written.mission.speed_m_s
-        == block["mission"]["speed_m_s"]
-        == pytest.approx(vehicle.speed_m_s, rel=0.02)
-    )
+    block = parse_yaml(told(bag, "--out", str(out)).partition("# for the scenario\n")[2])
+    written, speed_m_s = load(out), block["mission"]["speed_m_s"]
+    assert written.mission.speed_m_s == speed_m_s == pytest.approx(vehicle.speed_m_s, rel=0.02)
     assert written.apad.battery.hotel_w == block["apad"]["battery"]["hotel_w"]
     assert written.apad.mass_kg == POOL.apad.mass_kg
-    assert main.main([*words, "--out", str(out)]) == 2
-    assert "exists already" in capsys.readouterr().err
+    assert "exists already" in told(bag, "--out", str(out), code=2)
 
 
-def test_a_run_of_ours_is_a_log_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_run_of_ours_is_a_log_too(tmp_path: Path, told: Told) -> None:
     """Its own bag has places once a second, and every primitive: dockings with their time, but no brakings."""
     run, scenario = tmp_path / "run", tmp_path / "short.yaml"
-    write_resolved(
-        scenario, replace(POOL, duration_s=900.0, fleet=replace(POOL.fleet, hosting=Hosting.ONE_PROCESS))
-    )
+    fleet = replace(POOL.fleet, hosting=Hosting.ONE_PROCESS)
+    write_resolved(scenario, replace(POOL, duration_s=900.0, fleet=fleet))
     assert main.main(["run", str(scenario), "--time", "asap", "--out", str(run), "--json"]) == 0
-    capsys.readouterr()
-    assert main.main(["calibrate", str(run / "run.bag"), "--scenario", str(POOL_FILE), "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    docking = POOL.mission.docking
-    assert told["figures"]["speed"]["value"] == pytest.approx(POOL.mission.speed_m_s, rel=0.01)
-    assert told["scenario"]["mission"]["docking"]["dock_s"] == pytest.approx(docking.dock_s, abs=1)
-    assert told["scenario"]["apad"]["battery"]["hotel_w"] == pytest.approx(
-        POOL.apad.battery.hotel_w, rel=0.05
-    )
-    assert "record the vehicle's own, at 4 Hz or more" in told["unmeasured"]["stopping distance"]
+    found = json.loads(told(run / "run.bag", "--json"))
+    block, docking = found["scenario"], POOL.mission.docking
+    assert found["figures"]["speed"]["value"] == pytest.approx(POOL.mission.speed_m_s, rel=0.01)
+    assert block["mission"]["docking"]["dock_s"] == pytest.approx(docking.dock_s, abs=1)
+    assert block["apad"]["battery"]["hotel_w"] == pytest.approx(POOL.apad.battery.hotel_w, rel=0.05)
+    assert "record the vehicle's own, at 4 Hz or more" in found["unmeasured"]["stopping distance"]
 
 
 @pytest.mark.parametrize("what", ["no file", "no bag", "another vehicle"])
-def test_what_is_no_log_of_this_vehicle_is_one_line(
-    tmp_path: Path, what: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_is_no_log_of_this_vehicle_is_one_line(tmp_path: Path, what: str, told: Told) -> None:
     bag = tmp_path / "other.bag"
     if what == "no bag":
         bag.write_bytes(b"#ROSBAG V1.1\n" + bytes(1000))
     if what == "another vehicle":
         theirs = ((it, it.connection.topic.replace("apad1", "otter")) for it in day("b", 0)[1][:500])
         write_bag(bag, [replace(it, connection=replace(it.connection, topic=topic)) for it, topic in theirs])
-    assert main.main(["calibrate", str(bag), "--scenario", str(POOL_FILE)]) == 2
-    error = capsys.readouterr().err
+    error = told(bag, code=2)
     assert str(bag) in error and error.count("\n") == 1
 
 
