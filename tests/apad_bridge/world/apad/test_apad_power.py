@@ -28,64 +28,108 @@ def apad(config) -> SimulatedAPad:
     return SimulatedAPad(config)
 
 
-def driven(config, *orders, until_ms):
-    """The aPad after these orders, each with its time, and all that it reported."""
-    apad = SimulatedAPad(config)
-    facts = [fact for at_ms, order in orders for fact in apad.receive(order, at_ms)]
-    return apad, facts + apad.advance(until_ms)
+def failures(facts):
+    return [(it.at_ms, it.command_id, it.reason) for it in facts if isinstance(it, CommandFailed)]
 
 
-@pytest.mark.parametrize(
-    ("start", "orders", "seconds", "docks_j"),
-    [
-        pytest.param(1.0, [], 2400, 0, id="the hotel load alone"),
-        pytest.param(
-            1.0,
-            [(1234, CloseDock(1, 2, 9)), (101_235, OpenDock(2, 2, 9))],
-            200,
-            10 * 100.001,
-            id="a closed dock, to the millisecond",
-        ),
-        pytest.param(0.5, [(0, CloseDock(1, 2, 9))], 300, 10 * 300, id="not full at the start"),
-        pytest.param(0.01, [(0, CloseDock(1, 2, 9))], 3600, 0.01 * FULL_J * 10 / 35, id="until it is empty"),
+FIGURES = {
+    "used_j": lambda apad, _: apad.battery.used_fraction * FULL_J,
+    "fraction": lambda apad, _: apad.battery.fraction,
+    "voltage": lambda apad, _: apad.battery.voltage_v,
+    "ledger_j": lambda apad, _: [
+        3600 * it for it in (apad.battery.ledger.handed_wh, apad.battery.ledger.hotel_wh)
     ],
-)
-def test_the_battery_and_its_ledger(config, start, orders, seconds, docks_j):
-    """25 W of hotel load, and 10 W of each closed dock."""
-    config = replace(config, battery=replace(config.battery, start_fraction=start))
-    apad, _ = driven(config, *orders, until_ms=1000 * seconds)
-    hotel_j = docks_j * 25 / 10 if start == 0.01 else 25 * seconds
-    used, ledger = (hotel_j + docks_j) / FULL_J, apad.battery.ledger
-    assert apad.battery.used_fraction == pytest.approx(used, rel=1e-9)
-    assert apad.battery.fraction == pytest.approx(start - used, abs=1e-9)
-    assert apad.battery.voltage_v == pytest.approx(16.0 - 5.5 * (1 - start + used))
-    found = [it * 3600 for it in (ledger.handed_wh, ledger.hotel_wh, ledger.travel_wh)]
-    assert found == pytest.approx([docks_j, hotel_j, 0.0], rel=1e-3, abs=1e-6)
+    "travel_j": lambda apad, _: 3600 * apad.battery.ledger.travel_wh,
+    "ledger_share": lambda apad, _: apad.battery.ledger.used_wh / (apad.battery.used_fraction * 230),
+    "docked": lambda apad, _: dict(apad.docked),
+    "docks_at": lambda apad, _: [apad.dock_position(dock_index) for dock_index in range(4)],
+    "facts": lambda _, facts: facts,
+    "failed": lambda _, facts: failures(facts),
+    "reports": lambda _, facts: [it.at_ms for it in facts if isinstance(it, BatteryReported)],
+}
+CLOSES = (0, CloseDock(1, 2, 9), {})
+CLOSED_FOR_100_S = [(1234, CloseDock(1, 2, 9), {}), (101_235, OpenDock(2, 2, 9), {})]
+BATTERIES = {
+    "the hotel load alone": (1.0, [], 2400, 0, 25 * 2400),
+    "a closed dock, to the millisecond": (1.0, CLOSED_FOR_100_S, 200, 10 * 100.001, 25 * 200),
+    "not full at the start": (0.5, [CLOSES], 300, 10 * 300, 25 * 300),
+    "until it is empty": (0.01, [CLOSES], 3600, 0.01 * FULL_J * 10 / 35, 0.01 * FULL_J * 25 / 35),
+}
+"""The charge at the start, orders, seconds, and what docks and hotel load take: 10 W of each closed dock, and 25 W."""
+SMALL = {"capacity_wh": 0.1}
+"""360 J, which last 14.4 s at 25 W; at rest the aPad notices it at the next report."""
+LATER = list(range(1000, 20_001, 1000))
+SCENES = {
+    **{
+        f"the battery and its ledger: {name}": (
+            {"start_fraction": start},
+            [
+                *orders,
+                (
+                    *(1000 * seconds, None),
+                    {
+                        "used_j": pytest.approx(hotel_j + docks_j, rel=1e-9),
+                        "fraction": pytest.approx(start - (hotel_j + docks_j) / FULL_J, abs=1e-9),
+                        "voltage": pytest.approx(16.0 - 5.5 * (1 - start + (hotel_j + docks_j) / FULL_J)),
+                        "ledger_j": pytest.approx([docks_j, hotel_j], rel=1e-3, abs=1e-6),
+                        "travel_j": pytest.approx(0, abs=1e-6),
+                    },
+                ),
+            ],
+        )
+        for name, (start, orders, seconds, docks_j, hotel_j) in BATTERIES.items()
+    },
+    # 50 m against 40 * 0.5^2 N, by four thrusters at 6 W for each newton.
+    "the ledger has a row for travel": (
+        {},
+        [
+            (0, GoTo(2, 50.0, 0.0, 0.5, 0.5), {}),
+            (
+                300_000,
+                None,
+                {"travel_j": pytest.approx(8485, rel=0.03), "ledger_share": pytest.approx(1, rel=1e-12)},
+            ),
+        ],
+    ),
+    "an empty battery ends a hold": (
+        SMALL,
+        [
+            (0, Hold(1, 0.0, 0.0), {"reports": [0]}),
+            (20_000, None, {"failed": [(15_000, 1, "the aPad's battery is empty")], "reports": LATER}),
+        ],
+    ),
+    "an empty battery ends no go-to that has ended": (
+        SMALL,
+        [
+            (0, GoTo(1, 0.0, 0.0, 0.5, 0.5), {"reports": [0]}),
+            (20_000, None, {"failed": [], "reports": LATER}),
+        ],
+    ),
+    "docks close and open at once": (
+        {},
+        [
+            (10, None, {}),
+            (11, CloseDock(1, 3, 7), {"facts": [DockClosed(11, 3, 7)], "docked": {3: 7}}),
+            (12, OpenDock(2, 3, 7), {"facts": [DockOpened(12, 3, 7)], "docked": {}}),
+        ],
+    ),
+    "docks follow the vehicle and do not turn with it": (
+        {},
+        [
+            (0, GoTo(1, 0.0, 5.0, 0.5, 0.5), {}),
+            (60_000, None, {"docks_at": [(-0.1, 4.9), (-0.1, 5.1), (0.1, 4.9), (0.1, 5.1)]}),
+        ],
+    ),
+}
+"""How its battery differs, and orders or looks with their times and the figures then."""
 
 
-def test_the_ledger_has_a_row_for_travel(config):
-    apad, _ = driven(config, (0, GoTo(2, 50.0, 0.0, 0.5, 0.5)), until_ms=300_000)
-    assert apad.battery.ledger.travel_wh > 0
-    assert apad.battery.ledger.used_wh == pytest.approx(apad.battery.used_fraction * 230, rel=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("order", "expected"),
-    [
-        # 360 J at 25 W last 14.4 s; at rest the aPad notices it at the next report.
-        pytest.param(
-            Hold(1, 0.0, 0.0),
-            [CommandFailed(15_000, 1, "the aPad's battery is empty")],
-            id="a hold fails too",
-        ),
-        pytest.param(GoTo(1, 0.0, 0.0, 0.5, 0.5), [], id="a go-to that has ended does not"),
-    ],
-)
-def test_what_an_empty_battery_ends(small_battery, order, expected):
-    _, facts = driven(small_battery, (0, order), until_ms=20_000)
-    assert [fact for fact in facts if isinstance(fact, CommandFailed)] == expected
-    told = [fact.at_ms for fact in facts if isinstance(fact, BatteryReported)]
-    assert told == list(range(0, 20_001, 1000))
+@pytest.mark.parametrize(("battery", "steps"), SCENES.values(), ids=SCENES)
+def test_scene(config, battery, steps):
+    apad = SimulatedAPad(replace(config, battery=replace(config.battery, **battery)))
+    for at_ms, order, wanted in steps:
+        facts = apad.advance(at_ms) if order is None else apad.receive(order, at_ms)
+        assert {name: FIGURES[name](apad, facts) for name in wanted} == wanted, at_ms
 
 
 def test_the_charger_at_home_feeds_an_apad_that_rests_there_and_no_other(config):
@@ -120,25 +164,18 @@ def test_an_empty_battery_stops_thrusters_and_mechanisms_and_says_so(small_batte
     apad = SimulatedAPad(small_battery)
     apad.receive(CloseDock(1, 0, 5), 0)
     facts = apad.receive(GoTo(2, 100.0, 0.0, 0.5, 0.5), 0) + apad.advance(120_000)
-    [failure] = [fact for fact in facts if isinstance(fact, CommandFailed)]
-    assert failure.command_id == 2 and "battery" in failure.reason
+    [(failed_ms, command_id, reason)] = failures(facts)
+    assert command_id == 2 and "battery" in reason
     battery = apad.battery
     assert (battery.fraction, battery.voltage_v, apad.motion.forces_n) == (0.0, 10.5, (0.0,) * 4)
     # it coasted to a stop; the dock stays closed, and every command fails
     places = {fact.at_ms: fact.north_m for fact in facts if isinstance(fact, PoseReported)}
-    assert max(places.values()) == places[max(places)] > places[failure.at_ms]
+    assert max(places.values()) == places[max(places)] > places[failed_ms]
     assert (apad.pose.speed_m_s, dict(apad.docked)) == (0.0, {0: 5})
     commands = OpenDock(3, 0, 5), CloseDock(4, 1, 6), Hold(5, 0.0, 0.0), GoTo(6, 0.0, 0.0, 0.5, 0.5)
-    told = [fact for command in commands for fact in apad.receive(command, 120_000)]
-    assert [(type(it), it.command_id) for it in told] == [(CommandFailed, n) for n in (3, 4, 5, 6)]
+    told = [failure for command in commands for failure in failures(apad.receive(command, 120_000))]
+    assert [command_id for _, command_id, _ in told] == [3, 4, 5, 6]
     assert len([fact for fact in apad.advance(123_000) if isinstance(fact, BatteryReported)]) == 3
-
-
-def test_docks_close_and_open_at_once(apad):
-    apad.advance(10)
-    closed, held = apad.receive(CloseDock(1, 3, 7), 11), dict(apad.docked)
-    assert (closed, held) == ([DockClosed(11, 3, 7)], {3: 7})
-    assert (apad.receive(OpenDock(2, 3, 7), 12), dict(apad.docked)) == ([DockOpened(12, 3, 7)], {})
 
 
 @pytest.mark.parametrize(
@@ -160,14 +197,3 @@ def test_what_a_dock_refuses(apad, command, word):
         9,
         {0: 7},
     ) and word in fact.reason
-
-
-def test_docks_follow_the_vehicle_and_do_not_turn_with_it(apad):
-    apad.receive(GoTo(1, 0.0, 5.0, 0.5, 0.5), 0)
-    apad.advance(60_000)
-    assert [apad.dock_position(dock_index) for dock_index in range(4)] == [
-        (-0.1, 4.9),
-        (-0.1, 5.1),
-        (0.1, 4.9),
-        (0.1, 5.1),
-    ]
