@@ -169,10 +169,9 @@ def test_story(
 
 
 def test_the_charge_follows_the_edges() -> None:
+    """0.9 falls for 100.05 s, then 10 min 0.05 s at equation (2)'s upper rate, from 0.898."""
     mu = charging_board()
-    mu.receive(ChargePinFell(), 100_050 + 10 * MIN)
-    mu.advance(100_050 + 10 * MIN + 50)
-    # 0.9 falls for 100.05 s, then 10 min 0.05 s at equation (2)'s upper rate, from 0.898.
+    story(mu, [(100_050 + 10 * MIN, ChargePinFell())], 100_050 + 10 * MIN + 50)
     low = 0.9 - 0.0010427134 * 100_050 / MIN
     assert mu.primary.charge / FULL == pytest.approx(low + 0.002911 * (10 + 50 / MIN), abs=1e-9)
 
@@ -221,14 +220,11 @@ def test_the_backup_battery_gives_a_motor_run_what_the_primary_lacks(
         can_move = lacking <= secondary
         if can_move:
             primary, secondary = max(0, primary - run), secondary - lacking
-        did: list[Action] = []
-        for at_ms, fact in facts:
-            did += paid.receive(fact, at_ms)
+        did = [action for at_ms, fact in facts for action in paid.receive(fact, at_ms)]
         moved.append(any(isinstance(it, RunBuoyancy) for it in did))
-        assert moved[-1] is can_move
-        assert any(isinstance(it, MotorsStalled) for it in did) is not can_move
-        assert MODEL.charge_at(paid.primary, begins_ms) == primary
-        assert MODEL.charge_at(paid.secondary, begins_ms) == secondary
+        assert moved[-1] is can_move and any(isinstance(it, MotorsStalled) for it in did) is not can_move
+        left = [MODEL.charge_at(it, begins_ms) for it in (paid.primary, paid.secondary)]
+        assert left == [primary, secondary]
 
 
 def test_a_dock_fills_both_batteries_of_a_board_whose_motors_cost_charge() -> None:
@@ -236,21 +232,17 @@ def test_a_dock_fills_both_batteries_of_a_board_whose_motors_cost_charge() -> No
     bench = Bench(replace(CONFIG, motor_run=grains(0.05)), primary=0.0, secondary=0.05)
     lives(bench, "1min permission 2min")
     assert (bench.state, bench.primary, bench.secondary) == (State.FLOATING, 0, 0)
-    bench.charge_pin_rises()
-    bench.run(ms=CONFIG.pin_debounce_ms)
-    bench.run(minutes=60)
+    lives(bench, f"rises {CONFIG.pin_debounce_ms}ms 60min")
     assert bench.primary_fraction == bench.secondary_fraction == pytest.approx(60 * 0.001045)
 
 
 def test_a_board_that_no_battery_can_lift_stays_where_it_is() -> None:
     """On the bottom it gives the surfacing up and is EMPTY again; afloat it cannot sink, and stays to be docked."""
     config = replace(CONFIG, motor_run=grains(0.05), surfacing_timeout_ms=60_000, float_timeout_ms=60_000)
-    below = Bench(config, primary=0.0, secondary=0.04)
+    below, afloat = (Bench(config, primary=0.0, secondary=it) for it in (0.04, 0.05))
     lives(below, "1min permission 5min")
     assert below.state is State.EMPTY and not below.did(RunBuoyancy)
-    afloat = Bench(config, primary=0.0, secondary=0.05)
     lives(afloat, "1min permission 10min")
-    assert [it.to for it in afloat.did(RunBuoyancy)] == [Buoyancy.FLOAT]
-    assert afloat.state is State.FLOATING
+    assert [it.to for it in afloat.did(RunBuoyancy)] == [Buoyancy.FLOAT] and afloat.state is State.FLOATING
     lives(afloat, "rises 1min")
     assert afloat.state is State.CHARGING

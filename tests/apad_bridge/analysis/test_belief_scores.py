@@ -221,13 +221,9 @@ def test_the_bag_and_the_journal_of_a_run_say_the_same(twin_run: Path, beliefs: 
     assert len(bag) == 3 * 18 and set(bag) == set(journal)
     for key, it in bag.items():
         other = journal[key]
-        assert (it.mode, it.mode_right, it.primary.clamped) == (
-            other.mode,
-            other.mode_right,
-            other.primary.clamped,
-        )
+        said, expected = ((one.mode, one.mode_right, one.primary.clamped) for one in (it, other))
+        assert said == expected
         # The journal repeats a belief when it has moved by a third of its deviation.
-        assert it.primary.deviation is not None and other.primary.deviation is not None
         assert it.primary.error == pytest.approx(other.primary.error, abs=max(0.0015, it.primary.deviation))
         assert it.primary.deviation == pytest.approx(other.primary.deviation, abs=0.0011)
         assert it.place_square is not None and other.place_square is None
@@ -249,13 +245,8 @@ def test_an_instant_of_a_bag_is_scored_by_hand(run: Path) -> None:
     with bag_of(run) as bag:
         bag.sample(10_000, [truth, docked], [belief, other], None)
     first, second = comparisons_in(run, 10_000, Record.BAG)
-    found = (
-        first.age_h,
-        first.primary.error,
-        first.primary.deviation,
-        first.place_error_m,
-        first.place_square,
-    )
+    charge = first.primary
+    found = first.age_h, charge.error, charge.deviation, first.place_error_m, first.place_square
     assert found == pytest.approx((0.5, 0.03, 0.02, 4.0, 16 / 3))
     assert (first.mode, first.mode_right, first.primary.covered) == (Mode.IDLE, True, True)
     assert (second.primary.covered, second.place_error_m, second.place_square) == (False, None, None)

@@ -57,8 +57,7 @@ def test_a_straight_way_takes_the_time_of_the_trapezoid(apad, goal_m, speed_m_s,
 def test_the_way_is_straight_and_never_goes_beyond_the_goal(apad):
     facts = apad.receive(GoTo(1, 6.0, 8.0, 0.5, 0.5), 0) + apad.advance(60_000)
     for pose in (fact for fact in facts if isinstance(fact, PoseReported)):
-        assert pose.east_m == pytest.approx(pose.north_m * 8 / 6, abs=1e-6)
-        assert pose.north_m <= 6.0
+        assert pose.east_m == pytest.approx(pose.north_m * 8 / 6, abs=1e-6) and pose.north_m <= 6.0
 
 
 @pytest.mark.parametrize("radius_m", [0.2, 0.5, 2.0])
@@ -131,15 +130,13 @@ def test_poses_come_at_ten_hertz_moving_and_once_a_second_at_rest(apad):
 
 def test_the_bow_turns_to_the_goal_at_the_yaw_rate(apad):
     apad.receive(GoTo(1, 0.0, 10.0, 0.5, 0.5), 0)
-    apad.advance(2000)
-    assert apad.pose.heading_rad == pytest.approx(1.0)
-    apad.advance(10_000)
-    assert apad.pose.heading_rad == pytest.approx(math.pi / 2)
+    for at_ms, heading_rad in ((2000, 1.0), (10_000, math.pi / 2)):
+        apad.advance(at_ms)
+        assert apad.pose.heading_rad == pytest.approx(heading_rad)
 
 
 def test_turning_takes_the_short_way_over_south():
-    assert turned(3.1, -3.1, 0.5) == pytest.approx(3.15 - math.tau)
-    assert wrapped(-math.pi) == math.pi
+    assert (turned(3.1, -3.1, 0.5), wrapped(-math.pi)) == (pytest.approx(3.15 - math.tau), math.pi)
 
 
 @pytest.mark.parametrize("heading_rad", [0.0, 0.4, 2.0, -3.0])
@@ -147,11 +144,10 @@ def test_turning_takes_the_short_way_over_south():
 def test_the_four_thrusts_add_up_to_the_force(heading_rad, force):
     thrusts, part = allocate(*force, heading_rad, 30.0)
     angles = [math.pi / 4, -math.pi / 4, -math.pi / 4, math.pi / 4]
-    north = sum(f * math.cos(heading_rad + angle) for f, angle in zip(thrusts, angles, strict=True))
-    east = sum(f * math.sin(heading_rad + angle) for f, angle in zip(thrusts, angles, strict=True))
-    assert (north, east) == pytest.approx((part * force[0], part * force[1]))
-    assert max(abs(thrust) for thrust in thrusts) <= 30.0 + 1e-9
-    assert (part == 1.0) == (force[0] < 100)
+    ways = [(heading_rad + angle, thrust) for thrust, angle in zip(thrusts, angles, strict=True)]
+    found = [sum(thrust * part_of(way_rad) for way_rad, thrust in ways) for part_of in (math.cos, math.sin)]
+    assert found == pytest.approx([part * force[0], part * force[1]])
+    assert max(abs(thrust) for thrust in thrusts) <= 30.0 + 1e-9 and (part == 1.0) == (force[0] < 100)
 
 
 # On 25 kg: 2 * 6 N give 0.48 m/s2 for the wanted 0.3, and 2 * 2.5 N in the worst direction 0.2.
