@@ -41,17 +41,71 @@ def apad(config) -> SimulatedAPad:
     return SimulatedAPad(config)
 
 
-@pytest.mark.parametrize(
-    ("goal_m", "speed_m_s", "seconds"),
-    [
-        *(((north_m, east_m), 0.5, 29.667) for north_m, east_m in ((14, 0), (0, -14), (-8.4, 11.2))),
-        pytest.param((0.3, 0.0), 1.0, 2.0, id="a short way is a triangle"),
-    ],
-)
-def test_a_straight_way_takes_the_time_of_the_trapezoid(apad, goal_m, speed_m_s, seconds):
-    facts = apad.receive(GoTo(1, *goal_m, speed_m_s, 0.1), 0) + apad.advance(60_000)
-    assert rest_ms(facts) == pytest.approx(1000 * seconds, abs=200)
-    assert (apad.pose.north_m, apad.pose.east_m, apad.pose.speed_m_s) == (*goal_m, 0.0)
+FIGURES = {
+    "rest_ms": lambda apad, facts: rest_ms(facts),
+    "arrived": lambda apad, facts: arrivals(facts),
+    "failed": lambda apad, facts: [it for it in facts if isinstance(it, CommandFailed)],
+    "at": lambda apad, facts: (apad.pose.north_m, apad.pose.east_m, apad.pose.speed_m_s),
+    "speed": lambda apad, facts: apad.pose.speed_m_s,
+    "heading": lambda apad, facts: apad.pose.heading_rad,
+}
+HERE, THERE = GoTo(1, 0.0, 0.0, 0.5, 0.5), GoTo(1, 14.0, 0.0, 0.5, 0.5)
+ARRIVALS = {
+    "there already, after a second of samples": ([(2300, HERE)], [(3300, 1)], (0.0, 0.0)),
+    "between grid instants, from the next": ([(2301, HERE)], [(3400, 1)], (0.0, 0.0)),
+    # 50 ms before the first go-to would have arrived.
+    "replaced just before": ([(0, HERE), (950, Hold(2, 0.0, 0.0))], [], (0.0, 0.0)),
+    "a hold goes there and never completes": ([(0, Hold(1, 2.0, 1.0))], [], (2.0, 1.0)),
+    "a new go-to replaces the old one silently": (
+        [(0, THERE), (10_050, GoTo(2, 0.0, 5.0, 0.5, 0.5))],
+        [(25_900, 2)],
+        (0.0, 5.0),
+    ),
+}
+"""Orders, who arrives, and where it is in the end."""
+STRAIGHT = {
+    **dict.fromkeys(((14.0, 0.0), (0.0, -14.0), (-8.4, 11.2)), (0.5, 29.667)),
+    (0.3, 0.0): (1.0, 2.0),
+}
+"""Speeds and seconds by goals; the last and short way is a triangle."""
+SCENES = {
+    **{
+        f"a straight way to {goal_m} takes the time of the trapezoid": (
+            {},
+            [(0, GoTo(1, *goal_m, speed_m_s, 0.1))],
+            {60_000: {"rest_ms": pytest.approx(1000 * seconds, abs=200), "at": (*goal_m, 0.0)}},
+        )
+        for goal_m, (speed_m_s, seconds) in STRAIGHT.items()
+    },
+    **{
+        name: ({}, orders, {90_000: {"arrived": arrived, "failed": [], "at": (*place_m, 0.0)}})
+        for name, (orders, arrived, place_m) in ARRIVALS.items()
+    },
+    "the bow turns to the goal at the yaw rate": (
+        {},
+        [(0, GoTo(1, 0.0, 10.0, 0.5, 0.5))],
+        {2000: {"heading": pytest.approx(1.0)}, 10_000: {"heading": pytest.approx(math.pi / 2)}},
+    ),
+    # On 25 kg: 2 * 6 N give 0.48 m/s2 for the wanted 0.3, and 2 * 2.5 N in the worst direction 0.2.
+    **{
+        f"thrusters of {most_n} N accelerate more slowly yet it stops at the goal": (
+            {"thruster_max_n": most_n, "drag_n_per_m2_s2": 1.0, "max_speed_m_s": 1.0},
+            [(0, GoTo(1, 20.0, 0.0, 1.0, 0.5))],
+            {1000: {"speed": pytest.approx(acceleration_m_s2)}, 120_000: {"at": (20.0, 0.0, 0.0)}},
+        )
+        for most_n, acceleration_m_s2 in ((6.0, 0.3), (2.5, 0.2))
+    },
+}
+"""How the aPad differs, its orders with their times, and figures by times."""
+
+
+@pytest.mark.parametrize(("changes", "orders", "wanted"), SCENES.values(), ids=SCENES)
+def test_scene(config, changes, orders, wanted):
+    apad = SimulatedAPad(replace(config, **changes))
+    facts = [fact for at_ms, order in orders for fact in apad.receive(order, at_ms)]
+    for at_ms, figures in wanted.items():
+        facts += apad.advance(at_ms)
+        assert {name: FIGURES[name](apad, facts) for name in figures} == figures, at_ms
 
 
 def test_the_way_is_straight_and_never_goes_beyond_the_goal(apad):
@@ -66,43 +120,6 @@ def test_arrival_is_the_first_second_whose_mean_distance_is_below_the_radius(apa
     left_m = [distance_left_m(step / 10, 14, 0.5, 0.3) for step in range(600)]
     expected = next(k for k in range(10, 600) if sum(left_m[k - 9 : k + 1]) / 10 < radius_m)
     assert arrivals(facts) == [(pytest.approx(expected * 100, abs=100), 7)]
-
-
-@pytest.mark.parametrize(
-    ("orders", "expected", "place_m"),
-    [
-        pytest.param(
-            [(2300, GoTo(1, 0.0, 0.0, 0.5, 0.5))],
-            [(3300, 1)],
-            (0.0, 0.0),
-            id="there already, after a second of samples",
-        ),
-        pytest.param(
-            [(2301, GoTo(1, 0.0, 0.0, 0.5, 0.5))],
-            [(3400, 1)],
-            (0.0, 0.0),
-            id="between grid instants, from the next",
-        ),
-        # 50 ms before the first go-to would have arrived.
-        pytest.param(
-            [(0, GoTo(1, 0.0, 0.0, 0.5, 0.5)), (950, Hold(2, 0.0, 0.0))],
-            [],
-            (0.0, 0.0),
-            id="replaced just before",
-        ),
-        pytest.param([(0, Hold(1, 2.0, 1.0))], [], (2.0, 1.0), id="a hold goes there and never completes"),
-        pytest.param(
-            [(0, GoTo(1, 14.0, 0.0, 0.5, 0.5)), (10_050, GoTo(2, 0.0, 5.0, 0.5, 0.5))],
-            [(25_900, 2)],
-            (0.0, 5.0),
-            id="a new go-to replaces the old one silently",
-        ),
-    ],
-)
-def test_who_arrives(apad, orders, expected, place_m):
-    facts = [fact for at_ms, order in orders for fact in apad.receive(order, at_ms)] + apad.advance(90_000)
-    assert arrivals(facts) == expected and not [fact for fact in facts if isinstance(fact, CommandFailed)]
-    assert (apad.pose.north_m, apad.pose.east_m, apad.pose.speed_m_s) == (*place_m, 0.0)
 
 
 @pytest.mark.parametrize(
@@ -128,13 +145,6 @@ def test_poses_come_at_ten_hertz_moving_and_once_a_second_at_rest(apad):
     assert times_ms == [*range(0, rest + 1, 100), *range(-(-rest // 1000) * 1000, 10_001, 1000)]
 
 
-def test_the_bow_turns_to_the_goal_at_the_yaw_rate(apad):
-    apad.receive(GoTo(1, 0.0, 10.0, 0.5, 0.5), 0)
-    for at_ms, heading_rad in ((2000, 1.0), (10_000, math.pi / 2)):
-        apad.advance(at_ms)
-        assert apad.pose.heading_rad == pytest.approx(heading_rad)
-
-
 def test_turning_takes_the_short_way_over_south():
     assert (turned(3.1, -3.1, 0.5), wrapped(-math.pi)) == (pytest.approx(3.15 - math.tau), math.pi)
 
@@ -148,16 +158,3 @@ def test_the_four_thrusts_add_up_to_the_force(heading_rad, force):
     found = [sum(thrust * part_of(way_rad) for way_rad, thrust in ways) for part_of in (math.cos, math.sin)]
     assert found == pytest.approx([part * force[0], part * force[1]])
     assert max(abs(thrust) for thrust in thrusts) <= 30.0 + 1e-9 and (part == 1.0) == (force[0] < 100)
-
-
-# On 25 kg: 2 * 6 N give 0.48 m/s2 for the wanted 0.3, and 2 * 2.5 N in the worst direction 0.2.
-@pytest.mark.parametrize(("most_n", "acceleration_m_s2"), [(6.0, 0.3), (2.5, 0.2)])
-def test_saturated_thrusters_accelerate_more_slowly_yet_it_stops_at_the_goal(
-    config, most_n, acceleration_m_s2
-):
-    apad = SimulatedAPad(replace(config, thruster_max_n=most_n, drag_n_per_m2_s2=1.0, max_speed_m_s=1.0))
-    apad.receive(GoTo(1, 20.0, 0.0, 1.0, 0.5), 0)
-    apad.advance(1000)
-    assert apad.pose.speed_m_s == pytest.approx(acceleration_m_s2)
-    apad.advance(120_000)
-    assert (apad.pose.north_m, apad.pose.speed_m_s) == (20.0, 0.0)
