@@ -1,3 +1,6 @@
+from typing import Any
+
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -46,47 +49,63 @@ def test_chatter_without_end_is_decided_by_the_greater_part_of_the_time() -> Non
     assert edges(flips(25, 25, 200), 50, 20_000) == []
 
 
-def test_chatter_and_a_missed_edge_are_said() -> None:
-    pin = ChargePin(50, False, 100, 1000)
-    pin.level(True, 0)
-    pin.level(False, 40)
-    pin.level(True, 60)
-    # High for 40 ms and 40 ms of the first 100 ms.
-    assert (pin.next_due_ms, pin.due(100)) == (100, (Edge.ROSE, PinFault.CHATTER))
-    # It has been high since 60: certain at 110, without a new edge.
-    assert (pin.next_due_ms, pin.due(110)) == (110, (None, None))
-    pin.level_unseen(False, 2500)
-    assert (pin.high, pin.wire_high, pin.next_due_ms) == (True, False, 3000)
-    assert pin.due(3000) == (None, PinFault.MISSED)
-    assert (pin.next_due_ms, pin.due(3050)) == (3050, (Edge.FELL, None))
+Steps = list[tuple[tuple[Any, ...], dict[str, Any]]]
+CALM = 50, False, 2000
+SCENES: dict[str, tuple[tuple[Any, ...], Steps]] = {
+    # High for 40 ms and 40 ms of the first 100 ms. It has been high since 60: certain at 110, without a new edge.
+    "chatter and a missed edge are said": (
+        (50, False, 100, 1000),
+        [
+            (("level", True, 0), {}),
+            (("level", False, 40), {}),
+            (("level", True, 60), {"next_ms": 100}),
+            (("due", 100), {"told": (Edge.ROSE, PinFault.CHATTER), "next_ms": 110}),
+            (("due", 110), {"told": (None, None)}),
+            (("level_unseen", False, 2500), {"levels": (True, False), "next_ms": 3000}),
+            (("due", 3000), {"told": (None, PinFault.MISSED), "next_ms": 3050}),
+            (("due", 3050), {"told": (Edge.FELL, None)}),
+        ],
+    ),
+    "a missed edge that went back never was": (
+        (*CALM, 1000),
+        [
+            (("level_unseen", True, 100), {}),
+            (("level_unseen", False, 900), {"next_ms": None}),
+            (("sample_level", 5000), {"told": False}),
+        ],
+    ),
+    # By hand: high from 980, and low unseen from 990: the check at 1000 finds it, and 50 ms begin there and at 1050.
+    "a check finds a missed edge while a level is to hold": (
+        (*CALM, 1000),
+        [
+            (("level", True, 980), {}),
+            (("level_unseen", False, 990), {"next_ms": 1000}),
+            (("due", 1000), {"told": (None, PinFault.MISSED)}),
+            (("level_unseen", True, 1010), {"next_ms": 1050}),
+            (("due", 1050), {"told": (None, PinFault.MISSED), "next_ms": 1100}),
+            (("due", 1100), {"told": (Edge.ROSE, None)}),
+        ],
+    ),
+    # 2^32 ticks of 32 768 Hz are 131 072 s. By hand: 131 100 s is the next whole minute, and after a reset 131 132 s.
+    "checks go on as the counter wraps until a reset": (
+        (*CALM, 60_000),
+        [
+            (("level_unseen", True, 131_073_000), {"next_ms": 131_100_000}),
+            (("restart", False, 131_073_000), {}),
+            (("level_unseen", True, 131_073_000), {"next_ms": 131_132_000}),
+        ],
+    ),
+}
+"""A pin, calls of it, and what it tells then."""
 
 
-def test_a_missed_edge_that_went_back_never_was() -> None:
-    pin = ChargePin(50, False, 2000, 1000)
-    pin.level_unseen(True, 100)
-    pin.level_unseen(False, 900)
-    assert pin.next_due_ms is None and not pin.sample_level(5000)
-
-
-def test_a_check_finds_a_missed_edge_while_a_level_is_to_hold() -> None:
-    """By hand: high from 980, and low unseen from 990: the check at 1000 finds it, and 50 ms begin there and at 1050."""
-    pin = ChargePin(50, False, 2000, 1000)
-    pin.level(True, 980)
-    pin.level_unseen(False, 990)
-    assert (pin.next_due_ms, pin.due(1000)) == (1000, (None, PinFault.MISSED))
-    pin.level_unseen(True, 1010)
-    assert (pin.next_due_ms, pin.due(1050)) == (1050, (None, PinFault.MISSED))
-    assert (pin.next_due_ms, pin.due(1100)) == (1100, (Edge.ROSE, None))
-
-
-def test_checks_go_on_as_the_counter_wraps_until_a_reset() -> None:
-    """2^32 ticks of 32 768 Hz are 131 072 s. By hand: 131 100 s is the next whole minute, and after a reset 131 132 s."""
-    pin = ChargePin(50, False, 2000, 60_000)
-    pin.level_unseen(True, 131_073_000)
-    assert pin.next_due_ms == 131_100_000
-    pin.restart(False, 131_073_000)
-    pin.level_unseen(True, 131_073_000)
-    assert pin.next_due_ms == 131_132_000
+@pytest.mark.parametrize(("made", "steps"), SCENES.values(), ids=SCENES)
+def test_scene(made: tuple[Any, ...], steps: Steps) -> None:
+    pin = ChargePin(*made)
+    for (method, *values), wanted in steps:
+        told = getattr(pin, method)(*values)
+        found = {"told": told, "next_ms": pin.next_due_ms, "levels": (pin.high, pin.wire_high)}
+        assert {name: found[name] for name in wanted} == wanted, (method, values)
 
 
 def sampled(levels: list[tuple[int, bool]], debounce_ms: int, chatter_ms: int) -> list[tuple[int, Edge]]:
