@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import fields
+from functools import partial
 from math import dist
 from pathlib import Path
 from random import Random
@@ -119,9 +121,20 @@ def test_who_is_chosen_in_which_order_and_with_which_dock(
     assert {step.kind for step in plan.steps} == {StepKind.DEPLOY if batch is None else StepKind.COLLECT}
 
 
-def test_redeploying_what_is_not_docked_is_our_bug() -> None:
-    with pytest.raises(ValueError, match="aMussel 4 is not docked"):
-        GreedyRedeploy().plan(Situation(0, 0, (floating(4, 1, 1),), ()))
+AFLOAT = Situation(0, 0, (floating(4, 1, 1),), (0,))
+
+
+@pytest.mark.parametrize(
+    ("plan", "why"),
+    [
+        (partial(GreedyRedeploy().plan, AFLOAT), "aMussel 4 is not docked"),
+        (partial(Greedy().plan, AFLOAT, batch=0), "batch must be 1 or more, not 0"),
+        (partial(Cautious().plan, AFLOAT, batch=0), "batch must be 1 or more, not 0"),
+    ],
+)
+def test_what_is_our_bug_raises(plan: Callable[[], Solution], why: str) -> None:
+    with pytest.raises(ValueError, match=why):
+        plan()
 
 
 @given(pools(), st.integers(1, 4))
@@ -161,9 +174,3 @@ def test_the_order_of_the_candidates_does_not_matter(pool: Situation, batch: int
     other = Situation(pool.apad_north_m, pool.apad_east_m, tuple(shuffled), pool.free_docks)
     for strategy in (Greedy(), Cautious()):
         assert strategy.plan(pool, batch) == strategy.plan(other, batch)
-
-
-@pytest.mark.parametrize("strategy", [Greedy(), Cautious()])
-def test_a_batch_of_none_is_our_bug(strategy: Greedy | Cautious) -> None:
-    with pytest.raises(ValueError, match="batch must be 1 or more, not 0"):
-        strategy.plan(Situation(0, 0, (floating(1, 1, 1),), (0,)), batch=0)

@@ -67,34 +67,41 @@ def test_it_is_the_geodesic_to_a_millimetre_within_5_km(
     assert hypot(north_m - distance_m * cos(azimuth), east_m - distance_m * sin(azimuth)) < 0.001
 
 
-def test_one_second_of_arc_by_hand() -> None:
-    # At 45 deg: M = a (1 - e2) / (1 - e2 / 2)^1.5 = 6367381.816 m, N cos 45 = a / sqrt(1 - e2 / 2) / sqrt 2 =
-    # 4517590.879 m.
-    frame = LocalFrame(45.0, 15.0)
-    assert frame.to_local(45.0 + 1 / 3600, 15.0)[0] == pytest.approx(
-        6367381.816 * radians(1 / 3600), abs=1e-4
-    )
-    assert frame.to_local(45.0, 15.0 + 1 / 3600)[1] == pytest.approx(
-        4517590.879 * radians(1 / 3600), abs=1e-4
-    )
-
-
 @given(st.floats(-1e5, 1e5), st.floats(-1e5, 1e5))
 def test_there_and_back_within_100_km(north_m: float, east_m: float) -> None:
     back = BIOGRAD.to_local(*BIOGRAD.to_geographic(north_m, east_m))
     assert hypot(back[0] - north_m, back[1] - east_m) < 1e-6
 
 
-def test_the_origin_is_zero_and_back() -> None:
-    assert BIOGRAD.to_local(43.9330937, 15.4443468) == (0.0, 0.0)
-    assert BIOGRAD.to_geographic(0.0, 0.0) == (43.9330937, 15.4443468)
+AT_45, FIJI = LocalFrame(45.0, 15.0), LocalFrame(-17.0, 179.9999)
+ANY = pytest.approx(0.0, abs=1e-2)
+BY_HAND = {
+    "the origin is zero": (partial(BIOGRAD.to_local, 43.9330937, 15.4443468), (0.0, 0.0)),
+    "and back": (partial(BIOGRAD.to_geographic, 0.0, 0.0), (43.9330937, 15.4443468)),
+    # At 45 deg: M = a (1 - e2) / (1 - e2 / 2)^1.5 = 6367381.816 m, N cos 45 = a / sqrt(1 - e2 / 2) / sqrt 2 =
+    # 4517590.879 m.
+    "a second of arc to the north": (
+        partial(AT_45.to_local, 45.0 + 1 / 3600, 15.0),
+        (pytest.approx(6367381.816 * radians(1 / 3600), abs=1e-4), ANY),
+    ),
+    "a second of arc to the east": (
+        partial(AT_45.to_local, 45.0, 15.0 + 1 / 3600),
+        (ANY, pytest.approx(4517590.879 * radians(1 / 3600), abs=1e-4)),
+    ),
+    "north is up and east is right across the date line": (
+        partial(FIJI.to_local, -16.999, -179.9999),
+        (pytest.approx(110.65, abs=0.1), pytest.approx(21.5, abs=0.5)),
+    ),
+    "and back across the date line": (
+        partial(FIJI.to_geographic, 0.0, 100.0),
+        (pytest.approx(-17.0, abs=1e-5), pytest.approx(-179.99916, abs=1e-5)),
+    ),
+}
 
 
-def test_north_is_up_and_east_is_right_across_the_date_line() -> None:
-    fiji = LocalFrame(-17.0, 179.9999)
-    north_m, east_m = fiji.to_local(-16.999, -179.9999)
-    assert north_m > 100 and 21 < east_m < 22
-    assert fiji.to_geographic(0.0, 100.0)[1] == pytest.approx(-179.99916, abs=1e-5)
+@pytest.mark.parametrize(("found", "expected"), BY_HAND.values(), ids=BY_HAND)
+def test_places_by_hand(found: Callable[[], object], expected: tuple[float, float]) -> None:
+    assert found() == expected
 
 
 PLACES = ((91, 0), (-90.1, 0), (0, 361), (nan, 0), (0, nan), (inf, 0))
