@@ -20,15 +20,29 @@ def stepped(charge: float, coils: float, load: float, minutes: int, steps: int =
     return charge
 
 
-@pytest.mark.parametrize(("charge", "minutes"), [(0.0, 100), (0.1, 300), (0.4, 90), (0.8, 20)])
-def test_it_is_the_papers_difference_equation(charge: float, minutes: int) -> None:
-    expected = stepped(charge, 1.2435, 0.00004, minutes)
-    assert charged(CHARGER, 1.2435, 0.00004, charge, minutes) == pytest.approx(expected, abs=5e-4)
-
-
-def test_table_one_charges_the_secondary_in_485_minutes() -> None:
-    assert charged(CHARGER, 1.0, 0.0, 0.0, 485) == pytest.approx(1.0, abs=0.001)
-    assert charged(CHARGER, 1.0, 0.0, 0.0, 470) < 0.96
+@pytest.mark.parametrize(
+    ("coils", "load", "charge", "minutes", "expected"),
+    [
+        *(
+            pytest.param(
+                *(1.2435, 0.00004, *it, pytest.approx(stepped(it[0], 1.2435, 0.00004, it[1]), abs=5e-4)),
+                id=f"the paper's difference equation, from {it[0]}",
+            )
+            for it in ((0.0, 100), (0.1, 300), (0.4, 90), (0.8, 20))
+        ),
+        pytest.param(1.0, 0.0, 0.0, 485, pytest.approx(1.0, abs=0.001), id="Table I charges in 485 minutes"),
+        pytest.param(1.0, 0.0, 0.0, 470, pytest.approx(0.48, abs=0.48), id="and no earlier"),
+        pytest.param(
+            *(1.0, 0.005, 0.1, 10, pytest.approx(0.1 - 10 * (0.005 - 0.001045))),
+            id="a load above what the charger gives lowers it",
+        ),
+        pytest.param(1.0, 0.005, 0.01, 1000, 0.0, id="until it is empty"),
+    ],
+)
+def test_a_charge_after_minutes(
+    coils: float, load: float, charge: float, minutes: int, expected: float
+) -> None:
+    assert charged(CHARGER, coils, load, charge, minutes) == expected
 
 
 @settings(max_examples=25, deadline=None)
@@ -71,8 +85,3 @@ def test_an_unknown_rate_spreads_what_is_gained() -> None:
     assert found.variance == pytest.approx(by_hand, rel=0.02) and found.by_rate == pytest.approx(gained)
     faster = propagated(CHARGER, 1.0, 0.0, 0.45, 0.0, 10, Rate(1.2, 0.0, 0.0))
     assert faster.mean == pytest.approx(0.45 + 1.2 * gained)
-
-
-def test_a_load_above_what_the_charger_gives_empties_it() -> None:
-    assert charged(CHARGER, 1.0, 0.005, 0.1, 10) == pytest.approx(0.1 - 10 * (0.005 - 0.001045))
-    assert charged(CHARGER, 1.0, 0.005, 0.01, 1000) == 0.0
