@@ -94,8 +94,8 @@ def test_a_deadline_is_that_of_both_batteries() -> None:
     """The first has less in its primary, and the second loses both sooner."""
     first, second = Candidate(1, 0, 1, 0.2, 1.0, 0, 1), Candidate(2, 0, 9, 0.5, 0.4, 0, 9)
     situation = Situation(0, 0, (first, second), (0,))
-    assert [step.agent_id for step in EarliestDeadline().plan(situation, 1).steps] == [2]
-    assert [step.agent_id for step in Cautious().plan(situation, 1).steps] == [1]
+    plans = [it.plan(situation, 1).steps for it in (EarliestDeadline(), Cautious())]
+    assert [[step.agent_id for step in steps] for steps in plans] == [[2], [1]]
 
 
 def test_the_exact_optimum_refuses_a_large_pool() -> None:

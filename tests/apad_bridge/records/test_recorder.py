@@ -8,6 +8,7 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from statistics import mean
+from unittest.mock import Mock
 
 import pytest
 from journals import lines_in
@@ -376,10 +377,8 @@ def test_a_directory_that_is_gone_is_noticed_at_the_next_tick_and_named(recorder
 
 
 def test_a_summary_is_written_though_an_aMussel_is_on_no_chart(recorder, monkeypatch):
-    def too_far(*_):
-        raise ValueError("too far from the origin for a local plane: north 1e9 m, east 0 m")
-
-    monkeypatch.setattr("apad_bridge.records.recorder.save_starts", too_far)
+    too_far = ValueError("too far from the origin for a local plane: north 1e9 m, east 0 m")
+    monkeypatch.setattr("apad_bridge.records.recorder.save_starts", Mock(side_effect=too_far))
     recorder.truths([hand_made(7)])
     summary = recorder.finish(1000, Ending(MissionEnd(EndReason.MISSION_TIME), 0.0, 0.0, 0, None, {}))
     assert json.loads(recorder._directory.summary.read_text()) == summary

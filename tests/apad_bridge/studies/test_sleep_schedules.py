@@ -24,23 +24,20 @@ from apad_bridge.studies.specification import StudyPlan
 
 def rows_of(plan: StudyPlan, lost_above_samples: float) -> list[dict[str, Any]]:
     """Made-up rows: a schedule takes all its samples, and loses two aMussels where they are more than the limit."""
-    rows = []
-    for index, setting in enumerate(plan.settings):
-        samples = 1e6 / dict(setting.parameters)["board.whole.cycle.alarm_s"]
-        for seed in plan.seeds:
-            figures = dict.fromkeys(("longest_gap_h", "dead_time_h", "metres"), 1.0)
-            lost = 2 if samples > lost_above_samples else 0
-            rows.append(
-                {
-                    "setting": index,
-                    "strategy": "cautious",
-                    "seed": seed,
-                    "amussels_lost": lost,
-                    "samples_taken": samples,
-                    **figures,
-                }
-            )
-    return rows
+    figures = dict.fromkeys(("longest_gap_h", "dead_time_h", "metres"), 1.0)
+    taken = [1e6 / dict(it.parameters)["board.whole.cycle.alarm_s"] for it in plan.settings]
+    return [
+        {
+            "setting": index,
+            "strategy": "cautious",
+            "seed": seed,
+            "amussels_lost": 2 if samples > lost_above_samples else 0,
+            "samples_taken": samples,
+            **figures,
+        }
+        for index, samples in enumerate(taken)
+        for seed in plan.seeds
+    ]
 
 
 def test_it_varies_the_period_the_sampling_and_the_wake_around_what_the_docks_sustain() -> None:

@@ -33,14 +33,13 @@ def plan(**changes: Any) -> StudyPlan:
 
 
 def rows_of(plan: StudyPlan) -> list[dict[str, Any]]:
-    found = []
-    for setting, it in enumerate(plan.settings):
-        for seed, uptime in enumerate(UPTIMES[dict(it.parameters)["mission.pool_threshold"]], start=1):
-            figures = dict.fromkeys(COLUMNS, 1.0) | {"uptime_paper_mean": uptime}
-            found += [
-                {"setting": setting, "strategy": name, "seed": seed, **figures} for name in plan.strategies
-            ]
-    return found
+    figures = dict.fromkeys(COLUMNS, 1.0)
+    return [
+        {"setting": setting, "strategy": name, "seed": seed, **figures, "uptime_paper_mean": uptime}
+        for setting, it in enumerate(plan.settings)
+        for seed, uptime in enumerate(UPTIMES[dict(it.parameters)["mission.pool_threshold"]], start=1)
+        for name in plan.strategies
+    ]
 
 
 def swept(**changes: Any) -> Sweep:
@@ -76,14 +75,11 @@ def test_a_study_that_varies_no_one_key_has_none(changes: dict[str, Any]) -> Non
 
 
 def test_a_figure_has_its_width_and_one_axis(tmp_path: Path) -> None:
-    write_figure(swept(), tmp_path / "a.svg", 84.0)
-    svg = (tmp_path / "a.svg").read_text()
-    width_pt = float(re.search(r'width="([\d.]+)pt"', svg)[1])  # type: ignore[index]
-    assert width_pt == pytest.approx(84 / 25.4 * 72, abs=0.01)
-    assert len(re.findall(r'id="axes_\d+"', svg)) == 1
-    write_figure(swept(), tmp_path / "a.pdf", 84.0)
-    box = re.search(rb"/MediaBox \[ ?0 0 ([\d.]+) ", (tmp_path / "a.pdf").read_bytes())
-    assert box and float(box[1]) == pytest.approx(84 / 25.4 * 72, abs=0.01)
+    for name, width in (("a.svg", rb'width="([\d.]+)pt"'), ("a.pdf", rb"/MediaBox \[ ?0 0 ([\d.]+) ")):
+        write_figure(swept(), tmp_path / name, 84.0)
+        found = re.search(width, (tmp_path / name).read_bytes())
+        assert found and float(found[1]) == pytest.approx(84 / 25.4 * 72, abs=0.01)
+    assert len(re.findall(r'id="axes_\d+"', (tmp_path / "a.svg").read_text())) == 1
 
 
 def test_the_tables_are_whole() -> None:
@@ -123,5 +119,4 @@ def test_an_output_that_cannot_be_is_refused_before_the_flight(
     study = tmp_path / "s.yaml"
     study.write_text(f"name: s\nscenarios: [{POOL_FILE}]\nstrategies: [cautious]\nseeds: 2\n")
     assert main(["study", str(study), "--out", str(tmp_path / "out"), *words]) == 2
-    assert message in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()
+    assert message in capsys.readouterr().err and not (tmp_path / "out").exists()
