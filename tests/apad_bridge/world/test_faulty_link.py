@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from stack_benches import cleared
 
@@ -37,35 +39,40 @@ class Vehicle:
 GO = GoTo(1, 5.0, 5.0, 0.5, 1.0)
 
 
-@pytest.fixture
-def vehicle() -> Vehicle:
-    return Vehicle()
+NOTHING: dict[str, object] = {"is_frozen": False, "north_error_m": 0.0, "jammed_docks": frozenset()}
+PLACE, HOLDS = PoseReported(0, 1.0, 2.0, 0.0), Carried(0, 3, 1.0, 2.0)
+Steps = list[tuple[dict[str, object], list[VehicleCommand], list[LinkFact], list[VehicleCommand]]]
+SCENES: dict[str, Steps] = {
+    # The docks hold all the same.
+    "a frozen vehicle says and does nothing until it heals and loses nothing": [
+        ({"is_frozen": True}, [GO], [HOLDS], []),
+        ({}, [], [PLACE, replace(PLACE, at_ms=1000), replace(HOLDS, at_ms=1000)], [GO]),
+        ({}, [], [replace(PLACE, at_ms=2000), replace(HOLDS, at_ms=2000)], [GO]),
+    ],
+    **{
+        f"a vehicle lies about its place by {error_m} m and about nothing else": [
+            ({"north_error_m": error_m}, [GO], [PoseReported(0, 1.0 + error_m, 2.0, 0.0), HOLDS], [GO])
+        ]
+        for error_m in (0.0, 5.0)
+    },
+    "a jammed dock fails its orders and the others move": [
+        (
+            {"jammed_docks": frozenset([2])},
+            [CloseDock(7, 2, 3), OpenDock(8, 1, 4)],
+            [CommandFailed(0, 7, "dock 3 is jammed"), PLACE, HOLDS],
+            [OpenDock(8, 1, 4)],
+        )
+    ],
+}
+"""What is wrong, orders, what the link says, and the commands that have reached the vehicle, each second."""
 
 
-def test_a_frozen_vehicle_says_and_does_nothing_until_it_heals_and_loses_nothing(vehicle: Vehicle) -> None:
-    link = vehicle.link
-    link.is_frozen = True
-    link.command(cleared(GO), 1000)
-    assert [type(it) for it in link.advance(1000)] == [Carried]  # the docks hold all the same
-    assert vehicle.commands == []
-    link.is_frozen = False
-    facts = link.advance(2000)
-    assert vehicle.commands == [GO]
-    assert [it.at_ms for it in facts if isinstance(it, PoseReported)] == [1000, 2000]
-    assert len(link.advance(3000)) == 2
-
-
-@pytest.mark.parametrize("error_m", [0.0, 5.0])
-def test_a_vehicle_lies_about_its_place_and_about_nothing_else(vehicle: Vehicle, error_m: float) -> None:
-    vehicle.link.north_error_m = error_m
-    vehicle.link.command(cleared(GO), 0)
-    assert vehicle.link.advance(0) == [PoseReported(0, 1.0 + error_m, 2.0, 0.0), Carried(0, 3, 1.0, 2.0)]
-    assert vehicle.commands == [GO]
-
-
-def test_a_jammed_dock_fails_its_orders_and_the_others_move(vehicle: Vehicle) -> None:
-    vehicle.link.jammed_docks = frozenset([2])
-    for order in (CloseDock(7, 2, 3), OpenDock(8, 1, 4)):
-        vehicle.link.command(cleared(order), 0)
-    assert CommandFailed(0, 7, "dock 3 is jammed") in vehicle.link.advance(0)
-    assert vehicle.commands == [OpenDock(8, 1, 4)]
+@pytest.mark.parametrize("steps", SCENES.values(), ids=SCENES)
+def test_scene(steps: Steps) -> None:
+    vehicle = Vehicle()
+    for now_ms, (changes, orders, facts, commands) in zip((0, 1000, 2000), steps, strict=False):
+        for name, value in {**NOTHING, **changes}.items():
+            setattr(vehicle.link, name, value)
+        for order in orders:
+            vehicle.link.command(cleared(order), now_ms)
+        assert (vehicle.link.advance(now_ms), vehicle.commands) == (facts, commands)
