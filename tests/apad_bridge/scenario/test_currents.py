@@ -20,7 +20,7 @@ from scipy.interpolate import LinearNDInterpolator
 from scipy.spatial import Delaunay
 
 from agents.mussel.body import Body
-from agents.water.stream import Stream, parse_stream
+from agents.water.water_current import WaterCurrent, parse_water_current
 from apad_bridge.assembly import fleet_parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.scenario.area.local_frame import LocalFrame
@@ -66,7 +66,7 @@ def test_both_formats_give_the_same_field(tmp_path: Path, kind: str) -> None:
 def test_degrees_become_metres_and_what_is_far_is_left_out(tmp_path: Path) -> None:
     """One degree of latitude is some 111 km; 0.01 is 1.11 km."""
     path = written(tmp_path / "model.nc", "NETCDF4", [43.93, 43.94, 44.93], [15.44, 15.45])
-    field = parse_stream(current_text(path, FRAME)).fields[0]
+    field = parse_water_current(current_text(path, FRAME)).fields[0]
     assert np.array(field.norths_um) / 1e6 == pytest.approx([0, 1111.1], abs=1.0)
     assert field.easts_um[1] / 1e6 == pytest.approx(802.5, abs=1.5)
 
@@ -169,7 +169,7 @@ def mesh(seed: int, along: int = 13, half_m: float = 300.0) -> tuple[Floats, Any
 
 
 def velocity_m_s(
-    stream: Stream, north_m: float, east_m: float, depth_m: float = 0, second: int = 0
+    stream: WaterCurrent, north_m: float, east_m: float, depth_m: float = 0, second: int = 0
 ) -> list[float]:
     um = (round(it * 1e6) for it in (north_m, east_m, depth_m))
     return [it / 1e6 for it in stream.velocity_um_s(*um, second)]
@@ -312,7 +312,7 @@ def test_lines_are_close_at_the_origin_and_few_far_off(tmp_path: Path) -> None:
     first = [row for row in rows if row.startswith("0,")]
     assert len(rows) == 25 * len(first) <= 200_000
     # Agents read one hour of it: a table with all takes ten seconds.
-    stream = parse_stream("\n".join([header, *first]))
+    stream = parse_water_current("\n".join([header, *first]))
     lines = np.array(stream.fields[0].norths_um) / 1e6
     assert lines[0] == -20_000 and lines[-1] == 20_000
     widths = np.diff(lines)
@@ -441,6 +441,6 @@ def test_two_numbers_are_a_current_that_is_the_same_everywhere() -> None:
     data = resolve(load(POOL))
     data["fleet"]["drift"] = {"mode": "physical", "current_m_s": [0.05, -0.1]}
     for scenario in (from_data(resolve(tidal(steady_m_s=[0.05, -0.1])), "steady"), from_data(data, "drift")):
-        stream = parse_stream(fleet_parts.fleet_config(flight_config(scenario)).current.csv or "")
+        stream = parse_water_current(fleet_parts.fleet_config(flight_config(scenario)).current.csv or "")
         found = {stream.velocity_um_s(*place, 2_000_000, 7) for place in ((0, 0), (30_000_000, -9_000_000))}
         assert found == {(50_000, -100_000)}

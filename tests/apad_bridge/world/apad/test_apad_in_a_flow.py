@@ -14,7 +14,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from agents.water.stream import STILL, CurrentConfig, TideConstituent
+from agents.water.water_current import STILL, CurrentConfig, TideConstituent
 from apad_bridge.scenario.schema import APad
 from apad_bridge.scenario.surface import (
     FlowNow,
@@ -39,7 +39,7 @@ X = 2 * math.sqrt(2)
 
 
 def current(north_m_s: float, east_m_s: float = 0.0, wind_m_s: Vector | None = None) -> Surface:
-    return Surface(CurrentConfig(steady_text(north_m_s, east_m_s)).stream(), wind_m_s)
+    return Surface(CurrentConfig(steady_text(north_m_s, east_m_s)).water_current(), wind_m_s)
 
 
 def thrust_n(forces_n: tuple[float, ...]) -> float:
@@ -55,7 +55,7 @@ FIGURES: dict[str, Callable[[SimulatedAPad], Any]] = {
     "power_w": lambda it: it.battery.power_w,
     "used_j": lambda it: it.battery.used_fraction * FULL_J,
 }
-TIDE = Surface(CurrentConfig(tides=(TideConstituent(400, 400_000, 0),)).stream())
+TIDE = Surface(CurrentConfig(tides=(TideConstituent(400, 400_000, 0),)).water_current())
 STILL_THERE = {"place": (0.0, 0.0), "velocity": (0.0, 0.0)}
 SCENES: dict[str, tuple[Surface, Any, dict[int, dict[str, Any]]]] = {
     # 40 * 0.2^2 = 1.6 N towards the south
@@ -210,7 +210,10 @@ def test_a_leg_that_the_current_bars_anywhere_on_the_way_is_told_with_its_place(
     field = "north_m,east_m,north_m_s,east_m_s\n" + "".join(
         f"{north},0,{-1.2 if north == 100 else 0},0\n" for north in (0, 50, 100, 150, 200)
     )
-    legs, still = LegForecast(config, Surface(CurrentConfig(field).stream())), LegForecast(config, None)
+    legs, still = (
+        LegForecast(config, Surface(CurrentConfig(field).water_current())),
+        LegForecast(config, None),
+    )
     told = legs.obstacle((0.0, 0.0), (200.0, 0.0), 0)
     assert told is not None and "a current of 1.20 m/s at (100, 0) m" in told and "1.00 m/s" in told
     # Not as far, with the current, and without one.
@@ -220,7 +223,7 @@ def test_a_leg_that_the_current_bars_anywhere_on_the_way_is_told_with_its_place(
 
 def test_a_tide_bars_a_leg_for_a_part_of_the_day_alone(config: APad) -> None:
     tide = CurrentConfig(tides=(TideConstituent(43_200, -1_200_000, 0),))
-    legs = LegForecast(config, Surface(tide.stream()))
+    legs = LegForecast(config, Surface(tide.water_current()))
     barred = [legs.obstacle((0.0, 0.0), (20.0, 0.0), 3_600_000 * hour) is not None for hour in range(12)]
     # -1.2 sin(2 pi t / 12 h) is below -1 from 1.9 h to 4.1 h
     assert [hour for hour, it in enumerate(barred) if it] == [2, 3, 4]
@@ -243,7 +246,7 @@ def test_dockings_miss_by_the_share_of_the_thrust_that_holding_takes(
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow], max_examples=30)
 @given(cuts_ms=st.lists(st.integers(0, 30_000), max_size=40))
 def test_cutting_time_changes_nothing_in_a_flow(config: APad, cuts_ms: list[int]) -> None:
-    tide = Surface(CurrentConfig(tides=(TideConstituent(60, 500_000, 300_000),)).stream(), (4.0, -2.0))
+    tide = Surface(CurrentConfig(tides=(TideConstituent(60, 500_000, 300_000),)).water_current(), (4.0, -2.0))
 
     def trace(cuts_ms: list[int]) -> str:
         apad = SimulatedAPad(replace(config, thruster_max_n=8), surface=tide)
