@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
+import pytest
 from fleets import PAPER
 
 from agents.fleet_config import resting_on_bottom
@@ -60,9 +61,12 @@ def start_one_that_is_to_end(run: Path) -> int:
     return -os.waitstatus_to_exitcode(status)
 
 
-def test_an_agent_without_memory_says_so_in_one_line(tmp_path: Path) -> None:
+@pytest.mark.parametrize("failure", [MemoryError(), SystemError("error return without exception set")])
+def test_an_agent_without_memory_says_so_in_one_line(failure: BaseException, tmp_path: Path) -> None:
+    """CPython without memory raises the second, too."""
+
     def take_too_much(*_: object) -> None:
-        raise MemoryError
+        raise failure
 
     agent = os.fork()
     if agent == 0:
@@ -76,4 +80,4 @@ def test_an_agent_without_memory_says_so_in_one_line(tmp_path: Path) -> None:
         )
     _, status = os.waitpid(agent, 0)
     assert os.waitstatus_to_exitcode(status) == 1
-    assert (tmp_path / "log").read_text() == "amussel-3: out of memory\n"
+    assert (tmp_path / "log").read_text() == f"amussel-3: out of memory: {failure!r}\n"
