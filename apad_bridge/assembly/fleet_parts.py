@@ -19,9 +19,9 @@ from apad_bridge.assembly.flight_config import FlightConfig, flight_config, gps_
 from apad_bridge.assembly.water import waters_config
 from apad_bridge.planning.registry import Trust
 from apad_bridge.scenario.firmware_config import clock_drift_ppb, spread_of
+from apad_bridge.scenario.hull_in_flow import current_config
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts_table import Start
-from apad_bridge.scenario.surface import current_config
 from apad_bridge.world.simulated_fleet import FlightFleet, LinksFile, WithoutWater
 
 _START_MS = MissionMs(0)

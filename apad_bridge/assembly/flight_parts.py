@@ -28,9 +28,9 @@ from apad_bridge.planning import registry
 from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.firmware_config import codec_of
+from apad_bridge.scenario.hull_in_flow import LegForecast, holding_effort, surface_of
 from apad_bridge.scenario.mission_options import Horizon
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.scenario.surface import LegForecast, holding_effort, surface_of
 from apad_bridge.scenario.timed_faults import planned
 from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext, Watcher

@@ -21,7 +21,7 @@ from apad_bridge.ros_names.names import AMUSSEL, in_full
 from apad_bridge.scenario.area.local_frame import OriginLike
 from apad_bridge.scenario.schema import LIMITS, Scenario
 from apad_bridge.vehicle.generation_a.messages import RELEASE
-from apad_bridge.vehicle.generation_a.server_watch import SERVER_SILENT_MS
+from apad_bridge.vehicle.generation_a.others_goals import SERVER_SILENT_MS
 from apad_bridge.vehicle.stack import Stack
 
 _PART_OF_A = re.compile(r"(.*)/action_server/(goal|feedback|result)")

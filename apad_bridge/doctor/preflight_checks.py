@@ -34,9 +34,9 @@ from apad_bridge.ros_names.names import CLOCK, USE_SIM_TIME, below_apad, in_full
 from apad_bridge.scenario.area.fence import fence_of
 from apad_bridge.scenario.choices import Generation
 from apad_bridge.scenario.guard_options import GuardOptions
+from apad_bridge.scenario.hull_in_flow import fastest_drift_m_s, hardest_metre
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts_table import Start
-from apad_bridge.scenario.surface import fastest_drift_m_s, hardest_metre
 from apad_bridge.vehicle.stack import Stack
 
 SLOW_S, TOO_SLOW_S = 0.2, 1.0

@@ -31,7 +31,7 @@ from apad_bridge.mission.sink_reminders import SinkReminders
 from apad_bridge.mission.sources import BeliefSource
 from apad_bridge.mission.stand_down_rule import Breakdown
 from apad_bridge.planning.solution import StepKind
-from apad_bridge.scenario.surface import LegForecast
+from apad_bridge.scenario.hull_in_flow import LegForecast
 from apad_bridge.vehicle.outcomes import DockChanged, Outcome, PrimitiveFailed, PrimitiveSucceeded
 from firmware_model.packets import Kind
 

@@ -8,8 +8,8 @@ from apad_bridge.events.mission_events import BeyondReach, InReach
 from apad_bridge.mission.home_places import HomePlaces
 from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.sources import BeliefSource
+from apad_bridge.scenario.hull_in_flow import FlowNow, LegForecast
 from apad_bridge.scenario.mission_options import Mission
-from apad_bridge.scenario.surface import FlowNow, LegForecast
 
 
 class Reach:

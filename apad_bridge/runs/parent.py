@@ -28,7 +28,6 @@ from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.ros.simulated_node.apad_process import APadNodeFailed, start_apad_node
 from apad_bridge.ros.system.master import MasterFailed, end_process, start_master
 from apad_bridge.ros.system.route import environment_for, free_port, somebodys_master
-from apad_bridge.runs.beside import watched_master
 from apad_bridge.runs.children import (
     Child,
     Interrupts,
@@ -43,6 +42,7 @@ from apad_bridge.runs.parent_protocol import APadView, Failed, Gave, Kept, Paren
 from apad_bridge.runs.progress_status import RunStatus
 from apad_bridge.runs.several.joint_summary import Flown
 from apad_bridge.runs.supervisor_lock import signal_supervisor, supervisor_of
+from apad_bridge.runs.watched_services import watched_master
 from apad_bridge.scenario.another_apad import Sharing
 from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource
 from apad_bridge.vehicle.link_errors import PeerFailed

@@ -12,13 +12,13 @@ from apad_bridge.planning.registry import Trust
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.ros.simulated_node.apad_process import APadNodeFailed, start_apad_node
 from apad_bridge.ros.system.master import MasterFailed, end_process, start_master, why_gone_of
-from apad_bridge.runs.beside import watched_master
 from apad_bridge.runs.children import not_suspended
 from apad_bridge.runs.display import ProgressDisplay
 from apad_bridge.runs.nurseries import end_fleet, fleet_lives
 from apad_bridge.runs.parent import MASTER_S, Run, SupervisorWatch
 from apad_bridge.runs.several.joint_summary import Flown
 from apad_bridge.runs.supervisor_lock import supervisor_of
+from apad_bridge.runs.watched_services import watched_master
 from apad_bridge.scenario.run_options import RunOptions
 from apad_bridge.vehicle.link_errors import PeerFailed
 

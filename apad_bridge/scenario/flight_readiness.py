@@ -9,8 +9,8 @@ from apad_bridge.scenario.cross_checks import Contradiction, Rule, broken
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.faults import Fault
 from apad_bridge.scenario.firmware_config import codec_of
+from apad_bridge.scenario.hull_in_flow import doubt_about_legs
 from apad_bridge.scenario.schema import DockedAtHome, HearingMode, Home, Scenario
-from apad_bridge.scenario.surface import doubt_about_legs
 from firmware_model.sampling.sensors import BROUGHT
 
 _S_PER_HOUR = 3600

@@ -44,11 +44,11 @@ from apad_bridge.runs.supervisor_lock import supervisor_of
 from apad_bridge.scenario.errors import ScenarioError, UserError
 from apad_bridge.scenario.firmware_config import takes_samples
 from apad_bridge.scenario.flight_readiness import check_code
+from apad_bridge.scenario.hull_in_flow import surface_of
 from apad_bridge.scenario.loader import with_values
 from apad_bridge.scenario.run_options import RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
-from apad_bridge.scenario.surface import surface_of
 from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.run_spec import RunSpec

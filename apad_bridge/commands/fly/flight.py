@@ -33,7 +33,7 @@ from apad_bridge.scenario.starts_table import Start
 from apad_bridge.vehicle.link_errors import PeerFailed
 
 if TYPE_CHECKING:
-    from apad_bridge.runs.beside import Service
+    from apad_bridge.runs.watched_services import Service
     from apad_bridge.scripting.program import Program, ScriptSource
 
 

@@ -18,7 +18,7 @@ from apad_bridge.scenario.errors import UserError
 from apad_bridge.vehicle.link_errors import PeerFailed
 
 if TYPE_CHECKING:
-    from apad_bridge.runs.beside import Service
+    from apad_bridge.runs.watched_services import Service
 
 LOOPBACK = "127.0.0.1"
 _LAST_PAGE_S = 2.0
@@ -145,7 +145,7 @@ def add_run_options(parser: argparse.ArgumentParser) -> Callable[[argparse.Names
 def console_service() -> Service:
     """A console beside a run; its address is the page's. It ends after its pages have the run's summary."""
     from apad_bridge.console.process import TOKEN_VARIABLE
-    from apad_bridge.runs.beside import Service
+    from apad_bridge.runs.watched_services import Service
 
     def again(line: str) -> tuple[tuple[str, ...], dict[str, str]]:
         url = urlsplit(_url(line))

@@ -21,9 +21,9 @@ from apad_bridge.planning import registry
 from apad_bridge.planning.candidates import Situation
 from apad_bridge.planning.exchange_of_places import tour
 from apad_bridge.planning.solution import Step, StepKind
+from apad_bridge.scenario.hull_in_flow import LegForecast, surface_of
 from apad_bridge.scenario.mission_options import Dispatch
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.scenario.surface import LegForecast, surface_of
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,7 @@ from apad_bridge.runs.exits import Exit
 from apad_bridge.scenario.errors import UserError
 
 if TYPE_CHECKING:
-    from apad_bridge.runs.beside import Service
+    from apad_bridge.runs.watched_services import Service
 
 LOOPBACK = "127.0.0.1"
 NEPTUS_PORT = 6001
@@ -151,7 +151,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def imc_service(asked: tuple[str, ...]) -> Service:
     """A gateway beside a run, with these arguments of `musselbed imc`."""
-    from apad_bridge.runs.beside import Service
+    from apad_bridge.runs.watched_services import Service
 
     return Service("imc", asked, _LAST_PACKETS_S)
 

@@ -19,7 +19,7 @@ from apad_bridge.vehicle.capabilities import published_docks
 from apad_bridge.vehicle.commands import PoseReported, VehicleCommand
 from apad_bridge.vehicle.generation_a.docks import ReportedDocks
 from apad_bridge.vehicle.generation_a.messages import DocksReceived, GoalStatusReceived, HeldPositionReceived
-from apad_bridge.vehicle.generation_a.server_watch import ServerWatch
+from apad_bridge.vehicle.generation_a.others_goals import ServerWatch
 from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.stack_messages import UNSTAMPED
 from apad_bridge.vehicle.telemetry import Readings

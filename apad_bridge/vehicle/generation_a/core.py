@@ -41,7 +41,6 @@ from apad_bridge.vehicle.commands import (
     Stop,
     VehicleCommand,
 )
-from apad_bridge.vehicle.generation_a.controllers_off import ControllersOff
 from apad_bridge.vehicle.generation_a.docks import ReportedDocks
 from apad_bridge.vehicle.generation_a.messages import (
     ENDS,
@@ -59,7 +58,8 @@ from apad_bridge.vehicle.generation_a.messages import (
     OffOrder,
     Received,
 )
-from apad_bridge.vehicle.generation_a.server_watch import SERVER_SILENT_MS, ServerWatch
+from apad_bridge.vehicle.generation_a.off_order import ControllersOff
+from apad_bridge.vehicle.generation_a.others_goals import SERVER_SILENT_MS, ServerWatch
 from apad_bridge.vehicle.go_to_progress import GoToProgress
 from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.stack_messages import BatteryReceived, StateRefReceived

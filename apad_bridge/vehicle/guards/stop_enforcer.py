@@ -15,7 +15,7 @@ from apad_bridge.events.guard_events import Drifting, StopKind
 from apad_bridge.vehicle.commands import Hold, Stop, VehicleCommand
 from apad_bridge.vehicle.guards.gate import PILOT_STEERS, Safety
 from apad_bridge.vehicle.guards.guarded_orders import Point, may_hold
-from apad_bridge.vehicle.guards.obedience import Obedience, Obeys, Sight
+from apad_bridge.vehicle.guards.stop_obedience import Obedience, Obeys, Sight
 from apad_bridge.vehicle.guards.stops import SIMULATED_TAKEN_MS, TAKEN_MS
 from apad_bridge.vehicle.guards.watchdog_watch import FIRST_STATE_MS
 from apad_bridge.vehicle.vehicle_link import Cleared

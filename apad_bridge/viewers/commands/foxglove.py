@@ -16,7 +16,7 @@ from apad_bridge.runs.exits import Exit
 from apad_bridge.scenario.errors import UserError
 
 if TYPE_CHECKING:
-    from apad_bridge.runs.beside import Service
+    from apad_bridge.runs.watched_services import Service
 
 LOOPBACK = "127.0.0.1"
 _PORT = 8765
@@ -81,7 +81,7 @@ def _asked(arguments: argparse.Namespace) -> Service | None:
         raise UserError(
             "--foxglove shows a flight over ROS, and --time asap flies without it: leave one of them out"
         )
-    from apad_bridge.runs.beside import Service
+    from apad_bridge.runs.watched_services import Service
     from apad_bridge.viewers.viewer_gate import TOKEN_VARIABLE
 
     def again(line: str) -> tuple[tuple[str, ...], dict[str, str]]:

@@ -13,8 +13,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from apad_bridge.scenario.schema import APad
-from apad_bridge.scenario.surface import (
+from apad_bridge.scenario.hull_in_flow import (
     SurfaceFlow,
     free_drift_m_s,
     made_good_m_s,
@@ -22,6 +21,7 @@ from apad_bridge.scenario.surface import (
     top_speed_m_s,
     weakest_force_n,
 )
+from apad_bridge.scenario.schema import APad
 from apad_bridge.world.apad.kinematics import STEP_S, Goal, Pose, moved, turned, wanted_velocity, wrapped
 from apad_bridge.world.apad.thrusters import NO_FORCES, allocate, electrical_w
 

@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from apad_bridge.beliefs.input_ranges import out_of_range
+from apad_bridge.scenario.hull_in_flow import Surface
 from apad_bridge.scenario.schema import APad
-from apad_bridge.scenario.surface import Surface
 from apad_bridge.vehicle.capabilities import of_simulated_apad
 from apad_bridge.vehicle.commands import (
     Arrived,

@@ -18,9 +18,9 @@ from apad_bridge.events.run_events import EndReason
 from apad_bridge.mission.end_by import MARGIN_S, EndBy
 from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.scenario.hull_in_flow import LegForecast, Surface
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.scenario.surface import LegForecast, Surface
 from apad_bridge.scenario.water.currents import steady_text
 
 HOME_M = (14.0, 10.5)

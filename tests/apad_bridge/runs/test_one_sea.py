@@ -16,9 +16,9 @@ from apad_bridge.runs.in_memory import MemoryRecorder, open_flight
 from apad_bridge.scenario.cross_checks import contradictions
 from apad_bridge.scenario.flight_readiness import warnings
 from apad_bridge.scenario.guard_options import GuardOptions
+from apad_bridge.scenario.hull_in_flow import fastest_drift_m_s
 from apad_bridge.scenario.schema import DriftMode, Scenario
 from apad_bridge.scenario.starts import starts_of
-from apad_bridge.scenario.surface import fastest_drift_m_s
 from apad_bridge.scenario.water.water_options import Current, Water, Wind
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.vehicle.commands import Hold

@@ -15,8 +15,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from agents.water.water_current import STILL, CurrentConfig, TideConstituent
-from apad_bridge.scenario.schema import APad
-from apad_bridge.scenario.surface import (
+from apad_bridge.scenario.hull_in_flow import (
     FlowNow,
     LegForecast,
     Surface,
@@ -27,6 +26,7 @@ from apad_bridge.scenario.surface import (
     made_good_m_s,
     resistance_n,
 )
+from apad_bridge.scenario.schema import APad
 from apad_bridge.scenario.water.currents import steady_text
 from apad_bridge.vehicle.commands import Arrived, CloseDock, CommandFailed, GoTo, Hold
 from apad_bridge.world.apad.dock_mechanisms import MISSED, Misses

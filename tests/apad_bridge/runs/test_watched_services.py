@@ -12,7 +12,7 @@ import pytest
 from killing import standing_still
 
 from apad_bridge.ros.system.master import Master, start_master
-from apad_bridge.runs import beside
+from apad_bridge.runs import watched_services
 
 PATIENCE_S = 180.0
 LOOKS = 20
@@ -33,7 +33,7 @@ class Watching:
         self.told: queue.Queue[str] = queue.Queue()
         self.asked = 0
         self.looked = threading.Semaphore(0)
-        ask = beside._ask
+        ask = watched_services._ask
 
         def counted(*arguments: object) -> None:
             self.asked += 1
@@ -43,11 +43,11 @@ class Watching:
             self.looked.release()
             return False
 
-        monkeypatch.setattr(beside, "_ask", counted)
-        monkeypatch.setattr(beside, "listens", listens)
+        monkeypatch.setattr(watched_services, "_ask", counted)
+        monkeypatch.setattr(watched_services, "listens", listens)
 
     def begin(self, stack: ExitStack, master: Master) -> None:
-        watch = beside.watched_master(master.uri, Path(), self.told.put, period_s=0.01, still_s=0.1)
+        watch = watched_services.watched_master(master.uri, Path(), self.told.put, period_s=0.01, still_s=0.1)
         stack.enter_context(watch)
 
     def look(self) -> None:

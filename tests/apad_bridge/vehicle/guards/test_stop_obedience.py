@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from apad_bridge.events.guard_events import StopKind
 from apad_bridge.vehicle.guards.monitor import Stopping
-from apad_bridge.vehicle.guards.obedience import STANDS_M_S, Obedience, Obeys, Sight
+from apad_bridge.vehicle.guards.stop_obedience import STANDS_M_S, Obedience, Obeys, Sight
 
 STOPPING = Stopping(0.0, 4.2, 0.6)
 Way = Callable[[float], float]
