@@ -6,7 +6,7 @@ A healthy aMussel has none of this, so its process does not load the module.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from enum import IntEnum
+from enum import IntEnum, unique
 
 from firmware_model.actions import RunBuoyancy
 
@@ -14,6 +14,7 @@ BOUNCE_MS = 20
 """Agent time between two edges of a bouncing contact: faster than a board's debounce time."""
 
 
+@unique
 class BoardPart(IntEnum):
     """A part of the board that may fail, and the meaning of the value of its failure."""
 
