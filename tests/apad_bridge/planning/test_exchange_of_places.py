@@ -10,7 +10,13 @@ from hypothesis import strategies as st
 
 from apad_bridge.mission.home_places import with_exchanged_homes
 from apad_bridge.planning.candidates import Candidate, Situation
-from apad_bridge.planning.exchange_of_places import exchanges, nearest_places, tour
+from apad_bridge.planning.exchange_of_places import (
+    exchanges,
+    is_worth_it,
+    makes_room,
+    nearest_places,
+    tour,
+)
 from apad_bridge.planning.solution import Solution, Step, StepKind
 from apad_bridge.planning.strategies.paper_strategies import Cautious
 
@@ -84,6 +90,23 @@ def test_a_tour(
     pool = tuple(low(it.agent_id) for it in collection)
     situation, planned = Situation(0, 0, pool, free, (), None, leaving), Solution(tuple(collection))
     assert tour(planned, situation).steps == tuple(steps) and exchanges(planned, situation) == pairs
+
+
+@pytest.mark.parametrize(
+    ("charge", "waiting", "lead", "makes", "is_worth"),
+    [
+        pytest.param(0.81, 0.9, None, True, False, id="above the limit, for whoever waits"),
+        pytest.param(0.8, 0.1, None, False, False, id="at the limit"),
+        pytest.param(0.5, 0.25, 0.25, True, True, id="by its lead, which just suffices"),
+        pytest.param(0.5, 0.375, 0.25, False, False, id="with too small a lead"),
+        pytest.param(0.5, 0.75, 0.25, False, False, id="one that waits has more"),
+    ],
+)
+def test_one_makes_room_above_the_limit_or_by_its_lead(
+    charge: float, waiting: float, lead: float | None, makes: bool, is_worth: bool
+) -> None:
+    assert makes_room(charge, waiting, 0.8, lead) is makes
+    assert is_worth_it(charge, waiting, 0.8, lead) is is_worth
 
 
 @given(
