@@ -218,6 +218,10 @@ def test_a_vehicle_at_rest_may_be_left_in_a_silence_and_one_that_goes_on_may_not
     assert judged([*sailing(27.0), *go(), *says], **how).failures == ["no hold on the wire"]
     assert judged([*sailing(15.0), *go()], **how).failures == ["no hold on the wire"]
     assert judged([*sailing(15.0), *go(), *says], limit_s=12.0, must_be=Kind.HOLD).failures != []
+    late = "the first stop came after 21.0 s, more than 12"
+    how = {"limit_s": 12.0, "deaf": (BEGUN_S, 30.0)}
+    for stands_s, left, failures in ((15.0, says, []), (27.0, says, [late]), (15.0, [], [late])):
+        assert judged([*sailing(stands_s), *go(), *left, *off(31.0)], **how).failures == failures
 
 
 def test_after_a_power_cycle_nobody_moves_it() -> None:

@@ -275,7 +275,7 @@ def judge(facts: list[Fact], case: Case) -> Verdict:
     if known is not None and known.kind in kinds:
         stop = known
     verdict.failures += case.other_faults
-    if stop is not None or not _is_left_at_rest(facts, case, track):
+    if not _is_left_at_rest(facts, stop, case, track):
         _judge_stop(verdict, stop, case, track)
     _judge_places(verdict, ours, case, track)
     _judge_pilot(verdict, ours, facts)
@@ -292,8 +292,13 @@ def judge(facts: list[Fact], case: Case) -> Verdict:
     return verdict
 
 
-def _is_left_at_rest(facts: list[Fact], case: Case, track: Track) -> bool:
-    """Its way had ended in the silence, so the watchdog orders nothing, and the hull stays where it is."""
+def _is_left_at_rest(facts: list[Fact], stop: Order | None, case: Case, track: Track) -> bool:
+    """Its way had ended in the silence, so the watchdog orders nothing, and the hull stays where it is.
+
+    A stop of the bench may follow once the silence is over.
+    """
+    if stop is not None and (case.deaf is None or stop.at_s <= case.deaf[1]):
+        return False
     says = [it["at_s"] for it in facts if it["fact"] == "watchdog" and it["state"] == "LEFT"]
     left_s = next((it for it in says if case.begun_s <= it <= case.begun_s + case.limit_s), None)
     rest = None if case.deaf is None or left_s is None else track.rest(left_s, case.rest_m)
