@@ -130,8 +130,9 @@ def test_while_a_person_stops_mission_time_stands_if_the_scenario_says_so(fly: F
     at_rest_ms, until_s = newest_ms(run), time.monotonic() + 2
     wait_until(lambda: time.monotonic() > until_s, process)
     assert newest_ms(run) == at_rest_ms
-    # An order takes a second, and the stop stays.
+    # An order takes a second, whose last lines follow its answer, and the stop stays.
     assert code_here("remark", run, "gulls") == 0
+    wait_until(lambda: newest_ms(run) > at_rest_ms, process)
     assert newest_ms(run) == at_rest_ms + 1000
     assert code_here("continue", run) == 0
     wait_until(lambda: newest_ms(run) > at_rest_ms + 5000, process)
