@@ -11,7 +11,7 @@ from bisect import bisect_right
 from collections import deque
 from itertools import pairwise
 from operator import mul, sub
-from statistics import fmean, stdev
+from statistics import fmean, pstdev
 
 from apad_bridge.vehicle.guards.guarded_orders import Point
 
@@ -19,16 +19,15 @@ SPAN_MS = 20_000
 MOST = 60
 """Positions are kept for so long, and no more of them than so many: at 10 Hz, of 6 s."""
 LEAST_COUNT = 20
-LEAST_CLUSTER = 6
+LEAST_CLUSTER = 5
 """Fewer positions of noise alone make two clusters by chance."""
 LEAST_CHANGES = 3
 """One jump changes the place once, and a vehicle that turns comes back once."""
 LEAST_M = 1.0
-WIDTHS = 6.5
-"""Two clusters lie so many of their deviations apart. Noise cut in two has 2.7, the motion of waves 4.1.
-
-Of 20 positions, at 1 Hz, noise comes to 6 once in half a day, and to 6.5 once in three weeks.
-"""
+WIDTHS = 6.0
+"""Two clusters lie so many of their deviations apart. Noise cut in two has 2.7, the motion of waves 4.1."""
+LEAST_IN_A_ROW = 3
+"""So many positions in a row have to show them. Of 20, at 1 Hz, noise makes two clusters by chance: the next part them."""
 Position = tuple[int, Point]
 """A time (ms) and a place (m)."""
 
@@ -38,6 +37,7 @@ class TwoPlaces:
 
     def __init__(self) -> None:
         self._positions: deque[Position] = deque(maxlen=MOST)
+        self._in_a_row = 0
 
     def take(self, at_ms: int, place_m: Point) -> float:
         if self._positions and at_ms <= self._positions[-1][0]:
@@ -45,10 +45,13 @@ class TwoPlaces:
         self._positions.append((at_ms, place_m))
         while at_ms - self._positions[0][0] > SPAN_MS:
             self._positions.popleft()
-        return apart_m(list(self._positions)) if len(self._positions) >= LEAST_COUNT else 0.0
+        found_m = apart_m(list(self._positions)) if len(self._positions) >= LEAST_COUNT else 0.0
+        self._in_a_row = self._in_a_row + 1 if found_m else 0
+        return found_m if self._in_a_row >= LEAST_IN_A_ROW else 0.0
 
     def forget(self) -> None:
         self._positions.clear()
+        self._in_a_row = 0
 
 
 def apart_m(positions: list[Position]) -> float:
@@ -61,7 +64,7 @@ def apart_m(positions: list[Position]) -> float:
     if min(len(low), len(high)) < LEAST_CLUSTER or (distance_m := fmean(high) - fmean(low)) < LEAST_M:
         return 0.0
     changes = sum((one > cut) != (other > cut) for one, other in pairwise(along))
-    is_apart = changes >= LEAST_CHANGES and distance_m > WIDTHS * max(stdev(low), stdev(high))
+    is_apart = changes >= LEAST_CHANGES and distance_m > WIDTHS * max(pstdev(low), pstdev(high))
     return distance_m if is_apart else 0.0
 
 

@@ -14,12 +14,12 @@ from apad_bridge.vehicle.guards.two_places import TwoPlaces
 
 
 def apart_m(
-    seconds: float, place: Callable[[float], tuple[float, float]], noise_m: float, seed: int
+    seconds: float, place: Callable[[float], tuple[float, float]], noise_m: float, seed: int, hz: int = 10
 ) -> list[float]:
-    """How far apart two places are found, by positions at 10 Hz, 0.5 m/s to the north, shifted by `place(s)`."""
+    """How far apart two places are found, by positions at `hz`, 0.5 m/s to the north, shifted by `place(s)`."""
     rng, found = random.Random(seed), TwoPlaces()
-    places = [(n, *place(n / 10)) for n in range(int(10 * seconds))]
-    shifted = ((100 * n, (0.05 * n + north_m, east_m)) for n, north_m, east_m in places)
+    places = [(n / hz, *place(n / hz)) for n in range(int(hz * seconds))]
+    shifted = ((round(1000 * s), (0.5 * s + north_m, east_m)) for s, north_m, east_m in places)
     return [
         found.take(ms, (north_m + rng.gauss(0, noise_m), east_m + rng.gauss(0, noise_m)))
         for ms, (north_m, east_m) in shifted
@@ -38,6 +38,16 @@ def test_two_places_3_m_apart_are_found_within_8_s(
         return 3.0 * far * math.cos(angle), 3.0 * far * math.sin(angle)
 
     assert max(apart_m(8.0, mux, noise_m, seed)) == pytest.approx(3.0, abs=0.7)
+
+
+@pytest.mark.parametrize(("hz", "noise_m", "within_s"), [(10, 0.4, 12.0), (2, 0.3, 20.0), (1, 0.2, 23.0)])
+@settings(max_examples=25, deadline=None)
+@given(seed=st.integers(0, 2**32))
+def test_two_noisy_receivers_are_found_at_each_rate(
+    hz: int, noise_m: float, within_s: float, seed: int
+) -> None:
+    found = apart_m(within_s, lambda s: (3.0 * (int(s / 2) % 2), 0.0), noise_m, seed, hz)
+    assert max(found) == pytest.approx(3.0, abs=0.7)
 
 
 @settings(max_examples=25, deadline=None)
@@ -65,10 +75,6 @@ def test_one_place_is_not_taken_for_two(motion: str, seed: int, noise_m: float) 
 
 @pytest.mark.parametrize("seed", [5, 1001, 1325])
 def test_noise_at_1_hz_is_not_taken_for_two(seed: int) -> None:
-    """Seeds whose 20 positions of 0.5 m, in waves of 0.3 m, come to six deviations within the time."""
-    rng, found = random.Random(seed), TwoPlaces()
-    places = [
-        (0.5 * s + rng.gauss(0, 0.5) + 0.3 * math.sin(math.tau * s / 6), rng.gauss(0, 0.5))
-        for s in range(200)
-    ]
-    assert not any(found.take(1000 * s, place_m) for s, place_m in enumerate(places))
+    """Seeds whose 20 positions come to two clusters once within the time, which the next positions part."""
+    waves = lambda s: (0.3 * math.sin(math.tau * s / 6), 0.0)  # noqa: E731
+    assert not any(apart_m(200.0, waves, 0.5, seed, 1))
