@@ -16,9 +16,6 @@ from firmware_model.power.charge import fraction
 if TYPE_CHECKING:
     from agents.mussel.logbook import Logbook
 
-_MOST = 0xFFFF
-"""A count of two bytes states no more."""
-
 
 @dataclass(frozen=True, slots=True)
 class ReportConfig:
@@ -59,7 +56,7 @@ class Reporter:
             log.acknowledged,
             log.oldest,
             log.overwritten,
-            min(_MOST, log.torn),
+            log.torn,
             board.reset_cause,
             board.feed,
             board.rails,
@@ -73,7 +70,7 @@ class Reporter:
         if logbook is None:
             return StatusPacket(*fields)
         log = logbook.log
-        return AcousticStatus(*fields, logbook.counts, log.next_sequence, min(_MOST, log.waiting))
+        return AcousticStatus(*fields, logbook.counts, log.next_sequence, log.waiting)
 
     def answer(self, now_ms: int) -> Packet:
         """The answer to a ping: as short as for a v2 modem, so that the channel is soon free again."""

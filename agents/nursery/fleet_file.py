@@ -11,7 +11,6 @@ from agents.mussel.physical import Physical
 
 FLEET_NAME = "fleet.msgpack"
 PHYSICAL_NAME = "physical.slots"
-MAX_AGENT_ID = 65535
 
 
 @dataclass(frozen=True, slots=True)

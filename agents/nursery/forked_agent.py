@@ -65,10 +65,16 @@ def live(
     except FirmwareFailed as failure:
         print(f"{name.decode()}: its firmware: {failure}", file=sys.stderr, flush=True)
         status = FIRMWARE_HUNG if failure.hung else FIRMWARE_SPUN if failure.by_watchdog else FIRMWARE_FAILED
-    except (MemoryError, SystemError) as failure:
-        # The machine, or a fault of the scenario, gives it no more: then CPython's compiler may also raise SystemError. A
-        # traceback would look like a defect of ours.
-        print(f"{name.decode()}: out of memory: {failure!r}", file=sys.stderr, flush=True)
+    except MemoryError:
+        # The machine, or a fault of the scenario, gives it no more. A traceback would look like a defect of ours.
+        print(f"{name.decode()}: out of memory", file=sys.stderr, flush=True)
+    except SystemError as failure:
+        # CPython's own failure, as its compiler has without memory.
+        print(
+            f"{name.decode()}: CPython failed, as it may without memory: {failure}",
+            file=sys.stderr,
+            flush=True,
+        )
     except BaseException:
         sys.excepthook(*sys.exc_info())
         sys.stderr.flush()

@@ -12,7 +12,8 @@ from agents.hosting import started
 from agents.hosting.interrupts import held_back, let_in
 from agents.hosting.link_protocol import readable
 from agents.mussel.physical import Physical
-from agents.nursery.fleet_file import MAX_AGENT_ID, FleetFile, RestartPolicy
+from agents.nursery.fleet_file import FleetFile, RestartPolicy
+from firmware_model.packets.wire import MAX_AGENT_ID
 
 READY_TIMEOUT_S = 20.0
 LOG_NAME = "nursery.log"

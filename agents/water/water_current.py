@@ -103,7 +103,7 @@ class WaterCurrent:
 
 
 def steady(field: CurrentField) -> WaterCurrent:
-    """A stream with one field at every depth and time."""
+    """A current with one field at every depth and time."""
     return WaterCurrent.of(array("q", [0]), array("q", [0]), (field,))
 
 
@@ -173,8 +173,8 @@ class CurrentConfig:
 
     def water_current(self) -> WaterCurrent:
         """Raises ValueError for a file that `parse_water_current` refuses."""
-        stream = STILL if self.csv is None else parse_water_current(self.csv)
-        return WaterCurrent.of(stream.seconds, stream.depths_um, stream.fields, self.tides, self.profile)
+        read = STILL if self.csv is None else parse_water_current(self.csv)
+        return WaterCurrent.of(read.seconds, read.depths_um, read.fields, self.tides, self.profile)
 
 
 STILL_CURRENT = CurrentConfig()

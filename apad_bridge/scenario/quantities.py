@@ -11,6 +11,7 @@ from pydantic import AfterValidator, ConfigDict, Discriminator, PlainValidator, 
 from pydantic.dataclasses import dataclass
 
 from agents.water.bounds import GREATEST, LEAST
+from firmware_model.packets.wire import MAX_AGENT_ID
 from firmware_model.power.charge import grains
 from firmware_model.power.voltage_curve import VoltageCurve
 
@@ -56,7 +57,6 @@ def _rising_from_empty_to_full(points: tuple[tuple[float, float], ...]) -> tuple
     return points
 
 
-MAX_AGENT_ID = 0xFFFF  # a packet has two bytes for an id
 AgentId = Annotated[int, Ge(1), Le(MAX_AGENT_ID)]
 Positive = Annotated[float, Gt(0), Le(GREATEST), AfterValidator(_not_tiny)]
 PositiveSeconds = Annotated[float, Ge(0.001), Le(1e9), AfterValidator(_whole_milliseconds)]

@@ -26,7 +26,6 @@ from apad_bridge.scenario.faults import OF_A, OF_B, Fault
 from apad_bridge.scenario.guard_options import GuardOptions
 from apad_bridge.scenario.mission_options import Mission
 from apad_bridge.scenario.quantities import (
-    MAX_AGENT_ID,
     VALUES,
     VALUES_OR_FILE,
     AgentId,
@@ -43,6 +42,7 @@ from apad_bridge.scenario.quantities import (
 )
 from apad_bridge.scenario.timed_faults import Faults
 from apad_bridge.scenario.water.water_options import Water
+from firmware_model.packets.wire import MAX_AGENT_ID
 from firmware_model.sampling.sensors import BROUGHT
 
 

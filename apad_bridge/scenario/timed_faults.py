@@ -16,7 +16,7 @@ from annotated_types import Ge, Le
 
 from agents.mussel.defects import BoardPart
 from apad_bridge.scenario.quantities import (
-    MAX_AGENT_ID,
+    AgentId,
     NotNegativeSeconds,
     PositiveSeconds,
     Quantity,
@@ -300,7 +300,7 @@ class FaultAt:
     """A row of the table of faults: docs/reference/faults.md."""
     at_s: NotNegativeSeconds
     """Its begin."""
-    id: Annotated[int, Ge(1), Le(MAX_AGENT_ID)] | None = None
+    id: AgentId | None = None
     """The aMussel; None for a fault of the aPad."""
     value: Quantity | None = None
     """In the unit of its row; None: that of its row."""

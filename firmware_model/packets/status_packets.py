@@ -92,12 +92,18 @@ def _fields_of(body: bytes, more: int) -> StatusFields | None:
     )
 
 
+_MOST = {"B": 0xFF, "H": 0xFFFF, "I": 0xFFFF_FFFF, "i": 0x7FFF_FFFF}
+"""The greatest number of each type on the wire, by its letter of `struct`."""
+
+
 class Tail(NamedTuple):
     """The bytes of a longer status behind the common part: the counts, and the further fields in their order."""
 
     format: struct.Struct
     values: Callable[[LongStatus], tuple[Any, ...]]
     """The values of the further fields."""
+    most: tuple[int, ...]
+    """The greatest value that each of them can have; a greater one is stated as this."""
     members: dict[int, dict[int, IntEnum]]
     """By a value's place in `format`: what its numbers stand for. A packet with another number is dropped."""
 
@@ -116,16 +122,18 @@ class LongStatus(StatusPacket):
     def __init_subclass__(cls) -> None:
         hints = get_type_hints(cls, include_extras=True)
         further = {name: hint for name, hint in hints.items() if get_origin(hint) is Annotated}
-        letters = "".join(it.__metadata__[0] for it in further.values())
+        letters = [it.__metadata__[0] for it in further.values()]
         members = {
             place: {int(it): it for it in hint.__origin__}
             for place, hint in enumerate(further.values(), len(SENSORS))
             if issubclass(hint.__origin__, IntEnum)
         }
-        cls.TAIL = Tail(struct.Struct(f"<{COUNT_FIELDS}{letters}"), attrgetter(*further), members)
+        format = struct.Struct(f"<{COUNT_FIELDS}{''.join(letters)}")
+        cls.TAIL = Tail(format, attrgetter(*further), tuple(_MOST[it] for it in letters), members)
 
     def encode(self) -> bytes:
-        return sealed(self._pack() + self.TAIL.format.pack(*self.counts, *self.TAIL.values(self)))
+        further = map(min, self.TAIL.values(self), self.TAIL.most)
+        return sealed(self._pack() + self.TAIL.format.pack(*self.counts, *further))
 
     @classmethod
     def decode_body(cls, body: bytes) -> Self | None:

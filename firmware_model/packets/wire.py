@@ -17,6 +17,8 @@ from firmware_model.states import Trigger
 CHARGE_STEPS = 65535
 EVERYONE = 0
 """The id of a command to all that receive it; aMussels' own ids begin at 1."""
+MAX_AGENT_ID = 0xFFFF
+"""An id has two bytes."""
 
 HEAD = struct.Struct("<BBH")
 """Version, kind, and the id of the aMussel that sends or receives."""

@@ -17,10 +17,10 @@ from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.area.polygon import contains
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import from_data, load, resolve, with_overrides, write_resolved
-from apad_bridge.scenario.quantities import MAX_AGENT_ID
 from apad_bridge.scenario.schema import Area, Origin, RandomStart, Scenario, SpreadOptions
 from apad_bridge.scenario.starts import further_columns, random_start, read_starts, save_starts, starts_of
 from apad_bridge.scenario.starts_table import Start
+from firmware_model.packets.wire import MAX_AGENT_ID
 
 ORIGIN = Origin(latitude_deg=43.9330937, longitude_deg=15.4443468)
 POOL = Area(origin=ORIGIN, polygon_m=((0, 0), (28, 0), (28, 21), (0, 21)), depth_m=3)

@@ -102,6 +102,13 @@ def checked(body: bytes) -> bytes:
     return body + struct.pack("<H", crc16_ccitt(body))
 
 
+def test_a_count_beyond_its_field_is_stated_as_the_greatest() -> None:
+    sound, wifi = GOLDEN["ACOUSTIC_STATUS"][0], GOLDEN["WIFI_STATUS"][0]
+    told = decode(replace(sound, samples=1 << 33, waiting=70_000).encode())
+    assert (told.samples, told.waiting) == (0xFFFF_FFFF, 0xFFFF)
+    assert decode(replace(wifi, torn=70_000).encode()).torn == 0xFFFF
+
+
 def golden(name: str) -> bytes:
     return checked(bytes.fromhex(GOLDEN[name][1]))
 
