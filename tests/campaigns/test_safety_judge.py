@@ -222,6 +222,10 @@ def test_a_vehicle_at_rest_may_be_left_in_a_silence_and_one_that_goes_on_may_not
     how = {"limit_s": 12.0, "deaf": (BEGUN_S, 30.0)}
     for stands_s, left, failures in ((15.0, says, []), (27.0, says, [late]), (15.0, [], [late])):
         assert judged([*sailing(stands_s), *go(), *left, *off(31.0)], **how).failures == failures
+    # Nobody holds it, and from 26 s on the water takes it away.
+    rests = sailing(15.0)
+    taken = [it | {"east": 30.0 + max(0.0, it["at_s"] - 26.0)} for it in rests]
+    assert late in judged([*taken, *go(), *says, *off(31.0)], **how).failures
 
 
 def test_after_a_power_cycle_nobody_moves_it() -> None:

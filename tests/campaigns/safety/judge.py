@@ -293,16 +293,18 @@ def judge(facts: list[Fact], case: Case) -> Verdict:
 
 
 def _is_left_at_rest(facts: list[Fact], stop: Order | None, case: Case, track: Track) -> bool:
-    """Its way had ended in the silence, so the watchdog orders nothing, and the hull stays where it is.
+    """Its way had ended in the silence, so the watchdog orders nothing, and the hull stays where it is until its end.
 
-    A stop of the bench may follow once the silence is over.
+    A stop of the bench may follow then.
     """
-    if stop is not None and (case.deaf is None or stop.at_s <= case.deaf[1]):
+    if case.deaf is None or (stop is not None and stop.at_s <= case.deaf[1]):
         return False
     says = [it["at_s"] for it in facts if it["fact"] == "watchdog" and it["state"] == "LEFT"]
     left_s = next((it for it in says if case.begun_s <= it <= case.begun_s + case.limit_s), None)
-    rest = None if case.deaf is None or left_s is None else track.rest(left_s, case.rest_m)
-    return rest is not None and rest[0] <= REST_S
+    rest = None if left_s is None else track.rest(left_s, case.rest_m)
+    if left_s is None or rest is None or rest[0] > REST_S:
+        return False
+    return track.leaves_s(left_s + rest[0], case.at_place_m) > case.deaf[1]
 
 
 def joined(verdicts: dict[str, Verdict]) -> Verdict:
