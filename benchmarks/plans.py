@@ -357,10 +357,15 @@ def show(result: dict[str, Any], console: Console) -> None:
         table.add_column(heading)
     for it in result["rows"]:
         table.add_row(
-            *(it["name"], it["area"], str(it["amussels"]), str(it["docks"]), f"{it['score']:.2f}"),
+            it["name"],
+            it["area"],
+            str(it["amussels"]),
+            str(it["docks"]),
+            f"{it['score']:.2f}",
             f"{it['bound']:.2f}",
             *("" if it[by] is None else f"{it[by]:.2f}" for by in ("rules", "route", "exact")),
-            *(f"{it['metres']:.0f}", it["by"]),
+            f"{it['metres']:.0f}",
+            it["by"],
         )
     console.print(table)
     if QUEUE in result:

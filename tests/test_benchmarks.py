@@ -226,12 +226,17 @@ def small_instance(**changes: object) -> dict[str, object]:
 # aMussel 0 is docked from 35 s on, with 0.465, for 165 s: 14 s to the knee, then 151 s at 0.005 give 1 in 100 s.
 SCORED = [
     pytest.param(
-        *({}, [["collect", 0], ["wait", 160.0], ["deploy", 0]], (0.2 - 0.5 + 0.0 - 1.0) / 2),
+        {},
+        [["collect", 0], ["wait", 160.0], ["deploy", 0]],
+        (0.2 - 0.5 + 0.0 - 1.0) / 2,
         {"uptime_percent": (100 * (35 + 800) / 1000 + 100) / 2, "metres": 10.0, "services": 1},
         id="a service",
     ),
     pytest.param(
-        *({"motor_run": 0.1, "horizon_s": 35.0}, [["collect", 0]], (0.465 - 0.2 - 0.5 + 0.965 - 1) / 2, {}),
+        {"motor_run": 0.1, "horizon_s": 35.0},
+        [["collect", 0]],
+        (0.465 - 0.2 - 0.5 + 0.965 - 1) / 2,
+        {},
         id="who is docked at the end still owes its way down",
     ),
 ]
@@ -272,19 +277,17 @@ NO_JSON = (
     b'{"steps": [["wait", 1' + 5000 * b"0" + b"]]}",
 )
 NO_STEP = (
-    *(
-        "wait",
-        None,
-        3,
-        [],
-        {},
-        ["wait"],
-        ["wait", 1, 2],
-        ["fetch", 1],
-        [["collect"], 0],
-        [None, 0],
-        {"collect": 0},
-    ),
+    "wait",
+    None,
+    3,
+    [],
+    {},
+    ["wait"],
+    ["wait", 1, 2],
+    ["fetch", 1],
+    [["collect"], 0],
+    [None, 0],
+    {"collect": 0},
     *(["wait", it] for it in ("60", True, False, None, [1], {}, -1, inf, -inf, nan, 10**400)),
     *(
         [kind, it]
@@ -409,7 +412,10 @@ def bare(folder: Path, *arguments: str) -> "subprocess.CompletedProcess[str]":
 def test_a_stranger_checks_a_plan_and_adds_a_row(unpacked: Path, tmp_path: Path) -> None:
     """From the archive alone: the best known plan is scored, a broken one is refused, and plans for all give a row."""
     assert {it.name for it in unpacked.iterdir()} == {
-        *("LICENSE", "README.md", "check.py", "results.csv"),
+        "LICENSE",
+        "README.md",
+        "check.py",
+        "results.csv",
         *(f"{number:03}{end}.json" for number in range(1, 61) for end in ("", "-best")),
     }
     good = bare(unpacked, "007.json", "007-best.json")

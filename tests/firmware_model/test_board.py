@@ -128,7 +128,10 @@ WENT_UP = [
             id="a release packet that outruns the falling edge is kept",
         ),
         pytest.param(
-            *(charging_board, [(300_000, ChargePinFell()), (300_049, ChargePinRose())], 400_000, []),
+            charging_board,
+            [(300_000, ChargePinFell()), (300_049, ChargePinRose())],
+            400_000,
+            [],
             id="a pin that bounces while docked does not release",
         ),
         # 0.001 / 0.0010427134 a minute = 57542.2 ms: empty at the millisecond that ends above it.
@@ -145,13 +148,18 @@ WENT_UP = [
             id="an emptied aMussel stops measuring and still surfaces on its backup",
         ),
         pytest.param(
-            *(board, UP, 700_000),
+            board,
+            UP,
+            700_000,
             [*WENT_UP, "670000 FLOATING -FLOAT_TIMED_OUT-> SINKING", "670000 motors SINK"],
             id="floating unserved it sinks again",
         ),
         *(
             pytest.param(
-                *(board, [(0, POWER), (5000, stimulus)], 6000, [*BOOTED, f"5000 dropped: {reason}"]),
+                board,
+                [(0, POWER), (5000, stimulus)],
+                6000,
+                [*BOOTED, f"5000 dropped: {reason}"],
                 id=f"what it cannot use is dropped: {reason}",
             )
             for stimulus, reason in (

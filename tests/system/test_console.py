@@ -123,7 +123,8 @@ def test_a_person_orders_about_one_amussel(browser: webdriver.Chrome, run: Path)
         # "No", and the same question again before the browser tells the page that the dialog has closed.
         browser.execute_script(
             "for (const selector of arguments) document.querySelector(selector).click()",
-            *("#sure button[value=no]", cause),
+            "#sure button[value=no]",
+            cause,
         )
         press(browser, "#sure button[value=yes]")
         wait_until(lambda: text(browser, "answer") == "cause a fault (aMussel 6): done")

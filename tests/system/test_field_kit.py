@@ -50,7 +50,10 @@ def test_a_kit_is_installed_and_flown_on_a_clean_debian_without_a_network(tmp_pa
     subprocess.run([str(ROOT / "launch_scripts" / "make-field-kit"), str(archive)], check=True, timeout=1800)
     subprocess.run(
         [
-            *("unshare", "--mount", "mmdebstrap", "--variant=minbase"),
+            "unshare",
+            "--mount",
+            "mmdebstrap",
+            "--variant=minbase",
             platform.freedesktop_os_release()["VERSION_CODENAME"],
             str(debian),
         ],

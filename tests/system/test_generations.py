@@ -33,7 +33,10 @@ def start(tmp_path: Path, begin: Begin) -> Begin:
 
     def started(uri: str, program: str, *arguments: str) -> subprocess.Popen[str]:
         return begin(
-            *(sys.executable, "-m", f"tests.system.{program}", *arguments),
+            sys.executable,
+            "-m",
+            f"tests.system.{program}",
+            *arguments,
             env=loopback_environment(tmp_path / "ros", uri),
             stdin=subprocess.PIPE,
             ends_by=signal.SIGKILL,

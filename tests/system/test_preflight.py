@@ -97,7 +97,7 @@ def test_an_apad_is_checked_and_its_stop_and_docks_are_proven_and_one_bench_alon
     second = write_scenario(tmp_path / "second.yaml", scenario, fleet=other)
     checks = begin(*MUSSELBED, "preflight", second, "--json", **there)
     refused = musselbed(
-        *("run", second, "--apad", "ros", "--despite", "watchdog", "--out", "second"), code=2, **there
+        "run", second, "--apad", "ros", "--despite", "watchdog", "--out", "second", code=2, **there
     )
     assert "another bench flies this aPad" in refused.stderr, refused.stderr
     assert not (tmp_path / "second").exists()

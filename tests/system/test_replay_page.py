@@ -107,7 +107,15 @@ def estimate(now_ms: int) -> Belief:
     modes = tuple(float(mode is Mode.IDLE) for mode in Mode)
     capacity_left = None if now_ms < 30_000 else CapacityLeft(0.7149, 0.8611)
     return Belief(
-        *(1, now_ms, State.ACTIVE, 0.8, 1.0, 5.0, 5.0, 0, (0.0025, 0.0, 0.0)),
+        1,
+        now_ms,
+        State.ACTIVE,
+        0.8,
+        1.0,
+        5.0,
+        5.0,
+        0,
+        (0.0025, 0.0, 0.0),
         mode_probabilities=modes,
         capacity_left=capacity_left,
     )
@@ -305,9 +313,18 @@ PACKETS = [
     "00:00:19 3 unicast received: aPad; collided: 4; out of range or too weak: 1",
 ]
 LEGEND = [
-    *("above the pool's threshold", "candidate: below the threshold", "charging", "primary battery empty"),
-    *("lost", "home", "aPad with its docks", "its way", "its plan"),
-    *("packet received", "collided", "missed otherwise"),
+    "above the pool's threshold",
+    "candidate: below the threshold",
+    "charging",
+    "primary battery empty",
+    "lost",
+    "home",
+    "aPad with its docks",
+    "its way",
+    "its plan",
+    "packet received",
+    "collided",
+    "missed otherwise",
 ]
 AT_5_S = {
     "mission-clock": "00:00:05",
@@ -343,7 +360,8 @@ WHY = [
         ["cost", "1.500", "1.750", "2.000"],
         ["charge", "1.500", "1.750", "2.000"],
     ],
-    *(True, True),
+    True,
+    True,
 ]
 HEADING = "Measured and uploaded; dashed: the water's true value there"
 ROWS: dict[str, tuple[str, str, Any]] = {
@@ -400,7 +418,8 @@ ROWS: dict[str, tuple[str, str, Any]] = {
         "#t=45&aMussel=1",
         "return measured()",
         [
-            *(False, "Measured and uploaded 2 samples of aMussel 1, the newest of 00:00:30"),
+            False,
+            "Measured and uploaded 2 samples of aMussel 1, the newest of 00:00:30",
             [["Oxygen, mg/l", "8.00"], ["Pressure, mbar", "1314.80"], *MEASURED],
             [[8.0, 7.5]],
         ],
@@ -409,7 +428,8 @@ ROWS: dict[str, tuple[str, str, Any]] = {
         "#t=45&aMussel=1",
         f"{WATER} select(1); return measured()",
         [
-            *(False, f"{HEADING} 2 samples of aMussel 1, the newest of 00:00:30"),
+            False,
+            f"{HEADING} 2 samples of aMussel 1, the newest of 00:00:30",
             [
                 ["Oxygen, mg/l", "8.00, true now 8.10"],
                 ["Pressure, mbar", "1314.80, true now 1314.70"],
@@ -423,7 +443,8 @@ ROWS: dict[str, tuple[str, str, Any]] = {
         "#t=45&aMussel=1",
         f"{WATER} return measured()",
         [
-            *(False, f"{HEADING} 3 samples"),
+            False,
+            f"{HEADING} 3 samples",
             [["Oxygen, mg/l", ""], ["Pressure, mbar", ""], *MEASURED],
             [[8.0, 7.5], [8.1, None], [2.0], [], []],
         ],

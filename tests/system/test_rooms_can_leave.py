@@ -87,7 +87,13 @@ def test_the_pool_flies_without_these_rooms_and_has_its_digest(copy: Path, tmp_p
         copy,
         "-m",
         "apad_bridge.commands.main",
-        *("run", "pool-12", "--time", "asap", "--out", str(tmp_path / "run"), "--json"),
+        "run",
+        "pool-12",
+        "--time",
+        "asap",
+        "--out",
+        str(tmp_path / "run"),
+        "--json",
     )
     assert json.loads(flown)["digest"] == stated
 

@@ -102,7 +102,8 @@ SHOWN: dict[str, tuple[str, Callable[[dict[str, Any]], Any], Any]] = {
         "/musselbed/beliefs",
         lambda it: [
             *rounded(it["agents"][1]["charge_low"], it["agents"][1]["charge_high"]),
-            *(it["agents"][1]["mode_probabilities"][0], it["agents"][1]["clock_offset_ms"]),
+            it["agents"][1]["mode_probabilities"][0],
+            it["agents"][1]["clock_offset_ms"],
             it["agents"][0]["mode_probabilities"],
         ],
         [0.4804, 0.5196, 1.0, 250.0, []],

@@ -125,11 +125,15 @@ LOST = "a packet on a link that was cut"
     ("defect", "sent", "came"),
     [
         pytest.param(
-            *(LinkDefect.FLIPS, [(5, WifiArrived(b"\x00\xf0"))], [WifiSent(5, 1, b"\x00\xf0")]),
+            LinkDefect.FLIPS,
+            [(5, WifiArrived(b"\x00\xf0"))],
+            [WifiSent(5, 1, b"\x00\xf0")],
             id="every bit flips, there and back",
         ),
         pytest.param(
-            *(LinkDefect.CUT, SENT, [StimulusDropped(n, 1, LOST) for n in (1, 2, 3)]),
+            LinkDefect.CUT,
+            SENT,
+            [StimulusDropped(n, 1, LOST) for n in (1, 2, 3)],
             id="a cut link loses all and counts it",
         ),
         pytest.param(

@@ -85,13 +85,11 @@ PLAYS: dict[str, tuple[Case, list[str], list[str]]] = {
     # Up at 3 s, there at 63 s; its dock charges at once; released and told to sink, it runs its motors once more.
     "a dive": (
         Case(
-            *(
-                "dive",
-                RequirementSource.PAPER,
-                "",
-                "3s permission 70s rises 10min falls 1s release 5min",
-                0.4,
-            ),
+            "dive",
+            RequirementSource.PAPER,
+            "",
+            "3s permission 70s rises 10min falls 1s release 5min",
+            0.4,
             whole=Whole(),
         ),
         [],
@@ -109,8 +107,11 @@ PLAYS: dict[str, tuple[Case, list[str], list[str]]] = {
             script=f"100s surfaced 10s wifi:{SINK.encode().hex()} 5s landed 1s travel:2min permission 3min",
         ),
         [
-            *("100.000 s state FLOATING", "110.000 s state SINKING", "115.000 s state ACTIVE"),
-            *("116.000 s state SURFACING", "236.000 s state FLOATING"),
+            "100.000 s state FLOATING",
+            "110.000 s state SINKING",
+            "115.000 s state ACTIVE",
+            "116.000 s state SURFACING",
+            "236.000 s state FLOATING",
         ],
         ["110.000 s motors sink", "116.000 s motors float"],
     ),

@@ -140,7 +140,8 @@ STORIES: dict[str, tuple[FleetConfig, list[Step]]] = {
         [
             *FLOATS,
             (
-                *(70_000, [ContactBounced(20)]),
+                70_000,
+                [ContactBounced(20)],
                 {"drops": ["a contact bounced in a dock that does not hold this aMussel"], "others": 0},
             ),
         ],
@@ -174,14 +175,17 @@ STORIES: dict[str, tuple[FleetConfig, list[Step]]] = {
     "a pressure sensor that stands shows the surface once it is healed": (
         PAPER,
         [
-            *(NO_DEPTH, ASKED, (100_000, [], {"state": State.SURFACING, "depth_m": 0.0})),
+            NO_DEPTH,
+            ASKED,
+            (100_000, [], {"state": State.SURFACING, "depth_m": 0.0}),
             (100_000, [PartFailed(BoardPart.DEPTH, 0)], {"state": State.FLOATING}),
         ],
     ),
     "a board that never notices the surface sinks again in time and then stays sinking": (
         PAPER,
         [
-            *(NO_DEPTH, ASKED),
+            NO_DEPTH,
+            ASKED,
             (3_000 + 2 * TIMEOUT_MS, [], {"state": State.SINKING, "depth_m": 3.0}),
             (3_000 + 2 * TIMEOUT_MS, [PartFailed(BoardPart.DEPTH, 0)], {"state": State.ACTIVE}),
         ],
@@ -223,7 +227,8 @@ STORIES: dict[str, tuple[FleetConfig, list[Step]]] = {
             [
                 (2 * HOUR_MS + HALF_MS, [PartFailed(BoardPart.SUPPLY, written)], {}),
                 (
-                    *(5 * HOUR_MS + HALF_MS, []),
+                    5 * HOUR_MS + HALF_MS,
+                    [],
                     {
                         **{"boots_ms": [0, 3 * HOUR_MS + 10_000], "cause": ResetCause.BROWN_OUT},
                         **{"torn": 1, "records": [0, 1, 3, 4]},

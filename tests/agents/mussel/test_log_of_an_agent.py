@@ -143,7 +143,9 @@ TOLD: dict[str, list[tuple[int, Packet | None, list[int | str], State]]] = {
     ],
     "it stays awake while somebody takes its log": [
         *((15_000 * n, LogAck(7, n), [], ON) for n in (1, 2, 3)),
-        *((64_999, None, [], ON), (65_000, None, [], OFF), (70_000, LogAck(7, 3), ["Wi-Fi is off"], OFF)),
+        (64_999, None, [], ON),
+        (65_000, None, [], OFF),
+        (70_000, LogAck(7, 3), ["Wi-Fi is off"], OFF),
     ],
 }
 """What is told by Wi-Fi, at a time after its wake; the records that it sends then or why it took nothing, and its state."""

@@ -224,7 +224,8 @@ DOCKED: dict[str, list[Step]] = {
         (160_050, [], {"state": CHARGING}),
     ],
     "coils that slip release nothing when they align again in time": [
-        *(*CONTACT, (163_000, [CoilSlipped()], {})),
+        *CONTACT,
+        (163_000, [CoilSlipped()], {}),
         (163_050, [], {"state": RELEASED, "flow": Flow.DISCHARGING}),
         (183_050, [], {"state": CHARGING, "flow": Flow.CHARGING}),
     ],
@@ -233,7 +234,8 @@ DOCKED: dict[str, list[Step]] = {
         *CONTACT,
         *((at_ms, [CoilSlipped()], {}) for at_ms in range(170_000, 310_000, 15_000)),
         (310_000, [], {"state": State.SINKING, "depth_m": 0.0}),
-        *((310_000, [ContactOpened()], {}), (355_000, [], {"state": State.ACTIVE, "depth_m": 3.0})),
+        (310_000, [ContactOpened()], {}),
+        (355_000, [], {"state": State.ACTIVE, "depth_m": 3.0}),
     ],
 }
 

@@ -72,7 +72,8 @@ WRITTEN: dict[str, tuple[list[tuple[Any, ...]], dict[tuple[Any, ...], StateRecor
     ),
     "windows that are taken back are overwritten, and no others": (
         [
-            *(*FULL, ("take_back", RECORDS - 3)),
+            *FULL,
+            ("take_back", RECORDS - 3),
             *(("write", (1, 5), 25 + n, place(100 + n)) for n in range(RECORDS - 3)),
         ],
         {

@@ -91,7 +91,8 @@ def both(later_ms: int, first: PacketOutcome, second: PacketOutcome) -> list[Ste
     ended: dict[Any, Any] = {(0, 1): first}
     then, at_last = (ended, {}) if later_ms > 655 else ({}, ended)
     return [
-        *((0, [(0, 1)], {}), (later_ms, [(2, 1)], then)),
+        (0, [(0, 1)], {}),
+        (later_ms, [(2, 1)], then),
         (later_ms + 8000, [], {**at_last, (2, 1): second}),
     ]
 
@@ -141,15 +142,19 @@ SCENES: dict[str, tuple[WaterMedium, list[Step]]] = {
     "a modem that is still sending sends nothing else": (
         medium(0, 150),
         [
-            *((0, [(0, 1)], {}), (504, [(0, 1)], {0: "the modem is still sending"})),
-            *((505, [(0, 1)], {}), (605, [], {(0, 1): HEARD}), (1110, [], {(0, 1): HEARD})),
+            (0, [(0, 1)], {}),
+            (504, [(0, 1)], {0: "the modem is still sending"}),
+            (505, [(0, 1)], {}),
+            (605, [], {(0, 1): HEARD}),
+            (1110, [], {(0, 1): HEARD}),
         ],
     ),
     "in air nothing is sent and nothing is heard": (
         medium(0, under_water(150, depth_m=0)),
         [
             (10, [(1, 0)], {1: "the modem is not in the water"}),
-            *((20, [(0, 1)], {}), (8000, [], {(0, 1): IN_AIR})),
+            (20, [(0, 1)], {}),
+            (8000, [], {(0, 1): IN_AIR}),
         ],
     ),
     # A packet is at it from 100 to 605 ms after it began.
@@ -167,8 +172,11 @@ SCENES: dict[str, tuple[WaterMedium, list[Step]]] = {
     "one that left the water neither hears nor sends": (
         medium(0, 150),
         [
-            *((0, [(0, 1)], {}), (200, [ModemMoved(1, None)], {}), (9000, [], {(0, 1): IN_AIR})),
-            *((9000, [(0, 1)], {}), (18_000, [], {})),
+            (0, [(0, 1)], {}),
+            (200, [ModemMoved(1, None)], {}),
+            (9000, [], {(0, 1): IN_AIR}),
+            (9000, [(0, 1)], {}),
+            (18_000, [], {}),
         ],
     ),
     # SNR at 1 km is 13 dB; 30 dB more noise leave -17, and hardly a packet in ten thousand gets through.
@@ -178,8 +186,10 @@ SCENES: dict[str, tuple[WaterMedium, list[Step]]] = {
             (0, [ThrustersRan(0, True), (1, 0)], {}),
             (1, [ThrustersRan(1, False)], {}),
             (9000, [], {(1, 0): PacketOutcome.NOISE}),
-            *((9000, [(0, 1)], {}), (18_000, [ThrustersRan(0, False)], {(0, 1): HEARD})),
-            *((18_000, [(1, 0)], {}), (27_000, [], {(1, 0): HEARD})),
+            (9000, [(0, 1)], {}),
+            (18_000, [ThrustersRan(0, False)], {(0, 1): HEARD}),
+            (18_000, [(1, 0)], {}),
+            (27_000, [], {(1, 0): HEARD}),
         ],
     ),
     "a cut link carries neither packets nor disturbance": (
@@ -187,7 +197,8 @@ SCENES: dict[str, tuple[WaterMedium, list[Step]]] = {
         [
             (0, [LinksChanged(Topology([LinkRule(0, 1, 1.0)])), (0, 1), (2, 1)], {}),
             (9000, [LinksChanged(Topology())], {(0, 1): PacketOutcome.CUT, (2, 1): HEARD}),
-            *((9000, [(0, 1)], {}), (18_000, [], {(0, 1): HEARD})),
+            (9000, [(0, 1)], {}),
+            (18_000, [], {(0, 1): HEARD}),
         ],
     ),
 }

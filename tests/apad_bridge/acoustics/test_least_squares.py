@@ -36,12 +36,22 @@ CORNER = np.array([(0.0, 0.0, 2.0), (30.0, 40.0, 2.0)])
     [
         # Amid four anchors at its depth every unit vector is (+-1, +-1)/sqrt 2, so J^T J = 2 I and HDOP is 1.
         pytest.param(
-            *(FLAT, (50, 50, 5), [0.2] * 4, (40.0, 45.0), 1.0, (0.02, 0, 0.02)),
+            FLAT,
+            (50, 50, 5),
+            [0.2] * 4,
+            (40.0, 45.0),
+            1.0,
+            (0.02, 0, 0.02),
             id="amid four anchors",
         ),
         # Each range fixes one axis: HDOP is sqrt 2, and each variance is that of its own range.
         pytest.param(
-            *(CORNER, (30, 0, 2), [0.1, 0.3], (28.0, 3.0), 2**0.5, (0.01, 0, 0.09)),
+            CORNER,
+            (30, 0, 2),
+            [0.1, 0.3],
+            (28.0, 3.0),
+            2**0.5,
+            (0.01, 0, 0.09),
             id="two anchors at a right angle",
         ),
     ],

@@ -66,17 +66,23 @@ FIXES: dict[str, tuple[list[RangeTaken], Near, tuple[float, float] | None, dict[
     "from a straight way nothing else does": (ON_A_LINE, None, None, {FEW: 2, LINE: 2}),
     "one wrong range is left out": (corners(6, at4=5.0), None, TRUE[:2], {FEW: 2}),
     "ranges that contradict each other give nothing": (
-        *(corners(4, at0=6.0, at2=6.0), None, None),
+        corners(4, at0=6.0, at2=6.0),
+        None,
+        None,
         {FEW: 2, "no fix: the ranges contradict each other": 2},
     ),
     "what is old is forgotten": ([*corners(3), taken(700, 0.0, 80.0)], None, None, {FEW: 3}),
     # Ranges from 2, 4 and 6 m along the line of sight 40 m away give nothing across that line.
     "a flat geometry is no fix": (
-        *([taken(n, 30.0 + 0.05 * n, 2.5 * n) for n in range(3)], (30.0, 40.0), None),
+        [taken(n, 30.0 + 0.05 * n, 2.5 * n) for n in range(3)],
+        (30.0, 40.0),
+        None,
         {FEW: 2, "no fix: the geometry is too flat": 1},
     ),
     "what is no length is dropped": (
-        *([RangeTaken(0, 7, range_m, 0, 0, 0) for range_m in (math.nan, -1.0, 1e308)], None, None),
+        [RangeTaken(0, 7, range_m, 0, 0, 0) for range_m in (math.nan, -1.0, 1e308)],
+        None,
+        None,
         {"a range: range_m is outside 0 to 100000": 3},
     ),
 }

@@ -14,10 +14,16 @@ FRAME = TdmaWindow(300_000, 60_000)
 @pytest.mark.parametrize(
     ("window", "now_ms", "lasting_ms", "first_ms"),
     [
-        *((FRAME, 0, 500, 60_000), (FRAME, 59_999, 500, 60_000), (FRAME, 60_001, 500, 60_001)),
-        *((FRAME, 299_500, 500, 299_500), (FRAME, 299_501, 500, 360_000), (FRAME, 310_000, 500, 360_000)),
+        (FRAME, 0, 500, 60_000),
+        (FRAME, 59_999, 500, 60_000),
+        (FRAME, 60_001, 500, 60_001),
+        (FRAME, 299_500, 500, 299_500),
+        (FRAME, 299_501, 500, 360_000),
+        (FRAME, 310_000, 500, 360_000),
         # Where there is no choice it is now, or as soon as the timeslots are over.
-        *((TdmaWindow(300_000, 300_000), 7, 500, 7), (ALWAYS, 7, 500, 7), (FRAME, 7, 999_999, 60_000)),
+        (TdmaWindow(300_000, 300_000), 7, 500, 7),
+        (ALWAYS, 7, 500, 7),
+        (FRAME, 7, 999_999, 60_000),
     ],
 )
 def test_by_hand(window: TdmaWindow, now_ms: int, lasting_ms: int, first_ms: int) -> None:

@@ -25,7 +25,10 @@ def stepped(charge: float, coils: float, load: float, minutes: int, steps: int =
     [
         *(
             pytest.param(
-                *(1.2435, 0.00004, *it, pytest.approx(stepped(it[0], 1.2435, 0.00004, it[1]), abs=5e-4)),
+                1.2435,
+                0.00004,
+                *it,
+                pytest.approx(stepped(it[0], 1.2435, 0.00004, it[1]), abs=5e-4),
                 id=f"the paper's difference equation, from {it[0]}",
             )
             for it in ((0.0, 100), (0.1, 300), (0.4, 90), (0.8, 20))
@@ -33,7 +36,11 @@ def stepped(charge: float, coils: float, load: float, minutes: int, steps: int =
         pytest.param(1.0, 0.0, 0.0, 485, pytest.approx(1.0, abs=0.001), id="Table I charges in 485 minutes"),
         pytest.param(1.0, 0.0, 0.0, 470, pytest.approx(0.48, abs=0.48), id="and no earlier"),
         pytest.param(
-            *(1.0, 0.005, 0.1, 10, pytest.approx(0.1 - 10 * (0.005 - 0.001045))),
+            1.0,
+            0.005,
+            0.1,
+            10,
+            pytest.approx(0.1 - 10 * (0.005 - 0.001045)),
             id="a load above what the charger gives lowers it",
         ),
         pytest.param(1.0, 0.005, 0.01, 1000, 0.0, id="until it is empty"),

@@ -223,7 +223,10 @@ HOW_SURE: dict[str, tuple[WaterParameters, Steps, float, float]] = {
     "a fix ten seconds after another counts": (GPS, AFLOAT[:2], 0.207, 0.209),
     "and none a millisecond earlier": (GPS, [AFLOAT[0], *TOO_SOON], 1.24, 1.25),
     "the way down does not": (
-        *(GPS, [AFLOAT[0], *unread((Docked(), 1000), (Released(3.0, 4.0), HOUR))], 37.0, 37.0),
+        GPS,
+        [AFLOAT[0], *unread((Docked(), 1000), (Released(3.0, 4.0), HOUR))],
+        37.0,
+        37.0,
     ),
     "who states where it is is believed each time": (replace(GPS, is_ground_truth=True), BELOW, 0.0, 0.05),
 }
@@ -387,19 +390,22 @@ SCENES: dict[str, tuple[dict[str, Any], dict[int, Schedule], Steps]] = {
         [
             *unread(heard(0, State.SLEEPING, 0.5)),
             (
-                *(Permitted(), HOUR),
+                Permitted(),
+                HOUR,
                 {"mode": Mode.SURFACING, "primary": pytest.approx(0.5 - 60 * ASLEEP, abs=1e-3)},
             ),
             (None, HOUR + 2000, {"primary": pytest.approx(0.5 - 60 * ASLEEP - 0.9 * 0.027, abs=0.001)}),
             (Permitted(), HOUR + 1000, {}),
             (None, HOUR + 2000, {"primary": pytest.approx(0.5 - 60 * ASLEEP - 0.9 * 0.027, abs=0.001)}),
             (
-                *(Docked(), HOUR + 600_000),
+                Docked(),
+                HOUR + 600_000,
                 {"mode": Mode.CHARGING_PRIMARY, "learned_from": Source.PACKET | Source.DOCKING},
             ),
             (None, 8 * HOUR, {"primary": above(0.98), "heard_ms": 0}),
             (
-                *(Released(20.0, 30.0), 8 * HOUR),
+                Released(20.0, 30.0),
+                8 * HOUR,
                 {
                     "mode": Mode.ASLEEP,
                     "place": (20.0, 30.0),
@@ -419,7 +425,8 @@ SCENES: dict[str, tuple[dict[str, Any], dict[int, Schedule], Steps]] = {
             (None, HOUR + 60_000, {Mode.FLOATING: pytest.approx(0.4737, abs=1e-4)}),
             (None, HOUR + 91_000, {Mode.FLOATING: pytest.approx(0.0826, abs=1e-4), "mode": Mode.ASLEEP}),
             (
-                *(Permitted(), HOUR + 91_000),
+                Permitted(),
+                HOUR + 91_000,
                 {
                     Mode.SURFACING: pytest.approx(0.9),
                     "primary": pytest.approx(
@@ -438,7 +445,8 @@ SCENES: dict[str, tuple[dict[str, Any], dict[int, Schedule], Steps]] = {
         [
             *unread(*(heard(n * 600_000, State.SLEEPING, 0.97 - 10 * n * ASLEEP, n) for n in range(12))),
             (
-                *(None, 110 * 60_000),
+                None,
+                110 * 60_000,
                 {
                     "low": below(0.97 - 0.033 - 110 * ASLEEP),
                     "high": above(0.97 - 0.033 - 110 * ASLEEP),
@@ -454,7 +462,8 @@ SCENES: dict[str, tuple[dict[str, Any], dict[int, Schedule], Steps]] = {
         [
             *CALLED,
             (
-                *(None, HOUR + 300_000),
+                None,
+                HOUR + 300_000,
                 {
                     Mode.FLOATING: pytest.approx(0.4737, abs=1e-3),
                     "primary": pytest.approx(
@@ -473,7 +482,8 @@ SCENES: dict[str, tuple[dict[str, Any], dict[int, Schedule], Steps]] = {
         [
             *IN_DOCK,
             (
-                *(Released(0.0, 0.0), 12 * HOUR),
+                Released(0.0, 0.0),
+                12 * HOUR,
                 {"mode": Mode.FLOATING, "primary": pytest.approx(1.0, abs=1e-3)},
             ),
             *(
@@ -485,7 +495,8 @@ SCENES: dict[str, tuple[dict[str, Any], dict[int, Schedule], Steps]] = {
                 for seconds in (10, 60, 120, 170)
             ),
             (
-                *(None, 12 * HOUR + 240_000),
+                None,
+                12 * HOUR + 240_000,
                 {
                     "mode": Mode.ASLEEP,
                     "primary": pytest.approx(1 - 0.027 - IDLE - 0.001 - 0.004 - 4 * ASLEEP, abs=3e-4),
@@ -504,7 +515,8 @@ SCENES: dict[str, tuple[dict[str, Any], dict[int, Schedule], Steps]] = {
                 {"primary": pytest.approx(0.9975, abs=5e-4)},
             ),
             (
-                *(None, 12 * HOUR + 300_000),
+                None,
+                12 * HOUR + 300_000,
                 {
                     "mode": Mode.ASLEEP,
                     "primary": pytest.approx(0.9975 - 0.027 - IDLE - 0.001 - 3 * ASLEEP, abs=4e-4),
@@ -524,7 +536,8 @@ SCENES: dict[str, tuple[dict[str, Any], dict[int, Schedule], Steps]] = {
             *unread((Released(0.0, 0.0), 12 * HOUR)),
             (None, 13 * HOUR - 1000, {"primary": pytest.approx(1 - 0.027 - IDLE - 60 * ASLEEP, abs=3e-4)}),
             (
-                *(None, 13 * HOUR + 600_000),
+                None,
+                13 * HOUR + 600_000,
                 {"primary": pytest.approx(1 - 0.027 - IDLE - 69 * ASLEEP - 0.01, abs=3e-4)},
             ),
         ],
@@ -576,7 +589,8 @@ SCENES: dict[str, tuple[dict[str, Any], dict[int, Schedule], Steps]] = {
                 )
             ),
             (
-                *(None, 199 * HOUR),
+                None,
+                199 * HOUR,
                 {"clock": (pytest.approx(30, abs=3), pytest.approx(AHEAD_MS[-1], abs=500))},
             ),
         ],
@@ -599,7 +613,8 @@ SCENES: dict[str, tuple[dict[str, Any], dict[int, Schedule], Steps]] = {
             *unread(heard(0, State.ACTIVE, 0.9)),
             (None, 10 * HOUR, {"place_cov": pytest.approx((361.0, 0.0, 361.0))}),
             (
-                *(Ranged(110.0, 3.0, -96.0, 0.25), 10 * HOUR),
+                Ranged(110.0, 3.0, -96.0, 0.25),
+                10 * HOUR,
                 {
                     "place": (pytest.approx(3.0, abs=0.1), pytest.approx(14.0, abs=3.0)),
                     "place_variance": pytest.approx(361.0, rel=0.01),

@@ -159,11 +159,13 @@ def status(sequence: int, agent_ms: int) -> StatusPacket:
     ("begins_ms", "packets", "why_not"),
     [
         pytest.param(
-            *(30_000, [status(n, THETA * 5000 * n) for n in range(1, 5)], OVERTAKEN),
+            30_000,
+            [status(n, THETA * 5000 * n) for n in range(1, 5)],
+            OVERTAKEN,
             id="packets of its first minute that waited are none of a restart",
         ),
         pytest.param(
-            *(MINUTE, [status(9, YEAR)] * 3, CANNOT_SHOW), id="the same packet agrees with nothing but itself"
+            MINUTE, [status(9, YEAR)] * 3, CANNOT_SHOW, id="the same packet agrees with nothing but itself"
         ),
     ],
 )

@@ -50,7 +50,10 @@ RUNS: dict[str, tuple[dict[str, str], str, int, str, str]] = {
     "an error is nobody's": ({"summary.json": "{}", "lab_services.py": BROKEN}, "services .", 1, ".*", ".*"),
     "an error names its package": (
         {"summary.json": "{}", "lab_services.py": BROKEN, RECORD: "lab_services.py,sha256=x,9\n"},
-        *("services .", 3, ".*", ITS_ERROR),
+        "services .",
+        3,
+        ".*",
+        ITS_ERROR,
     ),
 }
 """The files beside a stranger's package, what is typed, the exit code, and patterns of what is written."""

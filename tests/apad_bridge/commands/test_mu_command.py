@@ -137,25 +137,35 @@ LONG = f"{{hours: 475, sleep: hourly, {FULL}, secondary_use: %s, last_resort: %s
 RUNS = {
     "a trace is not printed": (PING, "", Exit.DONE, r"(?!.*PING_HEARD).*"),
     "a trace that is asked for": (
-        *(PING, "--trace", Exit.DONE),
+        PING,
+        "--trace",
+        Exit.DONE,
         r".*  0:00:00.000  OFF -POWER_CAME_ON-> BOOTING\n.*  0:30:00.000  SLEEPING -PING_HEARD-> SLEEPING\n.*",
     ),
     # An hour of a clock that gains a thousandth is 3596.404 s; half an hour after the beacon it has gained 1.8 s.
     "a clock drifts until a beacon sets it, and sink is obeyed": (
-        *(CLOCK, "--trace", Exit.DONE),
+        CLOCK,
+        "--trace",
+        Exit.DONE,
         r".*0:59:56.404  SLEEPING -ALARM_RANG-> SAMPLING.*1:59:58.202  SLEEPING -ALARM_RANG-> SAMPLING"
         r".*2:07:12.000  FLOATING -SINK_TOLD-> SINKING.*",
     ),
     "a backup": (
-        *(LONG % ("backup", "wait"), "", Exit.DONE),
+        LONG % ("backup", "wait"),
+        "",
+        Exit.DONE,
         r".*, 234 samples,.*the secondary is a backup, on which it listens\s*",
     ),
     "a secondary in use": (
-        *(LONG % ("in_use", "wait"), "", Exit.DONE),
+        LONG % ("in_use", "wait"),
+        "",
+        Exit.DONE,
         r".*, 468 samples,.*with the secondary twice that\s*",
     ),
     "a secondary in use, of which a call is kept": (
-        *(LONG % ("in_use", "call"), "", Exit.DONE),
+        LONG % ("in_use", "call"),
+        "",
+        Exit.DONE,
         r".*, 421 samples,.*with the secondary 1.8 times that\s*",
     ),
     "no folder for a VCD": (PING, "--vcd no/mu.vcd", Exit.USER_MISTAKE, r".*no/mu.vcd: No such file.*"),

@@ -256,11 +256,15 @@ OUTCOMES: dict[str, tuple[dict[str, Any], list[str], list[str]]] = {
     # Two jammed docks raise the uptime by 2 points: aMussels stay in the water, and empty themselves.
     "a dock is jammed": ({"faults": JAMMED}, [NO_ROW], [PAPER]),
     "docks in which nothing docked sustain nobody": (
-        *({"failed_docks": [1, 3]}, ["2 docks sustain at most", "Each docking failed in dock 2, 4:"], []),
+        {"failed_docks": [1, 3]},
+        ["2 docks sustain at most", "Each docking failed in dock 2, 4:"],
+        [],
     ),
     "energy of the aPad": ({"apad_energy_fraction": 0.25}, [USED], ["No figure of the aPad's energy"]),
     "no such energy": (
-        *({"apad_energy_fraction": None, "apad_energy_missing": "no figure there is"}, [UNKNOWN], [USED]),
+        {"apad_energy_fraction": None, "apad_energy_missing": "no figure there is"},
+        [UNKNOWN],
+        [USED],
     ),
 }
 """What differs from the paper's flight, of the summary or the faults; what is told of it, and what is not."""
@@ -406,8 +410,14 @@ def test_work_without_a_count_is_told_where_no_terminal_shows_it(
 @pytest.mark.parametrize(
     "command",
     [
-        *("report", "export --to mat", "replay", "pack", "branch --at 100 --lose-apad apad1"),
-        *("beliefs", "check", "explain"),
+        "report",
+        "export --to mat",
+        "replay",
+        "pack",
+        "branch --at 100 --lose-apad apad1",
+        "beliefs",
+        "check",
+        "explain",
     ],
 )
 def test_no_command_that_takes_long_is_silent(

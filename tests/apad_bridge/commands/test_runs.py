@@ -77,7 +77,9 @@ def test_no_name_and_no_figure_is_cut_on_a_screen_of_any_width(width: int) -> No
     text = " ".join("\n".join(lines).split())
     for told in (
         *(row.run for row in rows),
-        *(" 12 40 74.30 277 16 0 ", " 120 10080 100.00 123456 1234 119", "agents minutes uptime %"),
+        " 12 40 74.30 277 16 0 ",
+        " 120 10080 100.00 123456 1234 119",
+        "agents minutes uptime %",
         "stopped for 21 m",
     ):
         assert told in text

@@ -79,7 +79,8 @@ def lay_text(workspace: Path, nav_sts: str) -> None:
         ("PYTHONPATH", lambda it: lay_python_2(it, THEIRS), THEIRS),
         ("ROS_PACKAGE_PATH", lambda it: lay_text(it, "Header header\nfloat64 north\n"), OURS),
         (
-            *("ROS_PACKAGE_PATH", lambda it: lay_text(it, "no_such_msgs/Thing thing\n")),
+            "ROS_PACKAGE_PATH",
+            lambda it: lay_text(it, "no_such_msgs/Thing thing\n"),
             "NavSts.msg (no no_such_msgs/Thing)",
         ),
     ],

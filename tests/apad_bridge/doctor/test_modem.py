@@ -51,16 +51,18 @@ STATUS = b"#A007V53000R1.2.3B2020-01-01T00:00:00\r\n"
     ("answers", "echo_from", "told"),
     [
         pytest.param(
-            *({b"$?": STATUS, b"$P012": b"$P012\r\n#R012T01000\r\n"}, 12),
+            {b"$?": STATUS, b"$P012": b"$P012\r\n#R012T01000\r\n"},
+            12,
             [("OK", "address 7, 12.1 V"), ("OK", "address 12 answers, 46.9 m away")],
             id="a status, and the echo of another",
         ),
         pytest.param(
-            *({b"$?": STATUS, b"$P012": b"$P012\r\n#TO\r\n"}, 12),
+            {b"$?": STATUS, b"$P012": b"$P012\r\n#TO\r\n"},
+            12,
             [("OK", ""), ("FAIL", "none from address 12")],
             id="no echo",
         ),
-        pytest.param(*({}, None), [("FAIL", "")], id="no answer"),
+        pytest.param({}, None, [("FAIL", "")], id="no answer"),
     ],
 )
 def test_a_modems_status_and_echo_are_told(

@@ -195,10 +195,15 @@ THEIRS: dict[str, tuple[list[LoggedFact], list[tuple[float, TheirMove, TheirMove
     ),
     "another try and another teller are no other decision": (
         [
-            *(*HEARD, go_to(1.0, 5.0), go_to(1.0, 5.0, Witness.SUPERVISOR), at(5.0, 4.0), perch(6.0, 7)),
+            *HEARD,
+            go_to(1.0, 5.0),
+            go_to(1.0, 5.0, Witness.SUPERVISOR),
+            at(5.0, 4.0),
+            perch(6.0, 7),
             WorkEnded(7.0, Witness.VEHICLE, "perch 6.0", False, True),
             go_to(8.0, 6.2),  # it has drifted
-            *(perch(9.0, 7), Held(9.5, Witness.VEHICLE, 7, True)),
+            perch(9.0, 7),
+            Held(9.5, Witness.VEHICLE, 7, True),
         ],
         [(1.0, COLLECT_7, COLLECT_7)],
     ),
@@ -212,8 +217,11 @@ THEIRS: dict[str, tuple[list[LoggedFact], list[tuple[float, TheirMove, TheirMove
     ),
     "what makes no sense is left out": (
         [
-            *(at(0.0), packet(0.0, 999, 0.5, 5.0), PacketLogged(0.0, 7, "wifi", b"no packet")),
-            *(go_to(1.0, 5.0), at(2.0, 1.0)),
+            at(0.0),
+            packet(0.0, 999, 0.5, 5.0),
+            PacketLogged(0.0, 7, "wifi", b"no packet"),
+            go_to(1.0, 5.0),
+            at(2.0, 1.0),
         ],
         [(1.0, AWAY, OUR_WAIT)],
     ),
@@ -227,8 +235,15 @@ THEIRS: dict[str, tuple[list[LoggedFact], list[tuple[float, TheirMove, TheirMove
     ),
     "an aMussel that a supervisor's first sample shows docked is no decision until it leaves": (
         [
-            *(*HEARD, *seen(200.0, (7, True)), at(230.0), *seen(300.0, (3, True)), at(330.0)),
-            *(*seen(400.0, (7, False))[1:], at(430.0), *seen(500.0, (7, True))[1:], at(530.0)),
+            *HEARD,
+            *seen(200.0, (7, True)),
+            at(230.0),
+            *seen(300.0, (3, True)),
+            at(330.0),
+            *seen(400.0, (7, False))[1:],
+            at(430.0),
+            *seen(500.0, (7, True))[1:],
+            at(530.0),
         ],
         [(300.0, COLLECT_3, ANY), (400.0, DEPLOY_7, ANY), (500.0, COLLECT_7, ANY)],
     ),

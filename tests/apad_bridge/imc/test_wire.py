@@ -90,7 +90,8 @@ def test_a_listed_console_gives_orders_from_its_other_interfaces_once_it_has_ann
     elsewhere = ReceivedMessage(order, ("10.0.200.9", port), by_multicast=False)
     services = f"imc+udp://172.17.0.1:{port}/;imc+udp://10.0.200.9:{port}/;imc+udp://10.0.200.10:7001/"
     for src, sender, obeyed in (
-        *((0x4002, (host, port), False), (NEPTUS, ("192.0.2.1", port), False)),
+        (0x4002, (host, port), False),
+        (NEPTUS, ("192.0.2.1", port), False),
         (NEPTUS, (host, 40_000), True),
     ):
         announced = packet(codec, "Announce", src, 0xFFFF, sys_name="n", sys_type=0, services=services)

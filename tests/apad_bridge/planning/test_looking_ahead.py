@@ -126,7 +126,9 @@ def test_a_projection_of_nobody_low_lets_the_fleet_drain() -> None:
         pytest.param({"charge_lead": 0.25}, 0.4, 0.0, id="it leads the waiting one by enough"),
         # One rises while the other falls.
         pytest.param(
-            *({"charge_lead": 0.4}, 0.4, 0.1 / (RATE_AT_0_7 + MODEL.drain_per_s)),
+            {"charge_lead": 0.4},
+            0.4,
+            0.1 / (RATE_AT_0_7 + MODEL.drain_per_s),
             id="it leads by enough a little later",
         ),
     ],

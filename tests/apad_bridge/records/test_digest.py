@@ -129,7 +129,7 @@ DRIFTED = {"t": 1500, "kind": "truth", **TRUTH, "north_um": 13_000_000, "agent_m
         pytest.param([*LINES, *FURTHER], False, id="the machine's clock, notes and unknown kinds"),
         pytest.param([*LINES[:5], DRIFTED, *LINES[5:]], False, id="a truth in which nothing changes"),
         pytest.param(
-            *([*LINES[:5], DRIFTED | {"state": "SINKING"}, *LINES[5:]], True), id="a truth of another state"
+            [*LINES[:5], DRIFTED | {"state": "SINKING"}, *LINES[5:]], True, id="a truth of another state"
         ),
         pytest.param([*LINES, LINES[-1]], True, id="the same event twice"),
     ],

@@ -223,7 +223,8 @@ JOURNALED = {
     # Of an aMussel that died in its sleep: its death is at the end of the last window that it answered.
     "a truth that becomes known late with the time at which it did": (
         [
-            *(seen(hand_made(60_000)), at(5000)),
+            seen(hand_made(60_000)),
+            at(5000),
             seen(hand_made(90_000, charge=0), hand_made(150_001, 4), hand_made(150_000, charge=5)),
         ],
         ("truth", "t", "id", "agent_ms"),
@@ -232,8 +233,14 @@ JOURNALED = {
     # The third is 2 degrees, across the south.
     "the aPad when it matters": (
         [
-            *(apad(0), apad(1000, 0.05), apad(2000, 0.06), apad(3000, 0.06, -3.11), apad(4000, 0.06, -3.0)),
-            *(apad(5000, 0.06, -3.0, 0.8951), apad(6000, 0.06, -3.0, 0.8949), apad(7000, *AT_LAST[:4])),
+            apad(0),
+            apad(1000, 0.05),
+            apad(2000, 0.06),
+            apad(3000, 0.06, -3.11),
+            apad(4000, 0.06, -3.0),
+            apad(5000, 0.06, -3.0, 0.8951),
+            apad(6000, 0.06, -3.0, 0.8949),
+            apad(7000, *AT_LAST[:4]),
             *(apad(it, *AT_LAST) for it in (8000, 9000, 67_000, 68_000, 69_000)),
         ],
         ("apad", "t", "docks"),

@@ -41,12 +41,15 @@ STORIES: dict[str, tuple[list[dict[str, Any]], Callable[[Any], Any], Any]] = {
     "a stop has its states with their times": (HELD, shown, (1, "hold", "Anna", STATES, "")),
     "until somebody continues": ([*HELD, line(30, "continued", number=1, by="Anna")], shown, None),
     "a later stop is in force": (
-        *([*HELD, OFF], shown),
+        [*HELD, OFF],
+        shown,
         (2, "off", "guard: frozen", (("ordered", 30),), "it stands still"),
     ),
     "until it ends, too": ([*HELD, OFF, line(40, "continued", number=2, by="Anna")], shown, None),
     "a refused stop changes nothing and is shown": (
-        *([*HELD, REFUSED], refused, (1, (2, "the pilot has it"))),
+        [*HELD, REFUSED],
+        refused,
+        (1, (2, "the pilot has it")),
     ),
     "until another is ordered": ([*HELD, REFUSED, stop(40, 3, "hold", "ordered")], refused, (3, None)),
     "a drift lasts as long as there is no thrust": (DRIFTS, drift, DRIFT),

@@ -146,8 +146,10 @@ def is_cut(server: Server, service: Any) -> None:
         ),
         pytest.param(
             [
-                *((connects, []), (calls_in_vain, ["request on 1", "end of 1"])),
-                *((calls_in_vain, ["request on 2", "end of 2"]), (calls, ["request on 3"])),
+                (connects, []),
+                (calls_in_vain, ["request on 1", "end of 1"]),
+                (calls_in_vain, ["request on 2", "end of 2"]),
+                (calls, ["request on 3"]),
             ],
             id="a call without an answer ends its connection before the next request goes out",
         ),

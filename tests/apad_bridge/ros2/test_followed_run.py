@@ -76,7 +76,8 @@ KNOWN: dict[str, tuple[list[Act], Callable[[Any], object], object]] = {
     "the velocity is that of the last two places": (
         [
             lambda it: it.apad(1000, 5.0, 5.0, EAST_RAD + 0.3),
-            *(lambda it: it.apad(3000, 6.0, 7.0, EAST_RAD), lambda it: it.apad(4000, 8.0, 7.0, 0.0)),
+            lambda it: it.apad(3000, 6.0, 7.0, EAST_RAD),
+            lambda it: it.apad(4000, 8.0, 7.0, 0.0),
         ],
         velocity,
         pytest.approx((2.0, 0.0, EAST_RAD)),
@@ -93,17 +94,20 @@ KNOWN: dict[str, tuple[list[Act], Callable[[Any], object], object]] = {
     **{
         f"a velocity of two places that are {at_ms - 1000} ms apart": (
             [lambda it: it.apad(1000, 0.0, 0.0), lambda it, at_ms=at_ms: it.apad(at_ms, 1.0, 0.0)],
-            *(is_moving, is_known),
+            is_moving,
+            is_known,
         )
         for at_ms, is_known in ((1000, False), (1001, True), (6000, True), (6001, False))
     },
     **{
         f"a velocity of {at_ms - 2000} ms ago": (
             [
-                *(lambda it: it.apad(1000, 0.0, 0.0), lambda it: it.apad(2000, 1.0, 0.0)),
+                lambda it: it.apad(1000, 0.0, 0.0),
+                lambda it: it.apad(2000, 1.0, 0.0),
                 lambda it, at_ms=at_ms: it.belief(at_ms, 7),
             ],
-            *(is_moving, is_known),
+            is_moving,
+            is_known,
         )
         for at_ms, is_known in ((7000, True), (7001, False))
     },
@@ -136,7 +140,8 @@ KNOWN: dict[str, tuple[list[Act], Callable[[Any], object], object]] = {
     **{
         f"a plan of which {left} places are left leads through those that are known": (
             [*PLACES, plan(left, *COLLECT)],
-            *(lambda it: it.plan_m, way_m),
+            lambda it: it.plan_m,
+            way_m,
         )
         for left, way_m in ((3, [(1.0, 2.0), (3.0, 4.0)]), (1, [(3.0, 4.0)]), (0, []))
     },

@@ -25,7 +25,8 @@ def test_a_hash_is_the_one_of_ros_2(kind: str, hexadecimal: str) -> None:
     ("kind", "fields", "hexadecimal"),
     [
         (
-            *("rosgraph_msgs/Clock", {"clock": make("builtin_interfaces/Time", sec=258, nanosec=3)}),
+            "rosgraph_msgs/Clock",
+            {"clock": make("builtin_interfaces/Time", sec=258, nanosec=3)},
             "00010000" + "02010000" + "03000000",
         ),
         ("std_msgs/String", {"data": "ab"}, "00010000" + "03000000" + "616200"),

@@ -273,12 +273,14 @@ WITNESS = "the vehicle reports it in a dock, the aMussel is not heard in it"
                 else event_of("primitive", FAILS | {"dock": dock})
                 for dock, closed in ((0, 0), (0, 0), (1, 0), (2, 1), (2, 0), (2, 0), (3, 0), (3, 1), (0, 0))
             ],
-            *("failed_docks", [0]),
+            "failed_docks",
+            [0],
             id="a dock that never closed has failed, and one that missed once has not",
         ),
         pytest.param(
             [DocksDisagree(agent_id, WITNESS) for agent_id in (3, 4)],
-            *("causes", {WITNESS: 2}),
+            "causes",
+            {WITNESS: 2},
             id="a charge that no second witness proves is a cause with its count",
         ),
     ],

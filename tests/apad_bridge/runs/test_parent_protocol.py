@@ -31,9 +31,16 @@ PLAIN = st.recursive(
 )
 STATUSES = st.builds(
     RunStatus,
-    *(st.integers(), st.text(), st.text(), st.integers(), st.integers()),
-    *(st.lists(IDS).map(tuple), st.integers()),
-    *(NUMBERS, st.none() | NUMBERS, NUMBERS),
+    st.integers(),
+    st.text(),
+    st.text(),
+    st.integers(),
+    st.integers(),
+    st.lists(IDS).map(tuple),
+    st.integers(),
+    NUMBERS,
+    st.none() | NUMBERS,
+    NUMBERS,
 )
 MESSAGES: dict[type, st.SearchStrategy[ParentMessage]] = {
     RunStatus: STATUSES,

@@ -223,13 +223,12 @@ def test_the_order_and_the_first_number_of_nodes_do_not_matter(tmp_path: Path) -
     same, other = np.arange(len(places)), np.random.default_rng(7).permutation(len(places))
     first = text(same)
     for how in (
-        *(
-            {"first_node": 0},
-            {"start_index": 1},
-            {"first_node": 0, "start_index": 0},
-            {"is_transposed": True},
-        ),
-        *({"is_ugrid": True, "first_node": 0}, {"is_ugrid": True, "first_node": 1, "start_index": 1}),
+        {"first_node": 0},
+        {"start_index": 1},
+        {"first_node": 0, "start_index": 0},
+        {"is_transposed": True},
+        {"is_ugrid": True, "first_node": 0},
+        {"is_ugrid": True, "first_node": 1, "start_index": 1},
         {"is_ugrid": True, "first_node": 0, "is_transposed": True},
     ):
         assert text(same, **how) == first

@@ -638,7 +638,9 @@ HOME = {"charging_w": 200, "go_at": 0.3}
             id="links that cut nothing",
         ),
         pytest.param(
-            *(WHOLE_FILE, {"hearing.mode": "physical", "water": {"links_file": "links.csv"}}, []),
+            WHOLE_FILE,
+            {"hearing.mode": "physical", "water": {"links_file": "links.csv"}},
+            [],
             id="links that cut",
         ),
         pytest.param(WHOLE_FILE, {"hearing.mode": "paper", "water": {}}, [], id="no links"),
@@ -695,8 +697,15 @@ def test_a_tag_changes_no_values_form(refusals: Refusals, value: str, line: str)
 @pytest.mark.parametrize(
     ("text", "value"),
     [
-        *(("!!int 7", 7), ("!!float 3", 3.0), ("!!bool true", True), ("!!null ~", None)),
-        *(("-.inf", -math.inf), ("+.Inf", math.inf), (".5e1", 5.0), ("1e-3", 0.001), ("-0", 0)),
+        ("!!int 7", 7),
+        ("!!float 3", 3.0),
+        ("!!bool true", True),
+        ("!!null ~", None),
+        ("-.inf", -math.inf),
+        ("+.Inf", math.inf),
+        (".5e1", 5.0),
+        ("1e-3", 0.001),
+        ("-0", 0),
     ],
 )
 def test_values_are_those_of_the_core_schema(text: str, value: object) -> None:

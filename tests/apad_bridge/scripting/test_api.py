@@ -233,16 +233,21 @@ def test_a_scene(pool: Scenario, steps: list[tuple[Call, Any]]) -> None:
 SCRIPTS = {
     "abort ends the flight there, whatever the script catches": (
         "time.sleep(7)\ntry:\n    api.abort('seen enough')\nexcept Exception:\n    print('swallowed')\nprint('went on')\n",
-        *("seen enough", 7.0, ()),
+        "seen enough",
+        7.0,
+        (),
     ),
     "who polls without letting time pass is told so": (
         "api.go_to_local(0, 0)\nwhile api.goto_status() == 1:\n    pass\n",
-        *(f"{EndReason.SCRIPT_FAILED}: .*put a time.sleep into the loop.*", 0.0, ()),
+        f"{EndReason.SCRIPT_FAILED}: .*put a time.sleep into the loop.*",
+        0.0,
+        (),
     ),
     "an error is one line that names the script's own": (
         "time.sleep(3)\n\ndef deep():\n    return api.battery(1) / 0\n\ndeep()\n",
         f"{EndReason.SCRIPT_FAILED}: mine.py, line 4: ZeroDivisionError: float division by zero",
-        *(3.0, ()),
+        3.0,
+        (),
     ),
     # A sleep ends at the first tick at or after its end.
     "time is mission time however it is got": (
@@ -250,15 +255,15 @@ SCRIPTS = {
         "before = time.time(), again.monotonic(), time.perf_counter_ns()\nsleep(2.5)\nagain.sleep(1)\n"
         "print(before, again.time(), time.monotonic_ns(), callable(strftime), __name__)\n"
         "print('two', 'words', sep='-', end='!')\nprint('a\\nb')\nraise SystemExit\n",
-        *(
-            EndReason.SCRIPT_ENDED,
-            4.0,
-            ("(0.0, 0.0, 0) 4.0 4000000000 True __main__", "two-words!", "a", "b"),
-        ),
+        EndReason.SCRIPT_ENDED,
+        4.0,
+        ("(0.0, 0.0, 0) 4.0 4000000000 True __main__", "two-words!", "a", "b"),
     ),
     "it may import what lies beside it": (
         "from my_routes_x17 import ROUTE\napi.go_to_local(*ROUTE[0])\nprint(api.wait_goto())\n",
-        *(EndReason.SCRIPT_ENDED, 3.0, (str(Status.DONE),)),
+        EndReason.SCRIPT_ENDED,
+        3.0,
+        (str(Status.DONE),),
     ),
 }
 """A script's text, the end of its flight, the mission time of that in s, and what the script said."""

@@ -55,8 +55,10 @@ KNOWN_ROWS = [row("cautious", 50, 30, 900), row("greedy", 52, 20, 400)]
         ([row("a", 51, 50, 10)], "greedy"),
         (
             [
-                *(row("a", 55, 20, 800), row("a", 55, 20, 100, seed=2)),
-                *(row("cautious", 50, 30, 900, seed=2), row("greedy", 52, 20, 520, seed=2)),
+                row("a", 55, 20, 800),
+                row("a", 55, 20, 100, seed=2),
+                row("cautious", 50, 30, 900, seed=2),
+                row("greedy", 52, 20, 520, seed=2),
             ],
             "greedy",
         ),

@@ -102,8 +102,12 @@ def test_shipped_starts_give_the_bay_s_row_and_nearly_those_of_the_pool(tmp_path
     findings = FittedStarts(plan, fly_study(plan, tmp_path, 2))
     found = {(it["row"], it["seconds"]): it for it in findings.as_data()["fitted"]}
     assert list(found) == [
-        *[("Cautious", 2400), ("Greedy", 2400), ("Greedy", 2326)],
-        *[("Greedy (bay)", 2553), ("Greedy (bay)", 2400), ("No charging", 2400)],
+        ("Cautious", 2400),
+        ("Greedy", 2400),
+        ("Greedy", 2326),
+        ("Greedy (bay)", 2553),
+        ("Greedy (bay)", 2400),
+        ("No charging", 2400),
     ]
     for row, part in (("Cautious", 2400), ("Greedy", 2326), ("Greedy (bay)", 2553), ("No charging", 2400)):
         nearly = 1.0 if "bay" in row or row == "No charging" else 2.1

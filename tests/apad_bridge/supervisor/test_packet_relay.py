@@ -287,7 +287,14 @@ def test_story(division: Division, story: str) -> None:
 @pytest.mark.parametrize(
     "data",
     [
-        *(b"", b"{", b"[]", b"[0, 1]", b'["x"]', b"[99]", b"\xff", b"null"),
+        b"",
+        b"{",
+        b"[]",
+        b"[0, 1]",
+        b'["x"]',
+        b"[99]",
+        b"\xff",
+        b"null",
         b"[" * 1024,  # deeper than a parser may go
         b"[0,%d,0]" % 10**30,  # farther away than anything, and more than a link to an agent carries
         b"[8,99]",  # a reset is no contact; one by no cause would end the aMussel's process

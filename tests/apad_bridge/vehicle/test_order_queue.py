@@ -254,9 +254,14 @@ STORIES: dict[str, list[Step]] = {
         ("put", FIRST, 0, [Write(FIRST)]),
         ("put", SECOND, 10, []),
         (
-            *("put", HOLD, 20),
+            "put",
+            HOLD,
+            20,
             [
-                *(Ended(SECOND, STOPPED_BEFORE), CutLine("orders"), Ended(FIRST, CUT), Write(HOLD)),
+                Ended(SECOND, STOPPED_BEFORE),
+                CutLine("orders"),
+                Ended(FIRST, CUT),
+                Write(HOLD),
                 OpenLine("orders"),
             ],
         ),

@@ -109,7 +109,10 @@ VIRTUAL: tuple[Any, ...] = (
 ROWS = {
     # Over ROS, with all that serves people beside it.
     "pool": Row(
-        *("pool-12", POOL, 8.0, "own"),
+        "pool-12",
+        POOL,
+        8.0,
+        "own",
         (*ALIVE, (PARENT, SIGKILL), *_each(*SERVICES)),
         ENDS,
         resumes=True,
@@ -118,7 +121,10 @@ ROWS = {
     ),
     # Over ROS, whole boards that speak through the water.
     "sound": Row(
-        *("sound-12", SOUND, 30.0, "own"),
+        "sound-12",
+        SOUND,
+        30.0,
+        "own",
         (*ALIVE, (PARENT, SIGKILL), *_each("console")),
         ENDS,
         resumes=True,
@@ -127,13 +133,19 @@ ROWS = {
     ),
     # Three aPads that follow one clock, each with a share of the fleet.
     "several": Row(
-        *("bay-120", SEVERAL, 10.0, "followed"),
+        "bay-120",
+        SEVERAL,
+        10.0,
+        "followed",
         (*ALIVE, ("clock", SIGSTOP), ("aPad", SIGKILL)),
         (*_each("clock")[:2], *_each("master")[:2], (PARENT, SIGTERM)),
     ),
     # The same with a sea that they share.
     "several by sound": Row(
-        *("sound-12", SEVERAL | {"theta": 30}, 10.0, "followed"),
+        "sound-12",
+        SEVERAL | {"theta": 30},
+        10.0,
+        "followed",
         (*ALIVE, *((it, SIGSTOP) for it in ("sea", "clock")), ("aPad", SIGKILL)),
         (*_each("sea")[:2], *_each("clock")[:2], *_each("master")[:2], (PARENT, SIGTERM)),
     ),

@@ -127,15 +127,13 @@ AT_THE_EDGE = CaseReading("at the edge", "3s permission 70s rises 1min falls 1s"
 @pytest.mark.parametrize(
     ("case", "config", "how", "verdict", "reason"),
     [
-        pytest.param(*(DIVE, SLOW, {}), Verdict.FAILED, "expected 73.050 s charges", id="a slower debounce"),
+        pytest.param(DIVE, SLOW, {}, Verdict.FAILED, "expected 73.050 s charges", id="a slower debounce"),
         pytest.param(
-            *(
-                DIVE,
-                replace(WORST, release_wait_ms=100),
-                {},
-                Verdict.FAILED,
-                "expected 3674.000 s motors sink",
-            ),
+            DIVE,
+            replace(WORST, release_wait_ms=100),
+            {},
+            Verdict.FAILED,
+            "expected 3674.000 s motors sink",
             id="no wait for the release",
         ),
         # 0.3 % of what flowed is the bound.
@@ -143,17 +141,27 @@ AT_THE_EDGE = CaseReading("at the edge", "3s permission 70s rises 1min falls 1s"
         pytest.param(HOURS, drawing(1006), {}, Verdict.FAILED, "", id="0.6 % of another load"),
         pytest.param(CHOSEN, SLOW, {}, Verdict.DIFFERS, "", id="our own choice"),
         pytest.param(
-            *(DIVE, SLOW, {"waivers": {"dive": "our contact is slow"}}, Verdict.WAIVED),
+            DIVE,
+            SLOW,
+            {"waivers": {"dive": "our contact is slow"}},
+            Verdict.WAIVED,
             "our contact is slow (expected 73.050 s",
             id="a waived case names its reason",
         ),
         pytest.param(
-            *(DIVE, HASTY, {"readings": [AT_THE_EDGE]}, Verdict.DIFFERS),
+            DIVE,
+            HASTY,
+            {"readings": [AT_THE_EDGE]},
+            Verdict.DIFFERS,
             "at the edge (expected 3674.000 s motors sink, found it at 3673.050 s",
             id="another reading of the paper",
         ),
         pytest.param(
-            *(DIVE, replace(WORST, release_wait_ms=500), {"readings": [AT_THE_EDGE]}, Verdict.FAILED, ""),
+            DIVE,
+            replace(WORST, release_wait_ms=500),
+            {"readings": [AT_THE_EDGE]},
+            Verdict.FAILED,
+            "",
             id="neither reading of the paper",
         ),
         pytest.param(replace(DIVE, shows="state SINKING"), WORST, {}, Verdict.PASSED, "", id="what it cites"),

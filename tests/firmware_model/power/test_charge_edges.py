@@ -36,13 +36,17 @@ CHARGES, RESTS = {"flow": True}, {"flow": False}
 STORIES: dict[str, tuple[Callable[[], Bench], str, str, list[str], dict[str, object]]] = {
     # The charger did not wait for the firmware: 3 min at the two coils' second rate, less a part of the load.
     "a missed rising edge is found by the next sample of the level": (
-        *(lambda: asleep(primary=0.5), "0ms", "rises_unseen 3min"),
+        lambda: asleep(primary=0.5),
+        "0ms",
+        "rises_unseen 3min",
         [f"180000 {MISSED}", "180050 SLEEPING -CHARGE_EDGE_ROSE-> CHARGING"],
         {"charge": pytest.approx(0.5 + 3 * 1.2435 * 0.00223, abs=0.0015)},
     ),
     "a missed falling edge charges no more": (asleep, "rises 2min", "falls_unseen", [], RESTS),
     "a missed falling edge is found too and it still waits for the word to sink": (
-        *(asleep, "rises 2min", "falls_unseen 4min"),
+        asleep,
+        "rises 2min",
+        "falls_unseen 4min",
         [
             f"300000 {MISSED}",
             "300050 CHARGING -CHARGE_EDGE_FELL-> RELEASED",
@@ -52,7 +56,9 @@ STORIES: dict[str, tuple[Callable[[], Bench], str, str, list[str], dict[str, obj
     ),
     # The wake's next step, to the Pi, reads the pin.
     "a wake finds a missed edge before the period does": (
-        *(in_the_field, "3605000ms", "rises_unseen 1min"),
+        in_the_field,
+        "3605000ms",
+        "rises_unseen 1min",
         [
             "3610000 SAMPLING -SAMPLES_TO_PROCESS-> PROCESSING",
             f"3610000 {MISSED}",
@@ -61,18 +67,24 @@ STORIES: dict[str, tuple[Callable[[], Bench], str, str, list[str], dict[str, obj
         CHARGES,
     ),
     "chatter in the dock is no release while the charger runs for most of it": (
-        *(asleep, "rises 1min", "chatter:30:10:250 rises 5min"),
+        asleep,
+        "rises 1min",
+        "chatter:30:10:250 rises 5min",
         [f"{180_001 + 2000 * n + 30} {CHATTER}" for n in (1, 2, 3, 4, 5)],
         {"state": State.CHARGING},
     ),
     # The battery does not charge either: its gain in those 2.5 s of 10 s is 0.0001.
     "chatter of a charger that hardly runs is no dock": (
-        *(asleep, "0ms", "chatter:10:30:250 1min"),
+        asleep,
+        "0ms",
+        "chatter:10:30:250 1min",
         [f"{120_001 + 2000 * n} {CHATTER}" for n in (1, 2, 3, 4, 5)],
         {**RESTS, "state": State.SLEEPING},
     ),
     "an edge while it boots is known once it has booted": (
-        *(lambda: Bench(board(HOURLY, power())), "1000ms", "rises_unseen 2000ms"),
+        lambda: Bench(board(HOURLY, power())),
+        "1000ms",
+        "rises_unseen 2000ms",
         [
             "2000 BOOTING -BOOTED_ON_BOTTOM-> ACTIVE",
             f"2000 {MISSED}",

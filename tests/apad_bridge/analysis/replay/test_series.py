@@ -152,7 +152,9 @@ PAGES = {
         1,
         [
             *truth_lines(truth(0, 1, 0.5, north_m=7.0), truth(20_000, 1, 0.5, docked=True, north_m=7.0)),
-            *(apad(0, 3.0), apad(3000, 12.0, docks=(-1, 1, -1, -1)), {"t": 4000, "kind": "tick"}),
+            apad(0, 3.0),
+            apad(3000, 12.0, docks=(-1, 1, -1, -1)),
+            {"t": 4000, "kind": "tick"},
         ],
         {
             "agents.0.north": [7.0, 7.0, 3.0, 12.0, 12.0],
@@ -164,7 +166,8 @@ PAGES = {
     "without truth it shows what was believed": (
         1,
         [
-            *(believed(1000, 1, 0.9), believed(2000, 1, 0.7, reported={"depth_m": 3.5})),
+            believed(1000, 1, 0.9),
+            believed(2000, 1, 0.7, reported={"depth_m": 3.5}),
             apad(3000, 9.0, docks=(1, -1, -1, -1)),
         ],
         {
@@ -178,7 +181,8 @@ PAGES = {
         1,
         [
             *truth_lines(truth(0, 1, 0.9)),
-            *(DIED | {"cause": "BROWN_OUT", "reason": "killed"}, {"t": 4000, "kind": "tick"}),
+            DIED | {"cause": "BROWN_OUT", "reason": "killed"},
+            {"t": 4000, "kind": "tick"},
         ],
         {"agents.0.status": [ABOVE] * 2 + [LOST] * 3, "active": [1, 1, 0, 0, 0]},
     ),
@@ -187,8 +191,11 @@ PAGES = {
         3,
         [
             *truth_lines(truth(0, 1, 0.8), truth(0, 2, 0.8)),
-            *(believed(0, 2, 0.8), interval(1000, 0.75, 0.71, 0.79), interval(3000, 0.7, 0.66, 0.74)),
-            *(interval(2000, 0.6, 0.58, 0.62) | {"id": 3}, at_the_end(4000)),
+            believed(0, 2, 0.8),
+            interval(1000, 0.75, 0.71, 0.79),
+            interval(3000, 0.7, 0.66, 0.74),
+            interval(2000, 0.6, 0.58, 0.62) | {"id": 3},
+            at_the_end(4000),
         ],
         {
             "agents.0.charge": [0.8] * 5,
@@ -265,7 +272,8 @@ PAGES = {
             {"t": 0, **PLANNED, "what": "collect", "steps": STEPS},
             mission(0, "idle wait", plan=TOUR, cost_m=0, homes=[[2, 7.0, 8.0], [4, 1.0, 2.0]]),
             {"t": 1000, **PLANNED, "what": "redeploy", "steps": STEPS},
-            *(apad(0, 1.0), apad(1000, 1.0)),
+            apad(0, 1.0),
+            apad(1000, 1.0),
         ],
         {"now.0.plan.done": 0, "now.0.plan.places": [], "now.1.plan.places": [[1.0, 2.0], [7.0, 8.0]]},
     ),
@@ -374,7 +382,8 @@ VIEWS = {
     "the newest sample brings what a page lacks and no more": [
         (story()[1:4], 0, {}),
         (
-            *(story()[4:], 4000),
+            story()[4:],
+            4000,
             {
                 "newest.t": 4000,
                 "newest.docks": [2, None, None, None],
@@ -391,11 +400,13 @@ VIEWS = {
     "a suspect is named with its time and its reason, to a page that is open already, too": [
         ([], 0, {"data.suspects": []}),
         (
-            *([SUSPECT], 3000),
+            [SUSPECT],
+            3000,
             {f"{it}.suspects": [(3000, 2, SUSPECT["reason"], None)] for it in ("newest", "data")},
         ),
         (
-            *([{"t": 5000, "kind": "suspect_over", "id": 2}], 5000),
+            [{"t": 5000, "kind": "suspect_over", "id": 2}],
+            5000,
             {f"{it}.suspects": [(3000, 2, SUSPECT["reason"], 5000)] for it in ("newest", "data")},
         ),
     ],
@@ -404,7 +415,8 @@ VIEWS = {
         ([{"t": 1000, **CAPACITY, "low": 0.6, "high": 1.0}], 1000, {}),
         ([], 2000, {}),
         (
-            *([{"t": 3000, **CAPACITY, "low": 0.7312, "high": 0.8188}], 3000),
+            [{"t": 3000, **CAPACITY, "low": 0.7312, "high": 0.8188}],
+            3000,
             {
                 "data.agents.0.capacity": None,
                 "data.agents.1.capacity": [None, [0.6, 1.0], [0.6, 1.0], [0.73, 0.82]],

@@ -42,14 +42,19 @@ KEPT = np.concatenate((np.arange(0, 90), np.arange(140, len(CURVE))))
     ("given_log", "segments", "expected", "rel", "also"),
     [
         pytest.param(
-            *(log(charged(EQUATION_2, 1 / 60), 1 / 60), None, [it for row in EQUATION_2 for it in row], 2e-3),
+            log(charged(EQUATION_2, 1 / 60), 1 / 60),
+            None,
+            [it for row in EQUATION_2 for it in row],
+            2e-3,
             {"direction": Direction.CHARGING, "rmse": pytest.approx(0, abs=1e-4)},
             id="the paper's charging curve",
         ),
-        pytest.param(*(log(BENT), 2, [0.4, 0.002, 1.0, 0.005], 1e-3, {}), id="a log that stops short"),
+        pytest.param(log(BENT), 2, [0.4, 0.002, 1.0, 0.005], 1e-3, {}, id="a log that stops short"),
         pytest.param(
             BatteryLog("a.csv", KEPT.astype(float), CURVE[KEPT], 7),
-            *(None, [it for row in EQUATION_2 for it in row], 0.02),
+            None,
+            [it for row in EQUATION_2 for it in row],
+            0.02,
             {"gaps": ((89.0, 140.0),), "left_out": 7},
             id="gaps are told and fitted across",
         ),

@@ -131,7 +131,10 @@ class Recorder:
     def _result(self, at_ms: int, key: str, code: int) -> None:
         result = made("apad/aPadResult", 0, 0, pose(0.0, 0.0))
         self._action(
-            *(at_ms, key, "result", "apad/aPadActionResult"),
+            at_ms,
+            key,
+            "result",
+            "apad/aPadActionResult",
             lambda goal_id: (made("actionlib_msgs/GoalStatus", goal_id, code, ""), result),
         )
 

@@ -20,16 +20,16 @@ from apad_bridge.vehicle.guards.stops import Latch, Stops
     ("heard_ms", "is_off", "number"),
     [
         # It is the position's age, and ends with a stale one.
-        *(
-            (None, False, None),
-            (4_600, False, 0.4),
-            (5_100, False, 0.0),
-            (2_000, False, 3.0),
-            (1_999, False, None),
-        ),
+        (None, False, None),
+        (4_600, False, 0.4),
+        (5_100, False, 0.0),
+        (2_000, False, 3.0),
+        (1_999, False, None),
         # An OFF in force is told whatever the position: a vehicle without thrust is where the watchdog has to leave it, and
         # a lossy link brings no position.
-        *((None, True, OFF), (1_000, True, OFF), (4_900, True, OFF)),
+        (None, True, OFF),
+        (1_000, True, OFF),
+        (4_900, True, OFF),
     ],
 )
 def test_the_heartbeat_s_number(heard_ms: int | None, is_off: bool, number: float | None) -> None:

@@ -74,20 +74,26 @@ def bench(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> It
     ("bench", "reader", "answer"),
     [
         pytest.param(
-            *((SERVER, (OURS, OBSERVER, SERVER)), SERVER, None),
+            (SERVER, (OURS, OBSERVER, SERVER)),
+            SERVER,
+            None,
             id="an observer that does not read makes no stop fail",
         ),
         pytest.param(
-            *((SERVER, (OURS, OBSERVER, SERVER)), OBSERVER, TOO_LATE),
+            (SERVER, (OURS, OBSERVER, SERVER)),
+            OBSERVER,
+            TOO_LATE,
             id="an observer that reads makes no stop good",
         ),
         # It may stand behind a relay.
         pytest.param(
-            *((SERVER, (OBSERVER,)), OBSERVER, None),
+            (SERVER, (OBSERVER,)),
+            OBSERVER,
+            None,
             id="before the node that obeys is seen every reader counts",
         ),
         pytest.param(
-            *(("", (OBSERVER,)), OBSERVER, None), id="where nobody is known to obey every reader counts"
+            ("", (OBSERVER,)), OBSERVER, None, id="where nobody is known to obey every reader counts"
         ),
     ],
     indirect=["bench"],

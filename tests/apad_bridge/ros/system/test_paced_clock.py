@@ -52,8 +52,11 @@ SCENES: dict[str, tuple[float, list[tuple[Act, object, object]]]] = {
     "it waits for the slowest and then goes on at its speed": (
         20,
         [
-            *((hears("node", 50), None, 0.0), (hears("supervisor", 3), None, 0.0), (lasts(2), None, 4.0)),
-            *((hears("supervisor", 30), None, 4.0), (lasts(0.5), None, about(14))),
+            (hears("node", 50), None, 0.0),
+            (hears("supervisor", 3), None, 0.0),
+            (lasts(2), None, 4.0),
+            (hears("supervisor", 30), None, 4.0),
+            (lasts(0.5), None, about(14)),
         ],
     ),
     # Its word of the same time is no progress.
@@ -65,16 +68,21 @@ SCENES: dict[str, tuple[float, list[tuple[Act, object, object]]]] = {
     "patience counts only while it holds the clock": (
         10,
         [
-            *((hears("stopped", 2), None, 0.0), (hears("alive", 2.5), None, 0.0)),
-            *((lasts(2 * PATIENCE_S - 1), ["stopped"], ANY), (hears("alive", 3.5), None, ANY)),
+            (hears("stopped", 2), None, 0.0),
+            (hears("alive", 2.5), None, 0.0),
+            (lasts(2 * PATIENCE_S - 1), ["stopped"], ANY),
+            (hears("alive", 3.5), None, ANY),
         ],
     ),
     "one that has ended holds nobody, and its successor is another": (
         10,
         [
-            *((hears("supervisor", 2), None, 0.0), (lasts(1), None, 3.0)),
-            *((lambda it: it.keep(["node"]), None, 3.0), (lasts(1), None, about(13))),
-            *((hears("supervisor", 12.5), None, about(13)), (lasts(1), None, 13.5)),
+            (hears("supervisor", 2), None, 0.0),
+            (lasts(1), None, 3.0),
+            (lambda it: it.keep(["node"]), None, 3.0),
+            (lasts(1), None, about(13)),
+            (hears("supervisor", 12.5), None, about(13)),
+            (lasts(1), None, 13.5),
         ],
     ),
     "a time of another clock is nobody's": (

@@ -129,17 +129,25 @@ REPLACED = "the aPad's action server reports PREEMPTED: another client's goal re
 HOLDS_NOTHING = "the aPad reports a perch, but holds nothing: is a dock free?"
 SILENT = "silence on position_static, taken for a release"
 PERCHED_TWICE = [
-    *((0, CloseDock(1, 0, 7)), status(100, "run-1", GoalCode.SUCCEEDED), 1_200),
-    *((1_200, CloseDock(2, 0, 7)), shown(1_250, 7), status(1_300, "run-2", GoalCode.SUCCEEDED)),
-    *((60_000, OpenDock(3, 0, 7)), shown(60_050, 7, True), status(60_050, "run-3", GoalCode.SUCCEEDED)),
+    (0, CloseDock(1, 0, 7)),
+    status(100, "run-1", GoalCode.SUCCEEDED),
+    1_200,
+    (1_200, CloseDock(2, 0, 7)),
+    shown(1_250, 7),
+    status(1_300, "run-2", GoalCode.SUCCEEDED),
+    (60_000, OpenDock(3, 0, 7)),
+    shown(60_050, 7, True),
+    status(60_050, "run-3", GoalCode.SUCCEEDED),
 ]
 """aMussel 7's position came too late for the first perch, and the server carried out the second, too."""
 RELEASED_ONCE = [CommandFailed(1_200, 1, HOLDS_NOTHING), *docked(1_250, 7), *released(60_050, 7)]
 STORIES: dict[str, tuple[list[Any], list[LinkFact | str]]] = {
     "a go-to that succeeds has arrived once": (
         [
-            *((0, THERE), statuses(1_000, run_1=GoalCode.ACTIVE)),
-            *(status(9_000, "run-1", GoalCode.SUCCEEDED), statuses(9_000, run_1=GoalCode.SUCCEEDED)),
+            (0, THERE),
+            statuses(1_000, run_1=GoalCode.ACTIVE),
+            status(9_000, "run-1", GoalCode.SUCCEEDED),
+            statuses(9_000, run_1=GoalCode.SUCCEEDED),
         ],
         [Arrived(9_000, 1)],
     ),
@@ -156,22 +164,30 @@ STORIES: dict[str, tuple[list[Any], list[LinkFact | str]]] = {
     },
     "a goal that another party's pre-empted fails when that one has ended": (
         [
-            *((0, THERE), status(2_000, "run-1", GoalCode.PREEMPTED)),
-            *(*OTHERS, statuses(9_000, others=GoalCode.SUCCEEDED)),
+            (0, THERE),
+            status(2_000, "run-1", GoalCode.PREEMPTED),
+            *OTHERS,
+            statuses(9_000, others=GoalCode.SUCCEEDED),
         ],
         [CommandFailed(9_000, 1, REPLACED)],
     ),
     "a goal pre-empted by our next one has not failed": (
         [
-            *((0, THERE), (2_000, Hold(2, 1.0, 1.0)), status(2_000, "run-1", GoalCode.PREEMPTED)),
-            *(status(2_000, "run-2", GoalCode.ACTIVE), 20_000),
+            (0, THERE),
+            (2_000, Hold(2, 1.0, 1.0)),
+            status(2_000, "run-1", GoalCode.PREEMPTED),
+            status(2_000, "run-2", GoalCode.ACTIVE),
+            20_000,
         ],
         [],
     ),
     "a perch that succeeds and does nothing, since all docks are taken, has failed": (
         [
             *(shown(0, agent_id) for agent_id in range(1, 5)),
-            *((0, CloseDock(1, 0, 7)), status(0, "run-1", GoalCode.SUCCEEDED), 999, 1_000),
+            (0, CloseDock(1, 0, 7)),
+            status(0, "run-1", GoalCode.SUCCEEDED),
+            999,
+            1_000,
         ],
         [
             *(it for n in range(4) for it in docked(0, n + 1, n)),
@@ -184,25 +200,36 @@ STORIES: dict[str, tuple[list[Any], list[LinkFact | str]]] = {
     ),
     "a perch that missed is none": (
         [
-            *((0, CloseDock(1, 0, 7)), status(100, "run-1", GoalCode.ABORTED, "missed")),
-            *((1_000, CloseDock(2, 0, 7)), shown(1_050, 7)),
-            *((5_000, OpenDock(3, 0, 7)), shown(5_050, 7, True), shown(5_100, 7)),
+            (0, CloseDock(1, 0, 7)),
+            status(100, "run-1", GoalCode.ABORTED, "missed"),
+            (1_000, CloseDock(2, 0, 7)),
+            shown(1_050, 7),
+            (5_000, OpenDock(3, 0, 7)),
+            shown(5_050, 7, True),
+            shown(5_100, 7),
         ],
         [
             CommandFailed(100, 1, "the aPad's action server says ABORTED: missed"),
-            *(*docked(1_050, 7), *released(5_050, 7), *docked(5_100, 7)),
+            *docked(1_050, 7),
+            *released(5_050, 7),
+            *docked(5_100, 7),
         ],
     ),
     "the last message opens the dock": (
         [
-            *(shown(0, 7), (1_000, OpenDock(1, 0, 7)), shown(1_000, 7, True)),
-            *(status(1_000, "run-1", GoalCode.SUCCEEDED), 20_000),
+            shown(0, 7),
+            (1_000, OpenDock(1, 0, 7)),
+            shown(1_000, 7, True),
+            status(1_000, "run-1", GoalCode.SUCCEEDED),
+            20_000,
         ],
         [*docked(0, 7), *released(1_000, 7)],
     ),
     "a release that was accepted and never answers is one after two seconds of silence": (
         [
-            *(shown(0, 7), (0, OpenDock(1, 0, 7)), status(0, "run-1", GoalCode.ACTIVE)),
+            shown(0, 7),
+            (0, OpenDock(1, 0, 7)),
+            status(0, "run-1", GoalCode.ACTIVE),
             *(there(at_ms) for at_ms in (1_900, 2_000, 60_000)),
         ],
         [*docked(0, 7), *released(2_000, 7), SILENT],
@@ -213,15 +240,23 @@ STORIES: dict[str, tuple[list[Any], list[LinkFact | str]]] = {
     ),
     "a release on its way is none while position_static stalls": (
         [
-            *(shown(0, 7), (0, OpenDock(1, 0, 7)), there(3_000), shown(3_500, 7)),
-            *(statuses(4_000, run_1=GoalCode.ACTIVE), there(5_900), there(6_000)),
+            shown(0, 7),
+            (0, OpenDock(1, 0, 7)),
+            there(3_000),
+            shown(3_500, 7),
+            statuses(4_000, run_1=GoalCode.ACTIVE),
+            there(5_900),
+            there(6_000),
         ],
         [*docked(0, 7), Carried(3_500, 7, 2.0, 3.0), *released(6_000, 7), SILENT],
     ),
     "a refused release leaves the dock closed": (
         [
-            *(shown(0, 7), (0, OpenDock(1, 0, 7)), status(0, "run-1", GoalCode.ABORTED)),
-            *(shown(4_000, 7), there(7_000)),
+            shown(0, 7),
+            (0, OpenDock(1, 0, 7)),
+            status(0, "run-1", GoalCode.ABORTED),
+            shown(4_000, 7),
+            there(7_000),
         ],
         [
             *docked(0, 7),
@@ -239,7 +274,9 @@ STORIES: dict[str, tuple[list[Any], list[LinkFact | str]]] = {
     ),
     "a server that restarted has lost the goal": (
         [
-            *((0, THERE), statuses(500), statuses(1_000, run_1=GoalCode.ACTIVE)),
+            (0, THERE),
+            statuses(500),
+            statuses(1_000, run_1=GoalCode.ACTIVE),
             statuses(2_000, others=GoalCode.ACTIVE),
         ],
         [CommandFailed(2_000, 1, "the aPad's action server says LOST: did it restart?")],
@@ -261,7 +298,8 @@ STORIES: dict[str, tuple[list[Any], list[LinkFact | str]]] = {
     "a refused answer makes the silence a release": (
         [shown(0, 7), there(10_000), DocksReceived(11_000, None), there(11_000), shown(12_000, 7)],
         [
-            *(*docked(0, 7), ASKED),
+            *docked(0, 7),
+            ASKED,
             *released(11_000, 7),
             ReleaseWanted(11_000, 0, 7),
             *docked(12_000, 7),
@@ -289,19 +327,26 @@ STORIES: dict[str, tuple[list[Any], list[LinkFact | str]]] = {
     "without an order the vehicle is asked after ten seconds of silence": (
         [shown(0, 7), there(9_900), there(10_000), DocksReceived(10_500, frozenset({"amussel8"}))],
         [
-            *(*docked(0, 7), ASKED, *released(10_500, 7), ReleaseWanted(10_500, 0, 7)),
+            *docked(0, 7),
+            ASKED,
+            *released(10_500, 7),
+            ReleaseWanted(10_500, 0, 7),
             f"{SILENT} without an order",
         ],
     ),
     "an aMussel that the vehicle says it holds is carried beside it and asked about again": (
         [
-            *(shown(0, 7), there(10_000), DocksReceived(10_000, frozenset({"amussel7"}))),
+            shown(0, 7),
+            there(10_000),
+            DocksReceived(10_000, frozenset({"amussel7"})),
             *(there(now_ms) for now_ms in range(11_000, 21_000, 1_000)),
         ],
         [
-            *(*docked(0, 7), ASKED),
+            *docked(0, 7),
+            ASKED,
             *(Carried(now_ms, 7, 2.0, 3.0) for now_ms in range(10_000, 21_000, 1_000)),
-            *(ASKED, "silence on position_static of an aMussel that the aPad holds: dead reckoning"),
+            ASKED,
+            "silence on position_static of an aMussel that the aPad holds: dead reckoning",
         ],
     ),
     "after a gap in the wifi the silence is counted anew": (

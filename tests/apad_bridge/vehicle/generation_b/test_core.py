@@ -148,8 +148,13 @@ def holding(still_running_ms: int = 0) -> list[Any]:
 
 
 UNDOCKED = [
-    *((0, CloseDock(1, 2, 8)), docks(0, RUNNING), docks(40_000, DONE), (50_000, OpenDock(2, 2, 8))),
-    *(ArmReceived(50_000, 2), docks(50_000, RUNNING), 60_000),
+    (0, CloseDock(1, 2, 8)),
+    docks(0, RUNNING),
+    docks(40_000, DONE),
+    (50_000, OpenDock(2, 2, 8)),
+    ArmReceived(50_000, 2),
+    docks(50_000, RUNNING),
+    60_000,
 ]
 UNDOCKING_TOLD = [DockClosed(40_000, 2, 8), DockOpened(50_000, 2, 8), LetGo(50_000, 8)]
 UNDOCKING_ORDERS = [BY_EYE, HELD, replace(BY_EYE, docks=False, agent_id=8)]
@@ -172,15 +177,20 @@ STORIES: dict[str, tuple[Callable[[], Apad], list[Any], list[LinkFact | str], li
     "the end of the go-to before is not the end of this one": (
         Apad,
         [
-            *((0, THERE), goes(0, RUNNING), answers(comes=False), (1_000, GoTo(2, -5.0, -6.0, 0.5, 0.5))),
-            *(
-                goes(1_000, RUNNING),
-                goes(1_000, PREEMPTED),
-                answers(comes=True),
-                1_000,
-                goes(1_000, PREEMPTED),
-            ),
-            *(2_000, goes(2_000, RUNNING), 10_000, at(30_000, -5.0, -6.0), goes(30_000, DONE)),
+            (0, THERE),
+            goes(0, RUNNING),
+            answers(comes=False),
+            (1_000, GoTo(2, -5.0, -6.0, 0.5, 0.5)),
+            goes(1_000, RUNNING),
+            goes(1_000, PREEMPTED),
+            answers(comes=True),
+            1_000,
+            goes(1_000, PREEMPTED),
+            2_000,
+            goes(2_000, RUNNING),
+            10_000,
+            at(30_000, -5.0, -6.0),
+            goes(30_000, DONE),
         ],
         [Arrived(30_000, 2)],
         [OURS, *[GoTo(0, -5.0, -6.0, 0.5, 0.5)] * 2, Hold(0, -5.0, -6.0)],
@@ -218,7 +228,10 @@ STORIES: dict[str, tuple[Callable[[], Apad], list[Any], list[LinkFact | str], li
     "a go-to of another's during a hold is noticed and let go on": (
         Apad,
         [
-            *(*holding(), at(11_000, 2.5, 3.0), goes(11_000, RUNNING), goes(12_000, RUNNING)),
+            *holding(),
+            at(11_000, 2.5, 3.0),
+            goes(11_000, RUNNING),
+            goes(12_000, RUNNING),
             at(30_000, 9.0, 3.0),
         ],
         [SENT_AWAY],
@@ -229,9 +242,16 @@ STORIES: dict[str, tuple[Callable[[], Apad], list[Any], list[LinkFact | str], li
     "a go-to of another's that has ended is followed by the hold, once": (
         Apad,
         [
-            *(*holding(), at(11_000, 2.5, 3.0), goes(11_000, RUNNING), goes(12_000, RUNNING)),
-            *(at(30_000, 9.0, 3.0), goes(31_000, DONE), at(31_000, 2.5, 3.0)),
-            *(goes(31_500, RUNNING), goes(32_000, PREEMPTED), 60_000),
+            *holding(),
+            at(11_000, 2.5, 3.0),
+            goes(11_000, RUNNING),
+            goes(12_000, RUNNING),
+            at(30_000, 9.0, 3.0),
+            goes(31_000, DONE),
+            at(31_000, 2.5, 3.0),
+            goes(31_500, RUNNING),
+            goes(32_000, PREEMPTED),
+            60_000,
         ],
         [SENT_AWAY, AGAIN],
         [HELD, HELD],
@@ -239,8 +259,12 @@ STORIES: dict[str, tuple[Callable[[], Apad], list[Any], list[LinkFact | str], li
     "a goal that nobody here ordered is another's and ends our go-to": (
         REAL,
         [
-            *((0, THERE), GoalOfOthers(100, "/apad1/commander", THERE.north_m, THERE.east_m), 1_000),
-            *(GoalOfOthers(2_000, "/apad1/commander", 80.0, 6.0), goes(3_000, RUNNING), goes(9_000, DONE)),
+            (0, THERE),
+            GoalOfOthers(100, "/apad1/commander", THERE.north_m, THERE.east_m),
+            1_000,
+            GoalOfOthers(2_000, "/apad1/commander", 80.0, 6.0),
+            goes(3_000, RUNNING),
+            goes(9_000, DONE),
         ],
         [
             CommandFailed(2_000, THERE.command_id, REPLACED),
@@ -285,15 +309,23 @@ STORIES: dict[str, tuple[Callable[[], Apad], list[Any], list[LinkFact | str], li
     "a visual docking stands off, orders, and ends by its status and not by an earlier one's": (
         Apad,
         [
-            *((0, GoTo(1, 2.0, 4.0, 0.5, 0.5)), goes(0, RUNNING), goes(0, DONE), (1_000, CloseDock(2, 2, 8))),
-            *(docks(1_000, DONE), at(5_000, 2.0, 2.1, -1.5), docks(5_000, RUNNING)),
-            *(60_000, docks(60_000, DONE)),
+            (0, GoTo(1, 2.0, 4.0, 0.5, 0.5)),
+            goes(0, RUNNING),
+            goes(0, DONE),
+            (1_000, CloseDock(2, 2, 8)),
+            docks(1_000, DONE),
+            at(5_000, 2.0, 2.1, -1.5),
+            docks(5_000, RUNNING),
+            60_000,
+            docks(60_000, DONE),
         ],
         [Arrived(0, 1), DockClosed(60_000, 2, 8)],
         [
-            *(GoTo(0, 2.0, 4.0, 0.5, 0.5), Hold(0, 2.0, 4.0)),
+            GoTo(0, 2.0, 4.0, 0.5, 0.5),
+            Hold(0, 2.0, 4.0),
             Hold(0, pytest.approx(2.0), pytest.approx(2.0), pytest.approx(-math.pi / 2)),
-            *(BY_EYE, Hold(0, 2.0, 2.1)),
+            BY_EYE,
+            Hold(0, 2.0, 2.1),
         ],
     ),
     "an undocking lets go when the arm opens, and the next order waits while it still pulls back": (
@@ -335,13 +367,19 @@ STORIES: dict[str, tuple[Callable[[], Apad], list[Any], list[LinkFact | str], li
     "a real vehicle stays with its pilot when the pilot lets go, until a person gives it back": (
         REAL,
         [
-            *(*PILOTED, (2_000, Hold(2, 7.0, 8.0)), 20_000, ManualReceived(21_000, False)),
+            *PILOTED,
+            (2_000, Hold(2, 7.0, 8.0)),
+            20_000,
+            ManualReceived(21_000, False),
             *(at(at_ms, 30.0, 30.0) for at_ms in range(22_000, 120_000, 1_000)),
             (120_000, GoTo(3, 7.0, 8.0, 0.5, 0.5)),
         ],
         [
-            *(CommandFailed(1_000, 1, PILOT), PilotReported(1_000, True), CommandedByOthers(1_000)),
-            *(CommandFailed(2_000, 2, PILOT), PilotReported(21_000, False)),
+            CommandFailed(1_000, 1, PILOT),
+            PilotReported(1_000, True),
+            CommandedByOthers(1_000),
+            CommandFailed(2_000, 2, PILOT),
+            PilotReported(21_000, False),
         ],
         [OURS, GoTo(0, 7.0, 8.0, 0.5, 0.5)],
     ),
@@ -349,8 +387,11 @@ STORIES: dict[str, tuple[Callable[[], Apad], list[Any], list[LinkFact | str], li
     "a vehicle that is heard again after a silence is told again": (
         Apad,
         [
-            *((0, THERE), goes(0, RUNNING), *range(1_000, 8_000, 1_000)),
-            *(at(8_000, 2.0, 3.0), at(9_000, 2.0, 3.0)),
+            (0, THERE),
+            goes(0, RUNNING),
+            *range(1_000, 8_000, 1_000),
+            at(8_000, 2.0, 3.0),
+            at(9_000, 2.0, 3.0),
         ],
         [],
         [OURS, OURS],
@@ -382,8 +423,10 @@ STORIES: dict[str, tuple[Callable[[], Apad], list[Any], list[LinkFact | str], li
     "an earlier goal of ours that is shown late is nobody else's": (
         partial(Apad, takes_back=False),
         [
-            *((0, THERE), (1_000, Hold(2, 2.0, 3.0, pre_empts=True))),
-            *(GoalOfOthers(1_500, "/apad1/commander", THERE.north_m, THERE.east_m), 2_000),
+            (0, THERE),
+            (1_000, Hold(2, 2.0, 3.0, pre_empts=True)),
+            GoalOfOthers(1_500, "/apad1/commander", THERE.north_m, THERE.east_m),
+            2_000,
         ],
         [],
         [OURS, Hold(0, 2.0, 3.0, pre_empts=True)],
@@ -421,8 +464,12 @@ STORIES: dict[str, tuple[Callable[[], Apad], list[Any], list[LinkFact | str], li
     "a docking by hand takes the simulated aMussel that is there": (
         partial(Apad, {5: (2.2, 3.5), 6: (9.0, 9.0)}),
         [
-            *(ArmReceived(0, 1), docks(0, RUNNING), docks(40_000, DONE)),
-            *(ArmReceived(50_000, 1), docks(50_000, RUNNING), docks(90_000, DONE)),
+            ArmReceived(0, 1),
+            docks(0, RUNNING),
+            docks(40_000, DONE),
+            ArmReceived(50_000, 1),
+            docks(50_000, RUNNING),
+            docks(90_000, DONE),
         ],
         [DockClosed(40_000, 1, 5), DockOpened(90_000, 1, 5), LetGo(90_000, 5)],
         [],

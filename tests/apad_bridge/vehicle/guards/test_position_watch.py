@@ -118,9 +118,18 @@ STEPS: dict[str, tuple[PositionLimits, list[Step], dict[int, str]]] = {
     "a position that does not move under way is frozen until it moves": (
         LIMITS,
         [
-            *(*series(0, 21_000, still), (AWAY, 20_000), *series(21_000, 25_000, still), (None, 0)),
-            *(still(25_000), (AWAY, 25_000), *series(26_000, 31_000, still), (None, 0)),
-            *((AWAY, 30_000), still(31_000), (None, 0), still(32_000)),
+            *series(0, 21_000, still),
+            (AWAY, 20_000),
+            *series(21_000, 25_000, still),
+            (None, 0),
+            still(25_000),
+            (AWAY, 25_000),
+            *series(26_000, 31_000, still),
+            (None, 0),
+            (AWAY, 30_000),
+            still(31_000),
+            (None, 0),
+            still(32_000),
             PoseReported(33_000, 1.0, 1.0 + 1e-9, 0.0),
         ],
         dict.fromkeys((31_000, 32_000), "has not changed at all for 10 s") | {30_000: "", 33_000: ""},
@@ -131,7 +140,9 @@ STEPS: dict[str, tuple[PositionLimits, list[Step], dict[int, str]]] = {
             PositionLimits(frozen_ms=1_000),
             [
                 *series(1_000, 11_000, lambda at_ms: stamped(at_ms, at_ms - 200, 1.0)),
-                *(((9.0, 0.0), 10_500), stamped(11_000, first_ms, 1.0), stamped(12_000, first_ms + 100, 1.0)),
+                ((9.0, 0.0), 10_500),
+                stamped(11_000, first_ms, 1.0),
+                stamped(12_000, first_ms + 100, 1.0),
                 stamped(13_000, last_ms, 1.0),
             ],
             told,
@@ -145,7 +156,9 @@ STEPS: dict[str, tuple[PositionLimits, list[Step], dict[int, str]]] = {
     "positions that come together after a stall are no jump, and others are": (
         PositionLimits(age_ms=20_000, jump_m=1.0, speed_m_s=2.0),
         [
-            *(stamped(1_000, 1_000, 0.0), stamped(6_000, 2_000, 2.0), stamped(7_000, 7_000, 12.0)),
+            stamped(1_000, 1_000, 0.0),
+            stamped(6_000, 2_000, 2.0),
+            stamped(7_000, 7_000, 12.0),
             stamped(8_000, 7_100, 14.0),
         ],
         {7_000: "", 8_000: "jumped"},
@@ -228,14 +241,16 @@ def test_a_vehicle_that_is_at_two_places_in_turn_is_believed_at_neither() -> Non
     [
         pytest.param(
             series(0, 5_000, lambda at_ms: PoseReported(at_ms, at_ms / 2000, 3.0, 0.0, at_ms), 100),
-            *((0.5, 0.0), None),
+            (0.5, 0.0),
+            None,
             id="of the last two seconds",
         ),
         # Positions are 4 s apart, or 5 s by a tick's error.
         *(
             pytest.param(
                 series(1_000, 6_000, lambda at_ms, it=it: PoseReported(at_ms, at_ms / 1000, 0.0, 0.0, it)),
-                *((1.0, 0.0), (4.0 - PLACE_ERROR_M) / 5.0),
+                (1.0, 0.0),
+                (4.0 - PLACE_ERROR_M) / 5.0,
                 id=f"without stamps that go on: {it}",
             )
             for it in (None, 77)
@@ -247,7 +262,8 @@ def test_a_vehicle_that_is_at_two_places_in_turn_is_believed_at_neither() -> Non
                     31_000,
                     lambda at_ms, it=it: stamped(at_ms, at_ms + it * (at_ms > 15_000), at_ms / 2000),
                 ),
-                *((0.5, 0.0), None),
+                (0.5, 0.0),
+                None,
                 id=f"of a clock that was set by {it} ms",
             )
             for it in (-30_000, -500, 6_000, 10**9)
@@ -312,10 +328,12 @@ HOURS = 36_000
         *(
             pytest.param(
                 sailing(
-                    *(30, lambda s: 0.5 * min(s, 20) + 1.2 * max(0, s - 20)),
+                    30,
+                    lambda s: 0.5 * min(s, 20) + 1.2 * max(0, s - 20),
                     own_m_s=lambda s, it=it: it if s > 20 else 0.5,
                 ),
-                *((0, 20_000), 20_000 + 1000 * within_s),
+                (0, 20_000),
+                20_000 + 1000 * within_s,
                 id=f"too fast, while it measures {it} m/s itself",
             )
             for it, within_s in ((1.2, 2), (None, 2), (0.5, 3), (0.0, 3))
@@ -326,7 +344,8 @@ HOURS = 36_000
         # Two seconds hide 4.4 m, which is 2.2 m/s; five seconds do not.
         pytest.param(
             sailing(600, lambda s: 0.5 * min(s, 590) + 2.0 * max(s - 590, 0), 0.5),
-            *((60_000, 590_000), 599_000),
+            (60_000, 590_000),
+            599_000,
             id="one that runs away at 2 m/s, behind a bad receiver",
         ),
     ],
@@ -349,13 +368,11 @@ def test_noise_that_begins_at_once_makes_hardly_any_vehicle_too_fast(
     found = [
         too_fast_ms(
             sailing(
-                *(
-                    60,
-                    lambda s, seed=seed: (
-                        0.5 * max(0, s - 5) + 0.3 * math.sin(math.tau * s / 6 + seed) * (s >= begins_s)
-                    ),
+                60,
+                lambda s, seed=seed: (
+                    0.5 * max(0, s - 5) + 0.3 * math.sin(math.tau * s / 6 + seed) * (s >= begins_s)
                 ),
-                *(0.5,),
+                0.5,
                 own_m_s=own_m_s,
                 rough_s=begins_s,
                 seed=seed,
@@ -382,7 +399,9 @@ def test_a_receiver_that_becomes_noisy_under_way_is_no_frozen_one(period_ms: int
     for seed in range(seeds):
         begin_ms = random.Random(seed).randrange(0, 60_000, 100)
         poses = sailing(
-            *(630, lambda s: 0.5 * s + 0.3 * math.sin(math.tau * s / 4) * (s > 30), 0.5),
+            630,
+            lambda s: 0.5 * s + 0.3 * math.sin(math.tau * s / 4) * (s > 30),
+            0.5,
             own_m_s=lambda s: 0.5,
             rough_s=30.001,
             seed=seed,

@@ -23,12 +23,14 @@ SAID: dict[str, tuple[bool, list[str | None], list[str]]] = {
     "one that was never seen to watch is not missed": (False, ["WAITING"] * 60, [""] * 60),
     "one that is demanded and silent is missed after 16 s": (True, [None] * 17, [*[""] * 16, SILENT]),
     "one that is demanded and waits is missed after 16 s": (
-        *(True, ["WAITING"] * 17),
+        True,
+        ["WAITING"] * 17,
         [*[""] * 16, "the vehicle's watchdog says 'WAITING'"],
     ),
     **{
         f"one that was seen and then says {after} is missed 15 s after it watched last": (
-            *(False, ["WAITING", "WATCHING", "WATCHING", *[after] * 16, "WATCHING"]),
+            False,
+            ["WAITING", "WATCHING", "WATCHING", *[after] * 16, "WATCHING"],
             [*[""] * 18, told, ""],
         )
         for after, told in {None: SILENT, "HELD": "the vehicle's watchdog says 'HELD'"}.items()

@@ -66,7 +66,8 @@ SCENES = {
             [
                 *orders,
                 (
-                    *(1000 * seconds, None),
+                    1000 * seconds,
+                    None,
                     {
                         "used_j": pytest.approx(hotel_j + docks_j, rel=1e-9),
                         "fraction": pytest.approx(start - (hotel_j + docks_j) / FULL_J, abs=1e-9),
