@@ -22,6 +22,7 @@ from apad_bridge.assembly.scenario_energy_model import energy_model
 from apad_bridge.planning import registry
 from apad_bridge.planning.candidates import Candidate, Situation
 from apad_bridge.planning.costs import CostScales
+from apad_bridge.planning.dispatch_rule import Dispatch, Places
 from apad_bridge.scenario.loader import load
 from apad_bridge.studies.dask_cluster import fly_on_dask
 from apad_bridge.studies.runner import Row, fly_study
@@ -39,8 +40,12 @@ PLANNED = {"pool of 24": 24, "pool of 120": 120}
 PLANNERS: dict[str, dict[str, Any]] = {
     **{name: {} for name in ("cautious", "blend", "rollout", "rollout-fair")},
     "rollout-fair, lead": LEAD,
-    "rollout-fair, lead, exchanged": {**LEAD, "exchanges_places": True},
-    "rollout-fair, one by one, lead, exchanged": {**LEAD, "exchanges_places": True, "is_asynchronous": True},
+    "rollout-fair, lead, exchanged": {**LEAD, "places": Places.EXCHANGED},
+    "rollout-fair, one by one, lead, exchanged": {
+        **LEAD,
+        "places": Places.EXCHANGED,
+        "dispatch": Dispatch.ASYNCHRONOUS,
+    },
 }
 """Strategies whose plans are timed, and the rules that their energy model follows."""
 PLANS, SHORT_PLANS = 20, 2

@@ -21,8 +21,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from apad_bridge.planning.dispatch_rule import Dispatch
 from apad_bridge.planning.registry import collection
-from apad_bridge.scenario.mission_options import Dispatch
 from apad_bridge.scenario.schema import DriftMode
 from apad_bridge.studies.models import Model, fly
 from benchmarks import plans

@@ -14,3 +14,9 @@ NotNegative = Annotated[float, Ge(0), Le(GREATEST)]
 OpenFraction = Annotated[float, Gt(0), Lt(1)]
 Decibels = Annotated[float, Ge(-300), Le(300)]
 Count = Annotated[int, Ge(1), Le(1_000_000_000)]
+
+
+def not_tiny(quantity: float) -> float:
+    if quantity < LEAST:
+        raise ValueError(f"must be {LEAST:g} or more")
+    return quantity

@@ -25,11 +25,11 @@ from apad_bridge.mission.plan_checks import Planning
 from apad_bridge.mission.planner import PlanRules
 from apad_bridge.mission.sources import Allocation
 from apad_bridge.planning import registry
+from apad_bridge.planning.dispatch_rule import Horizon
 from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.firmware_config import codec_of
 from apad_bridge.scenario.hull_in_flow import LegForecast, holding_effort, surface_of
-from apad_bridge.scenario.mission_options import Horizon
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.timed_faults import planned
 from apad_bridge.supervisor.clock import AsFastAsPossible

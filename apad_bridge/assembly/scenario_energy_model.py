@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import fields
 
 from apad_bridge.assembly.estimator import schedules
+from apad_bridge.planning.dispatch_rule import ServiceRules
 from apad_bridge.planning.energy_model import EnergyModel
 from apad_bridge.scenario.firmware_config import board_config
-from apad_bridge.scenario.mission_options import Dispatch, Places
 from apad_bridge.scenario.schema import Scenario
 from firmware_model.config import BoardConfig
 from firmware_model.power.charge import FULL, MS_PER_MIN
@@ -23,22 +24,15 @@ def energy_model(scenario: Scenario) -> EnergyModel:
     segments = board.charge.segments_by_two or board.charge.segments
     drain_per_min = drain_per_min_of(board, ids) if ids else 0.0
     return EnergyModel(
+        **{it.name: getattr(mission, it.name) for it in fields(ServiceRules)},
         # An aMussel that draws nothing is never low; the planner divides by its drain.
         drain_per_s=max(1e-12, scenario.time_scale.agent_time(drain_per_min) / 60),
         curve=tuple((end / FULL, rate * per_s) for end, rate in segments),
-        pool_threshold=mission.pool_threshold,
-        again_threshold=mission.again_threshold,
-        full=mission.full_threshold,
-        makes_room=mission.room_above,
-        charge_lead=mission.charge_lead,
         motor_run=scenario.board.motor_run_charge,
         speed_m_s=mission.speed_m_s,
         dock_s=mission.docking.dock_s,
         undock_s=mission.docking.undock_s,
         docks=scenario.apad.docks,
-        batch=mission.batch,
-        is_asynchronous=mission.dispatch is Dispatch.ASYNCHRONOUS,
-        exchanges_places=mission.places is Places.EXCHANGED,
     )
 
 

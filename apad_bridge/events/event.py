@@ -15,7 +15,7 @@ from typing import Annotated, Any, ClassVar, NamedTuple, Self, get_args, get_ori
 from annotated_types import Ge, Lt
 from pydantic import TypeAdapter
 
-from apad_bridge.scenario.choices import MAX_DOCKS
+from apad_bridge.planning.dispatch_rule import MAX_DOCKS
 
 
 class Meaning(NamedTuple):

@@ -10,9 +10,8 @@ from math import inf
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.mission.charged_enough import counted_charge, is_charged, is_full, makes_room
 from apad_bridge.mission.charging_watch import ChargingWatch
-from apad_bridge.planning.dispatch_rule import DispatchRule
+from apad_bridge.planning.dispatch_rule import DispatchRule, ServiceRules
 from apad_bridge.planning.exchange_of_places import is_worth_it
-from apad_bridge.scenario.mission_options import Dispatch, Mission, Places
 
 Docked = Mapping[int, Belief | None]
 """The beliefs of the docked aMussels, by id; None for one that was never heard."""
@@ -39,7 +38,7 @@ class BelievedDispatch(DispatchRule):
 
     def __init__(
         self,
-        config: Mission,
+        config: ServiceRules,
         watch: ChargingWatch,
         docked: Docked,
         free_docks: int,
@@ -50,7 +49,7 @@ class BelievedDispatch(DispatchRule):
 
         `batch_of` tells how many of a pool make a batch now, 0 if it must grow.
         """
-        self.is_asynchronous = config.dispatch is Dispatch.ASYNCHRONOUS
+        self.is_asynchronous = config.is_asynchronous
         self.docked = tuple(docked)
         self._config, self._watch = config, watch
         self._beliefs, self._free_docks = docked, free_docks
@@ -65,7 +64,7 @@ class BelievedDispatch(DispatchRule):
         at_s, leaving = self.released()
         released = [it for it in leaving if it not in kept] if at_s <= self.now_s else []
         if released:
-            if self._config.places is not Places.EXCHANGED:
+            if not self._config.exchanges_places:
                 return Due(released)
             led = self._worth_an_exchange(released)
             return Due(released, led, self._count_of(led, len(released)))
@@ -124,14 +123,10 @@ class BelievedDispatch(DispatchRule):
             for agent_id in leaving
             if (belief := self._beliefs[agent_id]) is not None and self.full_s(agent_id) > self.now_s
         ]
-        least, above = min(early, default=None), config.room_above
+        least = min(early, default=None)
         if least is None:
             return self._pool
-        return [
-            it
-            for it in self._pool
-            if is_worth_it(least, counted_charge(it, config), above, config.charge_lead)
-        ]
+        return [it for it in self._pool if is_worth_it(least, counted_charge(it, config), config)]
 
 
 def fullest_first(docked: Iterable[Belief]) -> list[Belief]:

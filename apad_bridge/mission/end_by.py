@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from agents.time_scale import MissionMs
 from apad_bridge.scenario.hull_in_flow import FlowNow, LegForecast
@@ -81,12 +81,4 @@ class KnownEnd:
     def rules(self, rules: Mission, now_ms: MissionMs) -> Mission:
         """The mission's rules with no threshold above the charge that lasts."""
         most = self.lasting_charge(now_ms)
-        if most >= 1.0:
-            return rules
-        return replace(
-            rules,
-            pool_threshold=min(rules.pool_threshold, most),
-            again_threshold=None if rules.again_threshold is None else min(rules.again_threshold, most),
-            full_threshold=min(rules.full_threshold, most),
-            charge_to=None if rules.charge_to is None else min(rules.charge_to, most),
-        )
+        return rules if most >= 1.0 else rules.at_most(most)

@@ -27,7 +27,7 @@ from apad_bridge.planning.energy_model import EnergyModel
 from apad_bridge.planning.exchange_of_places import exchanges, tour
 from apad_bridge.planning.solution import Solution, StepKind
 from apad_bridge.planning.strategy import CollectionStrategy, RedeploymentStrategy
-from apad_bridge.scenario.mission_options import Mission, Places
+from apad_bridge.scenario.mission_options import Mission
 from firmware_model.state_groups import BEYOND_HELP
 
 
@@ -243,6 +243,6 @@ class Planner:
 
         Those that go `elsewhere` keep theirs, and those to whose places the sea bars the way.
         """
-        if self.config.places is not Places.EXCHANGED:
+        if not self.config.exchanges_places:
             return []
         return self.places.take_nearest(leaving, from_m, {*elsewhere, *self._reach.beyond})

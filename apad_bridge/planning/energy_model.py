@@ -9,25 +9,20 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import inf
 
+from apad_bridge.planning.dispatch_rule import ServiceRules
 
-@dataclass(frozen=True, slots=True)
-class EnergyModel:
-    """The nominal rates, thresholds and times that a strategy may plan with; the same for each aMussel."""
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EnergyModel(ServiceRules):
+    """The nominal rates, thresholds and times that a strategy may plan with; the same for each aMussel.
+
+    The thresholds are the mission's.
+    """
 
     drain_per_s: float
     """The mean drain of an aMussel at work, above 0."""
     curve: tuple[tuple[float, float], ...]
     """(upper end, charge a second) of each part of the charging curve, rising; the last part ends at 1."""
-    pool_threshold: float
-    """An aMussel at or below this charge is in the pool."""
-    again_threshold: float | None
-    """Those that were served wait until one is at or below this; None: they do not wait."""
-    full: float
-    """The charge above which the mission releases an aMussel."""
-    makes_room: float
-    """The charge above which it releases one when others wait."""
-    charge_lead: float | None
-    """It also releases one that has so much more charge than the one that waits; None: it does not."""
     motor_run: float
     """The charge that one run of the motors takes."""
     speed_m_s: float
@@ -35,12 +30,11 @@ class EnergyModel:
     dock_s: float
     undock_s: float
     docks: int
-    batch: int
-    """The aMussels of one collection."""
-    is_asynchronous: bool
-    """The mission releases each when it is full, and not the batch together."""
-    exchanges_places: bool
-    """A released aMussel takes the place of one that is collected, while one is."""
+
+    @property
+    def full(self) -> float:
+        """The charge above which the mission releases an aMussel."""
+        return self.full_threshold
 
     def charging_s(self, charge: float, to: float) -> float:
         """The seconds in a dock from `charge` up to `to`; infinite above the end of the curve."""

@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from itertools import islice
 
 from apad_bridge.planning.candidates import Situation
+from apad_bridge.planning.dispatch_rule import ServiceRules
 from apad_bridge.planning.solution import Solution, Step, StepKind
 from apad_bridge.planning.strategy import nearest_first
 
@@ -40,18 +41,13 @@ def tour(collection: Solution, situation: Situation) -> Solution:
     return Solution((*steps, *releases))
 
 
-def makes_room(charge: float, waiting: float, above: float, lead: float | None) -> bool:
-    """A docked one with this `charge` makes room for one with `waiting`: it is above the scenario's limit, or leads."""
-    return charge > above or (lead is not None and charge >= waiting + lead)
-
-
-def is_worth_it(leaving: float, waiting: float, above: float, lead: float | None) -> bool:
+def is_worth_it(leaving: float, waiting: float, rules: ServiceRules) -> bool:
     """One that is not full does well to take the place of one with `waiting`: it makes room for it and has more charge.
 
     A release looks at the lowest charge in the pool, and a strategy may prefer a neighbour. In the neighbour's place a
     partly charged aMussel would bring less than its lead, so neighbours would take turns while others stood empty.
     """
-    return makes_room(leaving, waiting, above, lead) and waiting < leaving
+    return rules.leaves_for(leaving, waiting) and waiting < leaving
 
 
 def exchanges(collection: Solution, situation: Situation) -> list[tuple[int, int]]:

@@ -228,7 +228,7 @@ class Projection(DispatchRule):
         def pays(index: int) -> bool:
             drain = self._rates[index].drain_per_s
             charge = max(0.0, self._charge[index] - drain * (now_s - self._since_s[index]))
-            return is_worth_it(least, charge, model.makes_room, model.charge_lead)
+            return is_worth_it(least, charge, model)
 
         return [at_s if pays(it) else inf for it, at_s in zip(self._swimming, self._pool_s, strict=True)]
 

@@ -9,8 +9,6 @@ from firmware_model.entry_points import entry_points
 STACKS_GROUP = "musselbed.stacks"
 """The group of entry points by which an installed package brings aPad software of another kind."""
 PAPER_DOCKS = 4
-MAX_DOCKS = 16
-"""More would not fit around a hull of the paper's size."""
 
 
 class Hosting(StrEnum):

@@ -20,11 +20,12 @@ from pydantic import TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
 from agents.mussel.board_link import SERIAL
+from apad_bridge.planning.dispatch_rule import MAX_DOCKS
 from apad_bridge.planning.registry import InFile
 from apad_bridge.scenario.area.fence import check_size, corners_of
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.area.paper_charts import PAPER_CHARTS
-from apad_bridge.scenario.choices import MAX_DOCKS, PAPER_DOCKS
+from apad_bridge.scenario.choices import PAPER_DOCKS
 from apad_bridge.scenario.cross_checks import contradictions
 from apad_bridge.scenario.errors import ScenarioError, in_ranges
 from apad_bridge.scenario.key_mistakes import abbreviated, explain

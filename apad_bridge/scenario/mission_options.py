@@ -8,14 +8,13 @@ from typing import Annotated
 from annotated_types import Ge, Le
 
 from agents.water.bounds import Count, NotNegative
-from apad_bridge.scenario.choices import MAX_DOCKS
+from apad_bridge.planning.dispatch_rule import ServiceRules
 from apad_bridge.scenario.quantities import (
     AgentId,
     EndTime,
     Fraction,
     NotNegativeSeconds,
     Positive,
-    PositiveFraction,
     PositiveSeconds,
     frozen,
 )
@@ -116,13 +115,6 @@ class Costs:
     (docs/water.md#the-apad-in-current-and-wind). False: the way over ground alone."""
 
 
-class FullWhen(StrEnum):
-    """The batteries that must be above the threshold for a docked aMussel to be full."""
-
-    PRIMARY = "primary"
-    BOTH = "both"
-
-
 class Suspects(StrEnum):
     """The treatment of an aMussel whose packets contradict physics: people are told of it in any case.
 
@@ -134,57 +126,13 @@ class Suspects(StrEnum):
     FETCHED = "fetched"
 
 
-class Dispatch(StrEnum):
-    """The rule of collecting and releasing, for every strategy alike. `batch`: the paper's, a whole batch is collected,
-    charged and released. `asynchronous`: each aMussel by itself, as soon as a dock is free for it, until it is charged."""
-
-    BATCH = "batch"
-    ASYNCHRONOUS = "asynchronous"
-
-
-class Places(StrEnum):
-    """The place to which an aMussel is brought back. `own`: its own, as in the paper. `exchanged`: that of one which is
-    collected on the same tour, or else the nearest of the docked ones' places; the two exchange places."""
-
-    OWN = "own"
-    EXCHANGED = "exchanged"
-
-
-class Horizon(StrEnum):
-    """The time for which aMussels are charged. `open`: as long as they live. `end`: until the mission's end, so nobody is
-    collected who lasts until then, and nobody is charged for longer."""
-
-    OPEN = "open"
-    END = "end"
-
-
 @frozen
-class Mission:
+class Mission(ServiceRules):
     collection: str
     """Name of a collection strategy: one of docs/studies.md#strategies, one from a user's package, or `FILE.py:Class`
     (docs/first-strategy.md)."""
     redeployment: str = "greedy-redeploy"
     """Name of a redeployment strategy, likewise."""
-    places: Places = Places.OWN
-    pool_threshold: Fraction
-    """An aMussel at or below this charge is a candidate."""
-    batch: Annotated[int, Ge(1), Le(MAX_DOCKS)]
-    """The number of candidates for which the aPad waits before it plans. Left out in a file: the number of the aPad's
-    docks. `dispatch: asynchronous` has no batches."""
-    dispatch: Dispatch = Dispatch.BATCH
-    again_threshold: Fraction | None = None
-    """An aMussel that the mission brought back is in the pool again once one in it is at or below this, which is below
-    `pool_threshold`. None: at once at `pool_threshold`."""
-    full_threshold: Fraction
-    """An aMussel above this charge, which is above `pool_threshold`, counts as full."""
-    charge_to: Fraction | None = None
-    """A docked aMussel above this, which is above `pool_threshold`, makes room when others wait for its dock. None: only
-    full aMussels leave."""
-    charge_lead: PositiveFraction | None = None
-    """A docked aMussel that has so much more charge than the one that waits makes room for it, too; below `charge_to`.
-    None: it does not."""
-    full_when: FullWhen = FullWhen.PRIMARY
-    horizon: Horizon = Horizon.OPEN
     speed_m_s: Positive
     """The speed of the aPad's go-tos."""
     victory_radius_m: Positive
@@ -210,8 +158,3 @@ class Mission:
     suspects: Suspects = Suspects.TOLD
     """docs/beliefs.md#suspects. `asked` and `fetched` need `beliefs.estimator: twin`, and `asked` also `water` and
     `board.whole`; it asks each ten minutes of agent time."""
-
-    @property
-    def room_above(self) -> float:
-        """The charge above which a docked aMussel makes room for any that waits."""
-        return self.full_threshold if self.charge_to is None else self.charge_to

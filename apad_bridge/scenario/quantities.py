@@ -10,16 +10,10 @@ from annotated_types import Ge, Gt, Le
 from pydantic import AfterValidator, ConfigDict, Discriminator, PlainValidator, StringConstraints, Tag
 from pydantic.dataclasses import dataclass
 
-from agents.water.bounds import GREATEST, LEAST
+from agents.water.bounds import GREATEST, not_tiny
 from firmware_model.packets.wire import MAX_AGENT_ID
 from firmware_model.power.charge import grains
 from firmware_model.power.voltage_curve import VoltageCurve
-
-
-def _not_tiny(quantity: float) -> float:
-    if quantity < LEAST:
-        raise ValueError(f"must be {LEAST:g} or more")
-    return quantity
 
 
 def _whole_milliseconds(seconds: float) -> float:
@@ -58,7 +52,7 @@ def _rising_from_empty_to_full(points: tuple[tuple[float, float], ...]) -> tuple
 
 
 AgentId = Annotated[int, Ge(1), Le(MAX_AGENT_ID)]
-Positive = Annotated[float, Gt(0), Le(GREATEST), AfterValidator(_not_tiny)]
+Positive = Annotated[float, Gt(0), Le(GREATEST), AfterValidator(not_tiny)]
 PositiveSeconds = Annotated[float, Ge(0.001), Le(1e9), AfterValidator(_whole_milliseconds)]
 NotNegativeSeconds = Annotated[float, Ge(0), Le(1e9), AfterValidator(_whole_milliseconds)]
 Quantity = Annotated[float, Ge(-GREATEST), Le(GREATEST)]
@@ -68,7 +62,6 @@ Speed = Annotated[float, Ge(-20), Le(20)]
 """A velocity's component, in m/s."""
 Milliseconds = Annotated[int, Ge(0), Le(1_000_000_000)]
 Fraction = Annotated[float, Ge(0), Le(1)]
-PositiveFraction = Annotated[float, Gt(0), Le(1), AfterValidator(_not_tiny)]
 RatePerMinute = Annotated[float, Gt(0), Le(1000), AfterValidator(_ten_decimals)]
 """Rate of a battery's charge. The firmware model counts charge in grains: 1e-10 a minute is one grain a millisecond."""
 ChargeSegments = Annotated[tuple[tuple[Fraction, RatePerMinute], ...], AfterValidator(_rising_to_one)]

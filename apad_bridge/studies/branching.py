@@ -13,7 +13,7 @@ from __future__ import annotations
 import json
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +32,7 @@ from apad_bridge.events.mission_events import Phase
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.facts import AMusselHeard, StandDownRequested
 from apad_bridge.planning import registry
+from apad_bridge.planning.dispatch_rule import ServiceRules
 from apad_bridge.records.journal import JournalContents, read_journal
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.run_state import RunState
@@ -62,9 +63,8 @@ from apad_bridge.world.world import World
 from firmware_model.stimuli import ResetCause
 
 CHANGEABLE = (
-    *("collection", "redeployment", "places", "costs", "dispatch", "batch"),
-    *("pool_threshold", "again_threshold", "full_threshold", "full_when"),
-    *("charge_to", "charge_lead", "horizon"),
+    *("collection", "redeployment", "costs"),
+    *(it.name for it in fields(ServiceRules)),
 )
 """The keys of a scenario's `mission` that decide plans, and can change while it flies."""
 FIGURES = {

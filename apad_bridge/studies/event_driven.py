@@ -36,8 +36,8 @@ from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.facts import PlacedSample
 from apad_bridge.mission.sources import Allocation
 from apad_bridge.planning import registry
+from apad_bridge.planning.dispatch_rule import Horizon
 from apad_bridge.scenario.firmware_config import charge_models
-from apad_bridge.scenario.mission_options import Horizon
 from apad_bridge.scenario.schema import DriftMode, HearingMode, Positioning, Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.studies.cruising_apad import CruisingAPad

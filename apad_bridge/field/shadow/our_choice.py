@@ -22,7 +22,6 @@ from apad_bridge.planning.candidates import Situation
 from apad_bridge.planning.exchange_of_places import tour
 from apad_bridge.planning.solution import Step, StepKind
 from apad_bridge.scenario.hull_in_flow import LegForecast, surface_of
-from apad_bridge.scenario.mission_options import Dispatch
 from apad_bridge.scenario.schema import Scenario
 
 
@@ -89,7 +88,7 @@ class OurChoice:
                 situation,
                 StepKind.DEPLOY,
             ).steps
-        if held and at.in_batch and self._mission.dispatch is Dispatch.BATCH:
+        if held and at.in_batch and not self._mission.is_asynchronous:
             # Their batch is under way, and we have another opinion of its rest.
             count = min(self._mission.batch - len(held), len(pool), free)
         return self._collection_steps(at, place_m, pool, count) if count > 0 else ()

@@ -40,7 +40,6 @@ from apad_bridge.field.shadow.shadow_beliefs import ShadowBeliefs
 from apad_bridge.mission.home_places import with_exchanged_homes, with_new_homes
 from apad_bridge.planning.registry import Trust
 from apad_bridge.planning.solution import StepKind
-from apad_bridge.scenario.mission_options import Places
 from apad_bridge.scenario.schema import Scenario
 from firmware_model.packets import StatusPacket
 
@@ -214,7 +213,7 @@ class Shadow:
             del docked[agent_id]
             if self._place_m is not None:
                 self._beliefs.fleet.learn(agent_id, Released(*self._place_m), self._now_ms)
-                if self._mission.places is Places.EXCHANGED:
+                if self._mission.exchanges_places:
                     self._take_place(agent_id, self._place_m)
             released = dict(self._state.released) | {agent_id: self._now_ms}
             self._state = replace(self._state, released=tuple(sorted(released.items())))

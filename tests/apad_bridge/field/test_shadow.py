@@ -28,10 +28,10 @@ from apad_bridge.field.field_log.log_facts import (
 )
 from apad_bridge.field.shadow.compared import ELSEWHERE, WAIT, TheirMove
 from apad_bridge.field.shadow.shadow import Shadow
+from apad_bridge.planning.dispatch_rule import Places
 from apad_bridge.planning.solution import StepKind
 from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.loader import load, with_overrides, write_resolved
-from apad_bridge.scenario.mission_options import Places
 from apad_bridge.scenario.schema import Scenario
 from firmware_model.packets import StatusPacket
 from firmware_model.packets.codec import load_codec

@@ -15,8 +15,9 @@ from apad_bridge.mission.charging_watch import ChargingWatch
 from apad_bridge.mission.pool import ChargingPool
 from apad_bridge.mission.sink_reminders import SinkReminders
 from apad_bridge.mission.situation import situation_of
+from apad_bridge.planning.dispatch_rule import Dispatch, FullWhen
 from apad_bridge.scenario.loader import load
-from apad_bridge.scenario.mission_options import Dispatch, FullWhen, Mission, Suspects
+from apad_bridge.scenario.mission_options import Mission, Suspects
 from firmware_model.packets import Reported
 from firmware_model.states import TABLE, State, Trigger
 

@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 
 from apad_bridge.mission.home_places import with_exchanged_homes
 from apad_bridge.planning.candidates import Candidate, Situation
+from apad_bridge.planning.dispatch_rule import ServiceRules
 from apad_bridge.planning.exchange_of_places import (
     exchanges,
     is_worth_it,
-    makes_room,
     nearest_places,
     tour,
 )
@@ -112,8 +112,9 @@ def test_a_tour(
 def test_one_makes_room_above_the_limit_or_by_its_lead(
     charge: float, waiting: float, lead: float | None, makes: bool, is_worth: bool
 ) -> None:
-    assert makes_room(charge, waiting, 0.8, lead) is makes
-    assert is_worth_it(charge, waiting, 0.8, lead) is is_worth
+    rules = ServiceRules(pool_threshold=0.5, batch=1, full_threshold=0.8, charge_lead=lead)
+    assert rules.leaves_for(charge, waiting) is makes
+    assert is_worth_it(charge, waiting, rules) is is_worth
 
 
 @given(

@@ -15,6 +15,7 @@ from apad_bridge.assembly.scenario_energy_model import energy_model
 from apad_bridge.planning import registry
 from apad_bridge.planning.candidates import Candidate, Situation
 from apad_bridge.planning.costs import CostScales
+from apad_bridge.planning.dispatch_rule import Dispatch, Places
 from apad_bridge.planning.projection import Projection
 from apad_bridge.planning.solution import StepKind, check_solution
 from apad_bridge.planning.strategies.by_route import Blend
@@ -54,11 +55,13 @@ def fleets(draw: st.DrawFn) -> Situation:
     held = replace(swimming(31, draw(metres), draw(metres), draw(charges)), dock_index=3)
     others, leaving = draw(st.sampled_from((((), ()), ((held,), ()), ((), (held,)))))
     free = (0, 1, 2) if others else (0, 1, 2, 3)
-    model = replace(MODEL, is_asynchronous=draw(st.booleans()), motor_run=draw(st.sampled_from((0.0, 0.045))))
+    model = replace(
+        MODEL, dispatch=draw(st.sampled_from(Dispatch)), motor_run=draw(st.sampled_from((0.0, 0.045)))
+    )
     model = replace(
         model,
         charge_lead=draw(st.none() | st.floats(0.05, 1)),
-        exchanges_places=bool(leaving) or draw(st.booleans()),
+        places=Places.EXCHANGED if leaving else draw(st.sampled_from(Places)),
     )
     return Situation(draw(metres), draw(metres), tuple(low), free, (*high, *others), model, leaving)
 
@@ -115,13 +118,13 @@ def test_a_projection_of_nobody_low_lets_the_fleet_drain() -> None:
     assert outcome.charges == pytest.approx((1 - 100 * MODEL.drain_per_s, 0.9 - 100 * MODEL.drain_per_s))
 
 
-@pytest.mark.parametrize("is_asynchronous", [True, False])
+@pytest.mark.parametrize("dispatch", Dispatch)
 @pytest.mark.parametrize(
     ("rules", "other", "waits_s"),
     [
-        pytest.param({"makes_room": 0.6}, 0.4, 0.0, id="another waits, so it is released at once"),
+        pytest.param({"charge_to": 0.6}, 0.4, 0.0, id="another waits, so it is released at once"),
         pytest.param(
-            {"makes_room": 0.6}, 1.0, None, id="nobody waits, so it is not released before it is full"
+            {"charge_to": 0.6}, 1.0, None, id="nobody waits, so it is not released before it is full"
         ),
         pytest.param({"charge_lead": 0.25}, 0.4, 0.0, id="it leads the waiting one by enough"),
         # One rises while the other falls.
@@ -134,11 +137,11 @@ def test_a_projection_of_nobody_low_lets_the_fleet_drain() -> None:
     ],
 )
 def test_a_charged_one_makes_room_in_a_projection(
-    is_asynchronous: bool, rules: dict[str, float], other: float, waits_s: float | None
+    dispatch: Dispatch, rules: dict[str, float], other: float, waits_s: float | None
 ) -> None:
     """It has 0.7 in the dock at its own home, and the other one is in the water."""
-    rules = {"makes_room": MODEL.full, "pool_threshold": 0.5, **rules}
-    model = replace(MODEL, docks=1, batch=1, is_asynchronous=is_asynchronous, **rules)
+    rules = {"charge_to": MODEL.full, "pool_threshold": 0.5, **rules}
+    model = replace(MODEL, docks=1, batch=1, dispatch=dispatch, **rules)
     others = replace(swimming(1, 0, 0, 0.7), dock_index=0), swimming(2, 0, 0, other)
     docked_s, released_s = MODEL.charging_s(0.7, MODEL.full), 2.5 + MODEL.undock_s
     outcome = Projection(Situation(0, 0, (), (), others, model), model, docked_s, 60.0).of(())
@@ -146,13 +149,13 @@ def test_a_charged_one_makes_room_in_a_projection(
     assert outcome.active_s[0] == pytest.approx(active_s, abs=docked_s / 200 if waits_s else None)
 
 
-@pytest.mark.parametrize("is_asynchronous", [True, False])
+@pytest.mark.parametrize("dispatch", Dispatch)
 @pytest.mark.parametrize(("was_served", "again"), [(True, 0.02), (True, None), (False, 0.02)])
 def test_one_that_was_served_waits_in_a_projection_until_it_is_nearly_empty(
-    is_asynchronous: bool, was_served: bool, again: float | None
+    dispatch: Dispatch, was_served: bool, again: float | None
 ) -> None:
     """It lies below the aPad, and is not full again before the horizon."""
-    model = replace(MODEL, docks=1, batch=1, is_asynchronous=is_asynchronous, again_threshold=again)
+    model = replace(MODEL, docks=1, batch=1, dispatch=dispatch, again_threshold=again)
     waits_s, collected_s = (0.2 - 0.02) / MODEL.drain_per_s, 2.5 + MODEL.dock_s
     agent = replace(swimming(1, 0, 0, 0.2), is_served=was_served)
     outcome = Projection(Situation(0, 0, (), (0,), (agent,), model), model, waits_s + 60, 60.0).of(())
@@ -160,17 +163,17 @@ def test_one_that_was_served_waits_in_a_projection_until_it_is_nearly_empty(
     assert outcome.active_s[0] == pytest.approx(collected_s + (waits_s if waits else 0.0))
 
 
-@pytest.mark.parametrize("is_asynchronous", [True, False])
+@pytest.mark.parametrize("dispatch", Dispatch)
 @pytest.mark.parametrize(("is_planned", "charge"), [(True, 0.4), (False, 0.4), (False, 1.0)])
 def test_a_released_one_takes_the_place_of_the_collected_one_in_a_projection(
-    is_asynchronous: bool, is_planned: bool, charge: float
+    dispatch: Dispatch, is_planned: bool, charge: float
 ) -> None:
     """One is full in a dock, with its place 20 m to the south; one waits 30 m to the north. The horizon ends later.
 
     The charged one works from its release, after one way and both mechanisms. The way is the same whether the plan that is
     judged collects the other one, or the base policy does. If nobody waits, it goes to its own place.
     """
-    model = replace(MODEL, docks=1, batch=1, is_asynchronous=is_asynchronous, exchanges_places=True)
+    model = replace(MODEL, docks=1, batch=1, dispatch=dispatch, places=Places.EXCHANGED)
     held, other = replace(swimming(1, -20, 0, 1.0), dock_index=0), swimming(2, 30, 0, charge)
     collected_s = 2.5 + 30 / model.speed_m_s + model.dock_s
     horizon_s = collected_s + model.undock_s + 50

@@ -25,9 +25,9 @@ from apad_bridge.events.mission_events import Phase, PlanMade, StepGivenUp
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.orders import Order
 from apad_bridge.mission.plan_checks import StrategyFailed
+from apad_bridge.planning.dispatch_rule import Horizon
 from apad_bridge.runs.in_memory import open_lockstep
 from apad_bridge.scenario.loader import from_data, load, resolve
-from apad_bridge.scenario.mission_options import Horizon
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.studies.cruising_apad import CruisingAPad

@@ -15,11 +15,11 @@ from journals import facts_of
 from apad_bridge.assembly.scenario_energy_model import energy_model
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.events.mission_events import MissionState, Phase
+from apad_bridge.planning.dispatch_rule import Dispatch
 from apad_bridge.planning.solution import Step, StepKind
 from apad_bridge.runs.parent_protocol import from_line, to_line
 from apad_bridge.runs.progress import FlightProgress
 from apad_bridge.runs.progress_status import RunStatus
-from apad_bridge.scenario.mission_options import Dispatch
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.forecast import Forecast, Forecaster
 from firmware_model.states import State
