@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import IntFlag
+from operator import attrgetter
 from typing import NamedTuple
 
 from agents.time_scale import MissionMs
 from apad_bridge.beliefs.mixture import Gaussian, below, interval
 from apad_bridge.beliefs.modes import Mode, mode_of
-from firmware_model.packets import NOTHING_REPORTED, Reported
+from firmware_model.packets import NOTHING_REPORTED, QUANTITIES, Quantity, Reported
 from firmware_model.states import State
 from firmware_model.value import value
 
@@ -170,3 +172,21 @@ class Belief:
     @property
     def _mixture(self) -> tuple[Gaussian, ...]:
         return self.parts or (Gaussian(1.0, self.primary, math.sqrt(self.charge_cov[0])),)
+
+
+class BelievedNumber(NamedTuple):
+    """A number of a belief that has a name of its own, and how it is read."""
+
+    quantity: Quantity
+    of: Callable[[Belief], float | None]
+    """None where no packet stated it, or the estimator does not know it."""
+
+
+NUMBERS: dict[str, BelievedNumber] = {
+    name: BelievedNumber(it, attrgetter(f"reported.{name}")) for name, it in QUANTITIES.items()
+}
+"""By name, the numbers that bags, topics, exported tables, the journal and pages carry as `reported`.
+
+All that packets state are rows. A number that an estimator believes is one more, after these, and a field of `Belief` that
+is None where the estimator has none. A checkpoint keeps what it is computed from, not the number.
+"""

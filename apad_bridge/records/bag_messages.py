@@ -14,10 +14,10 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from agents.time_scale import MissionMs, TimeScale
+from apad_bridge.beliefs.belief import NUMBERS
 from apad_bridge.records.packet_lines import SoundRow
 from apad_bridge.records.samples import APadSample, BeliefSample, TruthSample
 from apad_bridge.ros_names.frames import Frames
-from firmware_model.packets import QUANTITIES
 
 _DEFINITIONS = Path(__file__).parent.parent / "ros" / "definitions"
 _STANDARD = Path(__file__).parent / "definitions"
@@ -56,12 +56,6 @@ def _belief_row(agent: BeliefSample) -> bytes:
         len(parts),
         *parts,
     )
-
-
-_NAMES = b"".join(
-    (_COUNT.pack(len(QUANTITIES)), *(pack(f"<I{len(it)}s", len(it), it.encode()) for it in QUANTITIES))
-)
-"""FleetBeliefs.msg's names of what aMussels report."""
 
 
 @cache
@@ -120,12 +114,16 @@ class Messages:
         self._apad_status: Any = types[APAD]
         self._mission_event: Any = types[EVENT]
         self._transmission: Any = types[SOUND]
+        self._names = b"".join(
+            (_COUNT.pack(len(NUMBERS)), *(pack(f"<I{len(it)}s", len(it), it.encode()) for it in NUMBERS))
+        )
+        """FleetBeliefs.msg's `reported_names`."""
 
     def truth(self, now_ms: MissionMs, agents: list[TruthSample]) -> bytes:
         return self._fleet(now_ms, [_TRUTH_ROW(*agent) for agent in agents])
 
     def beliefs(self, now_ms: MissionMs, agents: list[BeliefSample]) -> bytes:
-        return self._fleet(now_ms, map(_belief_row, agents), _NAMES)
+        return self._fleet(now_ms, map(_belief_row, agents), self._names)
 
     def _fleet(self, now_ms: MissionMs, rows: Iterable[bytes], names: bytes = b"") -> bytes:
         """FleetTruth or FleetBeliefs, which begin alike: but for `names`, before the rows.

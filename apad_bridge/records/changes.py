@@ -7,7 +7,7 @@ from dataclasses import replace
 from math import cos, hypot, isnan, radians
 
 from agents.mussel.outputs import Truth
-from apad_bridge.beliefs.belief import Belief, CapacityLeft
+from apad_bridge.beliefs.belief import NUMBERS, Belief, CapacityLeft
 from apad_bridge.events.event import Event
 from apad_bridge.events.fleet_events import BeliefChanged, CapacityLearned
 from apad_bridge.events.vehicle_events import APadMoved
@@ -47,7 +47,7 @@ class Changes:
     """Chooses from each tick the aPad, beliefs and capacities that get a line.
 
     The aPad, when it moved, turned, used energy, changed its primitive or docks, or had no line for a minute. A belief,
-    when its state changed, its charge moved by a hundredth, or a reported quantity by its step. A capacity, when an end of
+    when its state changed, its charge moved by a hundredth, or one of `NUMBERS` by its step. A capacity, when an end of
     its interval moved by a hundredth.
     """
 
@@ -109,7 +109,8 @@ def _event_of(belief: Belief) -> BeliefChanged:
         secondary=round(belief.secondary, 5),
         north_m=round(belief.north_m, 3),
         east_m=round(belief.east_m, 3),
-        reported=belief.reported.stated or None,
+        reported={name: value for name, it in NUMBERS.items() if (value := it.of(belief)) is not None}
+        or None,
     )
     if not belief.is_predicted:
         return event
@@ -126,8 +127,10 @@ def _event_of(belief: Belief) -> BeliefChanged:
 
 def _differs(before: Belief, belief: Belief) -> bool:
     """True if a belief changed enough for a line. A carried belief's mode, deviation and packet time count too."""
-    if belief.reported is not before.reported and belief.reported.is_news_after(before.reported):
-        return True
+    for it in NUMBERS.values():
+        was, now = it.of(before), it.of(belief)
+        if now is not was and now is not None and (was is None or abs(now - was) >= it.quantity.step):
+            return True
     if not belief.is_predicted:
         return before.state is not belief.state or abs(before.primary - belief.primary) >= BELIEVED_CHARGE
     sds = before.charge_cov[0] ** 0.5, belief.charge_cov[0] ** 0.5

@@ -9,15 +9,12 @@ from typing import NamedTuple
 from agents.mussel.outputs import Truth
 from agents.mussel.physical import Physical
 from agents.time_scale import MissionMs
-from apad_bridge.beliefs.belief import Belief, Source
+from apad_bridge.beliefs.belief import NUMBERS, Belief, Source
 from apad_bridge.scenario.firmware_config import charge_models, sinking_of
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
-from firmware_model.packets import QUANTITIES
 from firmware_model.power.charge import fraction
 
-_UNKNOWN = (*(nan,) * 8, (), nan, nan)
-"""The numbers that an estimator without uncertainty does not give."""
 _MOST_TIMESLOTS = 0xFFFF
 """The largest count of silent timeslots in a bag."""
 
@@ -58,7 +55,7 @@ class BeliefSample(NamedTuple):
     silent_timeslots: int = 0
     learned_from: int = int(Source.PACKET)
     reported: tuple[float, ...] = ()
-    """The quantities of `QUANTITIES`, in their order."""
+    """The numbers of `NUMBERS`, in their order."""
     charge_parts: tuple[float, ...] = ()
     """Weight, mean and deviation of each Gaussian of the primary charge, one after the other."""
 
@@ -114,18 +111,17 @@ def belief_sample(belief: Belief, now_ms: MissionMs) -> BeliefSample:
         belief.east_m,
         belief.age_s(now_ms),
     )
-    reported = tuple([nan if (it := getattr(belief.reported, name)) is None else it for name in QUANTITIES])
+    reported = tuple([nan if (value := it.of(belief)) is None else value for it in NUMBERS.values()])
     silent, learned_from = min(belief.silent_timeslots, _MOST_TIMESLOTS), int(belief.learned_from)
     if not belief.is_predicted:
-        return BeliefSample._make((*newest, *_UNKNOWN, silent, learned_from, reported, ()))
+        return BeliefSample(*newest, silent_timeslots=silent, learned_from=learned_from, reported=reported)
     primary, both, secondary = belief.charge_cov
     north, across, east = belief.place_cov
-    deviations = (sqrt(primary), sqrt(secondary), both, *belief.charge_interval())
-    of_place = (sqrt(north), sqrt(east), across)
     return BeliefSample(
         *newest,
-        *deviations,
-        *of_place,
+        *(sqrt(primary), sqrt(secondary), both),
+        *belief.charge_interval(),
+        *(sqrt(north), sqrt(east), across),
         mode_probabilities=belief.mode_probabilities,
         clock_offset_ms=belief.clock.offset_ms,
         clock_deviation_ms=sqrt(belief.clock.offset_var),

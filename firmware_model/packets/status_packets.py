@@ -217,8 +217,8 @@ class ShortStatus:
         return None if state is None else cls(agent_id, state, primary / 255, secondary / 255)
 
 
-class ReportedQuantity(NamedTuple):
-    """A reported quantity for people; a journal has a new line once it changed by `step`."""
+class Quantity(NamedTuple):
+    """A quantity for people; a journal has a new line once it changed by `step`."""
 
     text: str
     unit: str
@@ -233,7 +233,7 @@ class Reported:
     carry all that stand here.
     """
 
-    depth_m: Annotated[float | None, ReportedQuantity("depth", "m", 1.0)] = None
+    depth_m: Annotated[float | None, Quantity("depth", "m", 1.0)] = None
 
     def after(self, packet: StatusPacket) -> Reported:
         """The values once this packet is received; the same object if none changed, so that nobody compares it."""
@@ -249,16 +249,8 @@ class Reported:
         """The quantities that a packet stated, by name, in the order of `QUANTITIES`."""
         return {it: value for it in QUANTITIES if (value := getattr(self, it)) is not None}
 
-    def is_news_after(self, before: Reported) -> bool:
-        """True if a quantity changed by its step since, or is stated for the first time."""
-        was = before.stated
-        return any(
-            name not in was or abs(value - was[name]) >= QUANTITIES[name].step
-            for name, value in self.stated.items()
-        )
-
 
 NOTHING_REPORTED = Reported()
-QUANTITIES: dict[str, ReportedQuantity] = {
+QUANTITIES: dict[str, Quantity] = {
     name: hint.__metadata__[0] for name, hint in get_type_hints(Reported, include_extras=True).items()
 }

@@ -16,6 +16,7 @@ from apad_bridge.analysis.replay.history import History
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.assembly.stacks import stack_of
 from apad_bridge.assembly.water import true_water
+from apad_bridge.beliefs.belief import NUMBERS
 from apad_bridge.events.run_events import RunBegan
 from apad_bridge.planning.registry import label
 from apad_bridge.records.journal import Entry, JournalContents
@@ -28,7 +29,6 @@ from apad_bridge.scenario.firmware_config import sinking_of, takes_samples
 from apad_bridge.scenario.key_mistakes import unit_of
 from apad_bridge.scenario.schema import Area, Scenario
 from apad_bridge.vehicle.guards.stops import StopRecord
-from firmware_model.packets import QUANTITIES
 from firmware_model.power.charge import fraction
 from firmware_model.power.rails import Rail
 from firmware_model.sampling.sensors import SENSORS
@@ -220,7 +220,7 @@ class RunView:
             "earlier_packets": max(0, len(self._history.packets) - MAX_PACKETS),
             "states": [state.name.lower().replace("_", " ") for state in State],
             "sensors": [[it.name, unit_of(it.key) or it.unit] for it in SENSORS],
-            "quantities": [[name, it.text, it.unit] for name, it in QUANTITIES.items()],
+            "quantities": [[name, it.quantity.text, it.quantity.unit] for name, it in NUMBERS.items()],
             "rails": [rail.name.lower().replace("_", " ") for rail in Rail],
             "timeslots": _timeslots(scenario),
             **self._columns(),
@@ -303,7 +303,7 @@ class RunView:
             "acknowledged": None if log is None else log.acknowledged,
             "heard": None if belief is None else belief.heard // 1000,
             "capacity": None if left_of is None else [round(it, 2) for it in left_of],
-            "reported": None if reported is None else [reported.get(it) for it in QUANTITIES],
+            "reported": None if reported is None else [reported.get(it) for it in NUMBERS],
             "water": water,
         }
 
@@ -371,7 +371,7 @@ COLUMNS = ("north", "east", "charge", "status", "uptime", *_OFTEN_EMPTY, "second
 """An aMussel's columns, by their names on the page. Places in metres, charges in [0, 1], uptime in percent of the whole
 run's ticks, `heard` in mission seconds; `believed` beside a truth alone; `low` and `high` with 95 %; `taken` and
 `acknowledged` are samples of its log; `capacity` is the interval of its share that is left, where a twin learns it;
-`reported` is in the order of `QUANTITIES`, and `water`, the true values where it is, in that of `SENSORS`."""
+`reported` is in the order of `NUMBERS`, and `water`, the true values where it is, in that of `SENSORS`."""
 
 
 def _plan_data(plan: PlanView | None) -> dict[str, Any] | None:

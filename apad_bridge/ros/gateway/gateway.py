@@ -27,7 +27,7 @@ import rospy
 
 from agents.hosting.descriptors import raise_descriptor_limit
 from agents.time_scale import MissionMs, TimeScale
-from apad_bridge.beliefs.belief import Belief
+from apad_bridge.beliefs.belief import NUMBERS, Belief
 from apad_bridge.events.event import Event
 from apad_bridge.events.sound_events import PacketPassed
 from apad_bridge.records.packet_lines import SoundRow, sound_rows
@@ -43,7 +43,6 @@ from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.supervisor.context import Watcher
 from apad_bridge.supervisor.forecast import Forecast
 from apad_bridge.supervisor.supervisor import Supervisor
-from firmware_model.packets import QUANTITIES
 
 use_generated_messages()
 
@@ -188,7 +187,7 @@ class Gateway:
             return
         message = FleetBeliefs(mission_time_ms=now_ms, agent_time_ms=self._scale.agent_ms(now_ms))
         message.header = header(now_ms, self._ned)
-        message.reported_names = [*QUANTITIES]
+        message.reported_names = [*NUMBERS]
         message.agents = [AgentBelief(*belief_sample(it, now_ms)) for it in beliefs]
         self._beliefs.publish(message)
 
