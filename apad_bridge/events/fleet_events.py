@@ -81,7 +81,7 @@ class BeliefChanged(Event):
     ] = None
     reported: Annotated[
         dict[str, float] | None,
-        Meaning("by name, the newest of the quantities that it reports and nobody estimates"),
+        Meaning("by name, what else is known of it: the newest of the quantities that it reports"),
     ] = None
 
     @property
