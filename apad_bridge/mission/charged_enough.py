@@ -18,9 +18,7 @@ def is_charged(belief: Belief | None, config: ServiceRules) -> bool:
 
 def makes_room(belief: Belief | None, config: ServiceRules, waiting_charge: float) -> bool:
     """The aMussel makes room for one with `waiting_charge`: it is believed above the scenario's `charge_to`, or to lead."""
-    if belief is None:
-        return False
-    return config.leaves_for(counted_charge(belief, config), waiting_charge)
+    return belief is not None and config.leaves_for(counted_charge(belief, config), waiting_charge)
 
 
 def counted_charge(belief: Belief, config: ServiceRules) -> float:

@@ -127,12 +127,18 @@ class Suspects(StrEnum):
 
 
 @frozen
-class Mission(ServiceRules):
+class Strategies:
+    """The strategies of a mission. In a written file, and in a list of mistakes, they come before its rules."""
+
     collection: str
     """Name of a collection strategy: one of docs/studies.md#strategies, one from a user's package, or `FILE.py:Class`
     (docs/first-strategy.md)."""
     redeployment: str = "greedy-redeploy"
     """Name of a redeployment strategy, likewise."""
+
+
+@frozen
+class Mission(ServiceRules, Strategies):
     speed_m_s: Positive
     """The speed of the aPad's go-tos."""
     victory_radius_m: Positive

@@ -47,6 +47,7 @@ from apad_bridge.scenario.firmware_config import takes_samples
 from apad_bridge.scenario.flight_readiness import check_code
 from apad_bridge.scenario.hull_in_flow import surface_of
 from apad_bridge.scenario.loader import with_values
+from apad_bridge.scenario.mission_options import Strategies
 from apad_bridge.scenario.run_options import RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
@@ -63,8 +64,8 @@ from apad_bridge.world.world import World
 from firmware_model.stimuli import ResetCause
 
 CHANGEABLE = (
-    *("collection", "redeployment", "costs"),
-    *(it.name for it in fields(ServiceRules)),
+    *(it.name for it in (*fields(Strategies), *fields(ServiceRules))),
+    "costs",
 )
 """The keys of a scenario's `mission` that decide plans, and can change while it flies."""
 FIGURES = {
