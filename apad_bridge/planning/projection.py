@@ -103,7 +103,7 @@ class Projection(DispatchRule):
         return self.now_s < inf
 
     def full_s(self, docked: int) -> float:
-        return self._reaches_s(docked, self._model.full)
+        return self._reaches_s(docked, self._model.full_threshold)
 
     def room_s(self) -> float:
         waits_s = _last_of(self._pool_s, self._count)
@@ -220,7 +220,7 @@ class Projection(DispatchRule):
     def _worth_an_exchange_s(self, leaving: Sequence[int]) -> list[float]:
         """When each enters the pool for an exchange: never for one for whom the leaving ones make no room now."""
         model, now_s = self._model, self.now_s
-        early = [index for index in leaving if self._reaches_s(index, model.full) > now_s]
+        early = [index for index in leaving if self._reaches_s(index, model.full_threshold) > now_s]
         if not early:
             return self._pool_s
         least = min(self._charge_in_dock(it) for it in early) + _ROUNDING
@@ -234,9 +234,9 @@ class Projection(DispatchRule):
 
     def _makes_room_s(self, waiting: Sequence[int]) -> float:
         """When the docked ones make room for the lowest of these, as many as are collected next."""
-        model, docked = self._model, self.docked
+        model, docked, above = self._model, self.docked, self._model.makes_room
         ready = min if self.is_asynchronous else max
-        room_s = ready(self._reaches_s(index, model.makes_room) for index in docked)
+        room_s = ready(self._reaches_s(index, above) for index in docked)
         if model.charge_lead is None:
             return room_s
         lead, rates = model.charge_lead, self._rates
@@ -246,7 +246,7 @@ class Projection(DispatchRule):
                 max(0.0, self._charge[index] - rates[index].drain_per_s * (at_s - self._since_s[index]))
                 for index in waiting
             )
-            led = min(model.makes_room, charges[self._count - 1] + lead)
+            led = min(above, charges[self._count - 1] + lead)
             return ready(self._reaches_s(index, led) for index in docked) <= at_s
 
         low_s, high_s = self.now_s, max(self.now_s, room_s)
