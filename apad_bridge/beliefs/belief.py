@@ -12,7 +12,7 @@ from typing import NamedTuple
 from agents.time_scale import MissionMs
 from apad_bridge.beliefs.mixture import Gaussian, below, interval
 from apad_bridge.beliefs.modes import Mode, mode_of
-from firmware_model.packets import NOTHING_REPORTED, QUANTITIES, Quantity, Reported
+from firmware_model.packets import NOTHING_REPORTED, QUANTITIES, Reported, ShownQuantity
 from firmware_model.states import State
 from firmware_model.value import value
 
@@ -177,7 +177,7 @@ class Belief:
 class BelievedNumber(NamedTuple):
     """A number of a belief that has a name of its own, and how it is read."""
 
-    quantity: Quantity
+    quantity: ShownQuantity
     of: Callable[[Belief], float | None]
     """None where no packet stated it, or the estimator does not know it."""
 

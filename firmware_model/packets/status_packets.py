@@ -217,7 +217,7 @@ class ShortStatus:
         return None if state is None else cls(agent_id, state, primary / 255, secondary / 255)
 
 
-class Quantity(NamedTuple):
+class ShownQuantity(NamedTuple):
     """A quantity for people; a journal has a new line once it changed by `step`."""
 
     text: str
@@ -233,7 +233,7 @@ class Reported:
     carry all that stand here.
     """
 
-    depth_m: Annotated[float | None, Quantity("depth", "m", 1.0)] = None
+    depth_m: Annotated[float | None, ShownQuantity("depth", "m", 1.0)] = None
 
     def after(self, packet: StatusPacket) -> Reported:
         """The values once this packet is received; the same object if none changed, so that nobody compares it."""
@@ -251,6 +251,6 @@ class Reported:
 
 
 NOTHING_REPORTED = Reported()
-QUANTITIES: dict[str, Quantity] = {
+QUANTITIES: dict[str, ShownQuantity] = {
     name: hint.__metadata__[0] for name, hint in get_type_hints(Reported, include_extras=True).items()
 }

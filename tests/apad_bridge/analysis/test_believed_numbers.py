@@ -17,7 +17,7 @@ from apad_bridge.records.journal import read_journal
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.loader import load, write_with_files
-from firmware_model.packets import Quantity
+from firmware_model.packets import ShownQuantity
 
 
 def test_a_row_of_the_table_reaches_bag_journal_and_page(
@@ -25,7 +25,7 @@ def test_a_row_of_the_table_reaches_bag_journal_and_page(
 ) -> None:
     """The mission second of the newest packet, which bag and journal have by other ways too; aMussel 1 leaves it out."""
     of = BelievedNumber(
-        Quantity("newest packet", "s", 10.0), lambda it: None if it.agent_id == 1 else it.heard_ms / 1000
+        ShownQuantity("newest packet", "s", 10.0), lambda it: None if it.agent_id == 1 else it.heard_ms / 1000
     )
     monkeypatch.setitem(NUMBERS, "heard_s", of)
     pool = load(POOL_FILE)
