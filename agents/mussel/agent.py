@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from agents.modem.frames import SHORT_MS, ModemGeneration
-from agents.mussel.body import Body, WaterConfig, gps_fix_um
+from agents.modem.frames import SHORT_MS
+from agents.mussel.body import Body, WaterConfig, placed
 from agents.mussel.firmware_failure import PowerLost
 from agents.mussel.outputs import (
     Output,
@@ -23,18 +23,12 @@ from agents.mussel.physical import Physical
 from agents.mussel.reporter import ReportConfig, Reporter
 from agents.mussel.stimuli import (
     AgentStimulus,
-    BuoyancyJammed,
-    ChargeLost,
-    ClockShifted,
     CoilSlipped,
-    ContactBounced,
     ContactClosed,
     ContactOpened,
-    CrystalSkewed,
+    Defect,
     DockMoved,
     ModemSent,
-    PartFailed,
-    PinDisturbed,
     PingArrived,
     Placed,
     SoundArrived,
@@ -46,24 +40,19 @@ from firmware_model import stimuli as board_stimuli
 from firmware_model.actions import Buoyancy
 from firmware_model.board import Board
 from firmware_model.config import BoardConfig
-from firmware_model.packets import LogRecords, Packet
+from firmware_model.packets import Packet
 from firmware_model.packets.codec import Codec
-from firmware_model.power.active_battery import ActiveBattery
-from firmware_model.power.charge import Battery, Flow
 from firmware_model.power.rails import Rail
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
 
 if TYPE_CHECKING:
-    from agents.mussel.board_link import BoardLink
+    from agents.mussel.board_parts import BoardPart
     from agents.mussel.defects import Defects
     from agents.mussel.failing_flash import FailingFlash
     from agents.mussel.logbook import Logbook
+    from agents.mussel.others_firmware import OthersFirmware
     from agents.mussel.peripherals import MeasuredWorld
-    from agents.mussel.port_firmware import PortFirmware
-    from agents.mussel.sensor_bus import SensorBus
-    from agents.mussel.state_doubts import StateDoubts
-    from firmware_model.port import FirmwareLike
     from firmware_model.sampling.flash import Flash
 
 
@@ -93,19 +82,20 @@ class Agent:
         now_ms: int,
         cause: ResetCause,
         flash: Flash | None = None,
+        others: OthersFirmware | None = None,
     ) -> None:
-        """`flash` outlives the agent; without one, a whole board's log ends with the agent."""
+        """`flash` outlives the agent; without one, a whole board's log ends with the agent.
+
+        `others` is somebody's firmware; without it the agent makes that of its configuration.
+        """
         self.config = config
         self._codec = codec
-        self._kept_flash = flash
-        self._flash: FailingFlash | None = None
+        self._failing: dict[BoardPart, int] = {}
+        """The parts of the board that fail, with their values."""
         self._defects: Defects | None = None
-        self._others: PortFirmware | None = None
-        self._doubts: StateDoubts | None = None
-        self._ask_for_report: Callable[[int], list[board_actions.Action]] | None = None
-        """Asks the firmware for a report; None where the board's host makes them."""
-        self._sensors: SensorBus | None = None
-        self._world: MeasuredWorld | None = None
+        """None until a first defect: few agents are ever defective."""
+        self._flash = None if config.board.whole is None else self._flash_of_board(flash)
+        self._others = others or (self._firmware_of_others() if config.firmware else None)
         self._truths: list[Truth] = []
         self._last: tuple[State, Physical] | None = None
         self._boot_outputs = self._power_on(physical, now_ms, cause)
@@ -117,7 +107,8 @@ class Agent:
         other = copy(self)
         other.body, other.board = copy(self.body), self.board.copy()
         other._reporter = self._reporter.copy(other.board, other.body)
-        other._defects = copy(self._defects)
+        other._failing = dict(self._failing)
+        other._defects = None if self._defects is None else self._defects.copy(other._failing)
         other._truths, other._boot_outputs = list(self._truths), list(self._boot_outputs)
         other._timer = other._next_timer()
         return other
@@ -128,9 +119,7 @@ class Agent:
         self._now_ms = now_ms
         self.body = Body(config.board.agent_id, config.water, physical, now_ms)
         self.close()
-        self._world = (
-            None if config.board.whole is None or not config.firmware else self._open_world(physical)
-        )
+        self._logbook, self._world = self._log_of_board(physical)
         self.board = Board(
             config.board,
             self._codec,
@@ -138,85 +127,52 @@ class Agent:
             physical.secondary,
             now_ms,
             physical.kept,
-            self._make_firmware if config.firmware else None,
-        )
-        self._logbook = (
-            None if config.board.whole is None or config.firmware else self._open_logbook(physical)
+            None if self._others is None else self._others.maker(self._world),
         )
         self._reporter = Reporter(self.board, self.body, self._logbook, config.reports.modem)
         if self._defects is not None:
-            self._apply_parts(self._defects, now_ms)
+            self.board.receive(self._defects.of_converter(), now_ms)
         # A reset agent may have reported at this very time before it died: its next report is a later one.
         later = 0 if cause is ResetCause.POWER_ON else 1
         self._report_due_ms = self._report_after(now_ms + later)
         power = board_stimuli.PowerCameOn(cause, self.body.depth_at_um(now_ms) == 0, self.body.pin_high)
         return self._stimulate_board(power, now_ms)
 
-    def _make_firmware(self, hardware: Any) -> FirmwareLike:
-        # Imported here: few agents have another program than ours.
-        from agents.mussel.port_firmware import PortFirmware
+    # What few agents have is imported where they get it: every page of memory of an agent counts.
 
-        config, seed = self.config, self.config.water.seed
-        if self._world is None:
-            self._others = PortFirmware(self._link, config.board, hardware, seed)
-            return self._others
-        from agents.mussel.whole_port_firmware import WholePortFirmware
+    def _flash_of_board(self, kept: Flash | None) -> FailingFlash:
+        from agents.mussel.failing_flash import FailingFlash
+        from firmware_model.sampling.flash import MemoryFlash
 
-        modem = 2 if config.reports.modem is ModemGeneration.V2 else 3
-        self._others = whole = WholePortFirmware(self._link, config.board, hardware, seed, self._world, modem)
-        self._ask_for_report = whole.report
-        return self._others
+        return FailingFlash(kept or MemoryFlash(), self._failing)
 
-    def _link(self) -> BoardLink:
-        from agents.mussel.port_firmware import link_to
+    def _firmware_of_others(self) -> OthersFirmware:
+        from agents.mussel.others_firmware import OthersFirmware
 
-        return link_to(self.config.firmware)
+        config = self.config
+        return OthersFirmware(config.firmware, config.board, config.water.seed, config.reports.modem)
+
+    def _log_of_board(self, physical: Physical) -> tuple[Logbook | None, MeasuredWorld | None]:
+        """A whole board's log for our firmware, or what somebody's firmware keeps its own log by."""
+        if (flash := self._flash) is None:
+            return None, None
+        from agents.mussel.sensor_bus import SensorBus
+
+        water, body = self.config.water, self.body
+        sensors = SensorBus(self._agent_id, water.seed, water.fields, body.place_um, self._failing)
+        registers = physical.samples, physical.acknowledged
+        if self._others is None:
+            from agents.mussel.logbook import Logbook
+
+            return Logbook(self._agent_id, sensors, flash, *registers), None
+        from agents.mussel.peripherals import MeasuredWorld
+
+        return None, MeasuredWorld(flash, body.known_place_cm, sensors.read, *registers)
 
     def close(self) -> None:
         """Ends the link to somebody's firmware, if its board has one."""
         if self._others is not None:
             self._others.close()
-
-    def _open_world(self, physical: Physical) -> MeasuredWorld:
-        """The water and the flash for somebody's firmware on a whole board."""
-        from agents.mussel.peripherals import MeasuredWorld
-
-        body, sensors = self.body, self._open_sensors()
-
-        def place_cm(now_ms: int) -> tuple[int, int, int]:
-            north_um, east_um = body.known_place_um(now_ms)
-            depth_m = body.depth_at_um(now_ms) / 1e6
-            return (
-                round(north_um / 1e6 * 100),
-                round(east_um / 1e6 * 100),
-                min(0xFFFF, round(depth_m * 100)),
-            )
-
-        return MeasuredWorld(
-            self._open_flash(), place_cm, sensors.read, physical.samples, physical.acknowledged
-        )
-
-    def _open_sensors(self) -> SensorBus:
-        from agents.mussel.sensor_bus import SensorBus
-
-        water, body = self.config.water, self.body
-        self._sensors = SensorBus(self.config.board.agent_id, water.seed, water.fields, body.place_um)
-        return self._sensors
-
-    def _open_flash(self) -> Flash:
-        if self._flash is None:
-            from agents.mussel.failing_flash import FailingFlash
-            from firmware_model.sampling.flash import MemoryFlash
-
-            self._flash = FailingFlash(self._kept_flash or MemoryFlash())
-        return self._flash
-
-    def _open_logbook(self, physical: Physical) -> Logbook:
-        # Imported here: the paper's worst case has no log.
-        from agents.mussel.logbook import Logbook
-
-        flash, sensors = self._open_flash(), self._open_sensors()
-        return Logbook(self.config.board.agent_id, sensors, flash, physical.samples, physical.acknowledged)
 
     @property
     def physical(self) -> Physical:
@@ -226,7 +182,8 @@ class Agent:
 
     def _physical_now(self) -> Physical:
         body, board = self.body, self.board
-        samples, acknowledged = self._log_registers()
+        log = self._logbook or self._world
+        samples, acknowledged = (0, 0) if log is None else log.registers
         return Physical(
             board.primary,
             board.secondary,
@@ -243,13 +200,6 @@ class Agent:
             body.fix_um,
             board.kept,
         )
-
-    def _log_registers(self) -> tuple[int, int]:
-        """The number of samples ever taken, and of those acknowledged."""
-        if self._world is not None:
-            return self._world.samples, self._world.acknowledged
-        log = None if self._logbook is None else self._logbook.log
-        return (0, 0) if log is None else (log.next_sequence, log.acknowledged)
 
     @property
     def next_due_ms(self) -> int | None:
@@ -285,21 +235,16 @@ class Agent:
             outputs += self._take(stimulus, now_ms)
         except PowerLost:
             outputs += self._brown_out(now_ms)
-        if self._others is not None:
-            outputs += self._doubted(now_ms)
+        outputs += self._doubted(now_ms)
         self._note_truth(now_ms)
         self._timer = self._next_timer()
         return outputs
 
     def _doubted(self, now_ms: int) -> list[Output]:
         """A doubt of the state that somebody's firmware tells. A defect may explain it, so a defective board is spared."""
-        if self._defects is not None:
+        if self._others is None or self._defects is not None:
             return []
-        if self._doubts is None:
-            from agents.mussel.state_doubts import StateDoubts
-
-            self._doubts = StateDoubts(self.board)
-        reason = self._doubts.due(self.board, self.body, now_ms)
+        reason = self._others.doubt(self.board, self.body, now_ms)
         return [] if reason is None else [StateDoubted(now_ms, self._agent_id, reason)]
 
     def _brown_out(self, now_ms: int) -> list[Output]:
@@ -344,9 +289,7 @@ class Agent:
         return outputs
 
     def _depth_noticed(self, now_ms: int) -> list[Output]:
-        """The pressure sensor shows the surface or the bottom, unless it stands."""
-        if self._defects is not None and self._defects.depth_stands:
-            return []
+        """The pressure sensor shows the surface or the bottom."""
         surfaced = self._at_surface(now_ms)
         reached = board_stimuli.SurfaceReached() if surfaced else board_stimuli.BottomReached()
         return self._stimulate_board(reached, now_ms)
@@ -369,26 +312,20 @@ class Agent:
 
     def _align(self, now_ms: int) -> list[Output]:
         """The coils have come together: the charger raises its pin."""
-        if (defects := self._defects) is not None and defects.bounces > 1:
-            outputs = self._bounce(defects, now_ms)
-        else:
-            if defects is not None:
-                defects.bounces = 0
+        edge = None if self._defects is None else self._defects.bounce(self.body, now_ms)
+        if edge is None:
             self.body.align()
-            outputs = self._pin_changed(True, now_ms)
+            edge = board_stimuli.ChargePinRose()
+        outputs = self._stimulate_board(edge, now_ms)
         self._note_truth(now_ms)
         return outputs
 
-    def _pin_changed(self, high: bool, now_ms: int) -> list[Output]:
-        """The charger's output changed, and with it the pin's level; a defect of the pin changes what the board sees."""
-        if (defects := self._defects) is None:
-            return self._stimulate_board(
-                board_stimuli.ChargePinRose() if high else board_stimuli.ChargePinFell(), now_ms
-            )
-        noticed = not defects.unseen
-        if high is defects.inverted:
-            return self._stimulate_board(board_stimuli.ChargePinFell(noticed), now_ms)
-        return self._stimulate_board(board_stimuli.ChargePinRose(noticed, high), now_ms)
+    def _pin_fell(self, now_ms: int) -> list[Output]:
+        return self._stimulate_board(board_stimuli.ChargePinFell(), now_ms)
+
+    def _pin_rose_if_high(self, now_ms: int) -> list[Output]:
+        """The charger's pin rises at once where coils need no time to align."""
+        return self._stimulate_board(board_stimuli.ChargePinRose(), now_ms) if self.body.pin_high else []
 
     def _report(self, now_ms: int) -> list[Output]:
         self._report_due_ms += self.config.reports.period_ms
@@ -396,8 +333,9 @@ class Agent:
         is_off = not self.config.reports.heard_always and not self.board.has_wifi
         if self.board.state is State.BOOTING or is_off:
             return []
-        if self._ask_for_report is not None and self.board.feed is not ActiveBattery.NEITHER:
-            outputs = self._carry_out(self._ask_for_report(now_ms))
+        asked = None if self._others is None else self._others.report(self.board, now_ms)
+        if asked is not None:
+            outputs = self._carry_out(asked)
             self._note_truth(now_ms)
             return outputs
         status = self._reporter.wifi_status(now_ms)
@@ -412,7 +350,7 @@ class Agent:
                 if not self._at_surface(now_ms) or self.body.docked:
                     return [self._dropped(now_ms, "a dock closed, but not around this aMussel")]
                 self.body.dock(north_um, east_um, now_ms)
-                return self._pin_changed(True, now_ms) if self.body.pin_high else []
+                return self._pin_rose_if_high(now_ms)
             case DockMoved(north_um, east_um):
                 if not self.body.docked:
                     return [self._dropped(now_ms, "a dock moved that does not hold this aMussel")]
@@ -423,20 +361,17 @@ class Agent:
                     return [self._dropped(now_ms, "a dock opened that does not hold this aMussel")]
                 self.body.let_go(now_ms)
                 if self._defects is not None:
-                    self._defects.bounces = 0
-                return self._pin_changed(False, now_ms)
+                    self._defects.dock_opened()
+                return self._pin_fell(now_ms)
             case CoilSlipped():
                 if not self.body.docked:
                     return [self._dropped(now_ms, "coils slipped in a dock that does not hold this aMussel")]
                 self.body.slip(now_ms)
-                outputs = self._pin_changed(False, now_ms)
-                if self.body.pin_high:
-                    outputs += self._pin_changed(True, now_ms)
-                return outputs
+                return [*self._pin_fell(now_ms), *self._pin_rose_if_high(now_ms)]
             case SoundArrived(data):
                 if self._at_surface(now_ms):
                     return [self._dropped(now_ms, "sound does not reach a modem in air")]
-                return self._stimulate_board(board_stimuli.PacketHeard(self._received(data)), now_ms)
+                return self._stimulate_board(board_stimuli.PacketHeard(data), now_ms)
             case PingArrived(travelled_us):
                 if self._at_surface(now_ms):
                     return [self._dropped(now_ms, "sound does not reach a modem in air")]
@@ -450,119 +385,30 @@ class Agent:
             case WifiArrived(data):
                 if not self.config.reports.heard_always and not self._at_surface(now_ms):
                     return [self._dropped(now_ms, "Wi-Fi does not reach under water")]
-                return self._stimulate_board(board_stimuli.WifiReceived(self._received(data)), now_ms)
+                return self._stimulate_board(board_stimuli.WifiReceived(data), now_ms)
             case Placed():
-                return self._power_on(self._placed(stimulus, now_ms), now_ms, ResetCause.POWER_ON)
+                physical = placed(stimulus, self.physical, self._agent_id, self.config.water, now_ms)
+                return self._power_on(physical, now_ms, ResetCause.POWER_ON)
             case WasReset(cause):
                 return self._power_on(self.physical, now_ms, ResetCause(cause))
             case _:
                 return self._take_defect(stimulus, now_ms)
 
-    def _take_defect(
-        self,
-        defect: ChargeLost
-        | ClockShifted
-        | CrystalSkewed
-        | BuoyancyJammed
-        | PinDisturbed
-        | ContactBounced
-        | PartFailed,
-        now_ms: int,
-    ) -> list[Output]:
-        # Imported here: few agents are ever defective.
+    def _take_defect(self, defect: Defect, now_ms: int) -> list[Output]:
         from agents.mussel.defects import Defects
 
-        defects = self._defects = self._defects or Defects()
-        match defect:
-            case ChargeLost(primary, secondary):
-                return self._stimulate_board(board_stimuli.ChargeVanished(primary, secondary), now_ms)
-            case ClockShifted(by_ms):
-                return self._stimulate_board(board_stimuli.ClockJumped(by_ms), now_ms)
-            case CrystalSkewed(skew_ppb):
-                return self._stimulate_board(board_stimuli.ClockSkewed(skew_ppb), now_ms)
-            case BuoyancyJammed(jammed):
-                run, defects.held_run = defects.held_run, None
-                defects.jammed = bool(jammed)
-                return [] if run is None else self._run_buoyancy(run, now_ms)
-            case PinDisturbed(inverted, unseen):
-                was_inverted, defects.inverted, defects.unseen = (
-                    defects.inverted,
-                    bool(inverted),
-                    bool(unseen),
-                )
-                is_steady = not defects.bounces and was_inverted != defects.inverted
-                return self._pin_changed(self.body.pin_high, now_ms) if is_steady else []
-            case ContactBounced(times):
-                if not self.body.docked:
-                    return [
-                        self._dropped(now_ms, "a contact bounced in a dock that does not hold this aMussel")
-                    ]
-                defects.bounces = 2 * times
-                return self._bounce(defects, now_ms)
-            case PartFailed(part, value):
-                return self._fail_part(defects, part, value, now_ms)
-
-    def _fail_part(self, defects: Defects, part: int, value: int, now_ms: int) -> list[Output]:
-        from agents.mussel.defects import WHOLE_ONLY, BoardPart
-
-        if self.config.board.whole is None and part in WHOLE_ONLY:
-            return [
-                self._dropped(
-                    now_ms, f"a defect of its {BoardPart(part).name.lower()}: the worst case has none"
-                )
-            ]
-        others = {kind: how for kind, how in defects.parts.items() if kind != part}
-        defects.parts = others | ({BoardPart(part): value} if value else {})
-        self._apply_parts(defects, now_ms)
-        rests = self._at_surface(now_ms) or self.body.rests_on_bottom
-        return self._depth_noticed(now_ms) if part == BoardPart.DEPTH and rests else []
-
-    def _apply_parts(self, defects: Defects, now_ms: int) -> None:
-        """Lets the board's parts fail as their defects say."""
-        from agents.mussel.defects import BoardPart
-
-        noise, holds = defects.parts.get(BoardPart.CONVERTER, 0), BoardPart.HOLD in defects.parts
-        self.board.receive(board_stimuli.ConverterDisturbed(noise, holds), now_ms)
-        if self._flash is not None:
-            self._flash.parts = defects.parts
-        if self._sensors is not None:
-            self._sensors.answers = BoardPart.BUS not in defects.parts
-
-    def _bounce(self, defects: Defects, now_ms: int) -> list[Output]:
-        """Opens or closes the contact in the dock; `_align` closes it the last time."""
-        from agents.mussel.defects import BOUNCE_MS
-
-        defects.bounces -= 1
-        self.body.pin_due_ms = now_ms + BOUNCE_MS
-        return self._pin_changed(defects.bounces % 2 == 0, now_ms)
-
-    def _placed(self, at: Placed, now_ms: int) -> Physical:
-        """The physical state of an aMussel that was just put there; it keeps the log of its samples."""
-        former, water, agent_id = self.physical, self.config.water, self.config.board.agent_id
-        place_um, deviation_um = (at.north_um, at.east_um), water.body.gps_deviation_um
-        if deviation_um is not None:
-            place_um = gps_fix_um(water.seed, agent_id, now_ms // water.step_ms, place_um, deviation_um)
-        return Physical(
-            Battery(now_ms, at.primary, Flow.DISCHARGING),
-            Battery(now_ms, at.secondary, Flow.RESTING),
-            at.north_um,
-            at.east_um,
-            now_ms,
-            at.depth_um,
-            Buoyancy.SINK,
-            docked=False,
-            samples=former.samples,
-            acknowledged=former.acknowledged,
-            fix_um=place_um,
-        )
-
-    def _received(self, data: bytes) -> bytes:
-        """The bytes of a packet that the board's UART keeps."""
-        if self._defects is None:
-            return data
-        from agents.mussel.defects import BoardPart
-
-        return data[: self._defects.parts.get(BoardPart.UARTS, len(data))]
+        self._defects = self._defects or Defects(self._failing)
+        is_whole = self.config.board.whole is not None
+        outputs: list[Output] = []
+        for effect in self._defects.take(defect, self.body, is_whole, now_ms):
+            match effect:
+                case board_actions.RunBuoyancy():
+                    outputs += self._run_buoyancy(effect, now_ms)
+                case board_actions.Dropped():
+                    outputs.append(self._dropped(now_ms, effect.reason))
+                case _:
+                    outputs += self._stimulate_board(effect, now_ms)
+        return outputs
 
     def _report_after(self, now_ms: int) -> int:
         period_ms = self.config.reports.period_ms
@@ -572,6 +418,11 @@ class Agent:
         return self.body.depth_at_um(now_ms) == 0
 
     def _stimulate_board(self, stimulus: board_stimuli.Stimulus, now_ms: int) -> list[Output]:
+        """Lets the board take a fact, as its defects let it pass."""
+        if self._defects is not None:
+            if (noticed := self._defects.passed(stimulus)) is None:
+                return []
+            stimulus = noticed
         outputs = self._carry_out(self.board.receive(stimulus, now_ms))
         return outputs + self._reset_if_due(now_ms)
 
@@ -600,8 +451,7 @@ class Agent:
         return outputs
 
     def _run_buoyancy(self, run: board_actions.RunBuoyancy, now_ms: int) -> list[Output]:
-        if self._defects is not None and self._defects.jammed:
-            self._defects.held_run = run
+        if self._defects is not None and self._defects.hold_up(run):
             return []
         self.body.run_buoyancy(run.to, now_ms, run.depth_mm)
         return self._depth_noticed(now_ms) if run.to is Buoyancy.SINK and self.body.rests_on_bottom else []
@@ -614,16 +464,9 @@ class Agent:
     def _log(
         self, action: board_actions.LogSample | board_actions.SendLog | board_actions.DropLog
     ) -> list[Output]:
-        logbook, now_ms = self._logbook, action.at_ms
-        assert logbook is not None  # the worst case has no such actions
-        packets: Iterable[LogRecords] | None = ()
-        match action:
-            case board_actions.LogSample():
-                logbook.take_sample(now_ms, self.board.clock_ms(now_ms))
-            case board_actions.SendLog():
-                packets = logbook.begin_upload()
-            case board_actions.DropLog(_, next_sequence):
-                packets = logbook.acknowledge(next_sequence)
+        now_ms = action.at_ms
+        assert self._logbook is not None  # the worst case has no such actions
+        packets = self._logbook.carry_out(action, self.board.clock_ms(now_ms))
         if packets is None:
             return [self._dropped(now_ms, "an acknowledgement of records that were never taken")]
         return [self._by_wifi(now_ms, packet) for packet in packets]

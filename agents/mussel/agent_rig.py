@@ -10,11 +10,12 @@ from typing import Any
 from agents.fleet_config import FleetConfig, resting_on_bottom
 from agents.modem.frames import ModemGeneration
 from agents.mussel.agent import Agent, AgentConfig
-from agents.mussel.board_link import BENCH_TIMEOUT_S, BoardLink
+from agents.mussel.board_link import BENCH_TIMEOUT_S
+from agents.mussel.board_parts import BoardPart
 from agents.mussel.body import BodyConfig
-from agents.mussel.defects import BoardPart
+from agents.mussel.others_firmware import OthersFirmware
 from agents.mussel.outputs import Output, SoundSent, StimulusDropped, WifiSent
-from agents.mussel.port_firmware import link_to
+from agents.mussel.peripherals import MeasuredWorld
 from agents.mussel.reporter import ReportConfig
 from agents.mussel.stimuli import (
     AgentStimulus,
@@ -35,10 +36,10 @@ from firmware_model.actions import Buoyancy, RunBuoyancy
 from firmware_model.bench.conformance import Case, Whole
 from firmware_model.bench.costly_firmware import CostlyFirmware
 from firmware_model.bench.rigs import Rig, RigEvent, RigHistory, charging, ends, flowed, states
+from firmware_model.board import MakeFirmware
 from firmware_model.config import BoardConfig, Cycle, Timekeeping, Timeslots
 from firmware_model.packets import Beacon
 from firmware_model.packets.codec import BUILT_IN, MusselbedCodec
-from firmware_model.port import FirmwareLike
 from firmware_model.power.charge import Battery, Flow, grains
 from firmware_model.sinking import Sinking
 from firmware_model.stimuli import ResetCause
@@ -124,20 +125,27 @@ def whole_board(whole: Whole, agent_id: int = 1) -> BoardConfig:
     )
 
 
+class _CostlyFirmware(OthersFirmware):
+    """Somebody's firmware, whose turns take time."""
+
+    def __init__(self, config: AgentConfig, cost_ms: int, cost_seed: int) -> None:
+        modem, seed = config.reports.modem, config.water.seed
+        super().__init__(config.firmware, config.board, seed, modem, BENCH_TIMEOUT_S)
+        self._cost_ms, self._cost_seed = cost_ms, cost_seed
+
+    def maker(self, world: MeasuredWorld | None) -> MakeFirmware:
+        make = super().maker(world)
+        if not self._cost_ms:
+            return make
+        return lambda hardware: CostlyFirmware(make(hardware), self._cost_ms, self._cost_seed)
+
+
 class _ObservedAgent(Agent):
-    """An aMussel whose motor runs are seen, and whose firmware may take time."""
+    """An aMussel whose motor runs are seen."""
 
-    def __init__(self, *arguments: Any, cost_ms: int, seed: int) -> None:
+    def __init__(self, *arguments: Any) -> None:
         self.runs: list[RunBuoyancy] = []
-        self._cost_ms, self._seed = cost_ms, seed
         super().__init__(*arguments)
-
-    def _make_firmware(self, hardware: Any) -> FirmwareLike:
-        made = super()._make_firmware(hardware)
-        return CostlyFirmware(made, self._cost_ms, self._seed) if self._cost_ms else made
-
-    def _link(self) -> BoardLink:
-        return link_to(self.config.firmware, BENCH_TIMEOUT_S)
 
     def _run_buoyancy(self, run: RunBuoyancy, now_ms: int) -> list[Output]:
         self.runs.append(run)
@@ -207,9 +215,8 @@ class AgentRig(Rig):
         self.now_ms = 0
         self.outputs: list[Output] = []
         self._charges = physical.primary.charge, physical.secondary.charge
-        self.agent = _ObservedAgent(
-            config, MusselbedCodec(), physical, 0, ResetCause.POWER_ON, cost_ms=cost_ms, seed=seed
-        )
+        others = _CostlyFirmware(config, cost_ms, seed) if command else None
+        self.agent = _ObservedAgent(config, MusselbedCodec(), physical, 0, ResetCause.POWER_ON, None, others)
 
     def run(self, ms: int) -> None:
         self.now_ms += ms

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from agents.mussel.board_link import BENCH_TIMEOUT_S
+from agents.mussel.others_firmware import OthersFirmware
 from agents.mussel.peripherals import MeasuredWorld
-from agents.mussel.port_firmware import PortFirmware, link_to
-from agents.mussel.whole_port_firmware import WholePortFirmware
 from firmware_model.board import MakeFirmware
 from firmware_model.config import BoardConfig
 from firmware_model.hardware.whole import WholeBoardHardware
+from firmware_model.port import FirmwareLike
 from firmware_model.sampling.flash import MemoryFlash
 from firmware_model.sampling.sensors import SENSORS
 
@@ -22,15 +22,15 @@ def firmware_of(command: Sequence[str], config: BoardConfig) -> MakeFirmware:
 
     A whole board there measures constants, and its flash and its registers outlive its resets.
     """
+    others = OthersFirmware(command, config, seed=1, timeout_s=BENCH_TIMEOUT_S)
     if config.whole is None:
-        return lambda hardware: PortFirmware(
-            lambda: link_to(command, BENCH_TIMEOUT_S), config, hardware, seed=1
-        )
+        return others.maker(None)
     counts = (1 << 15,) * len(SENSORS)
     world = MeasuredWorld(MemoryFlash(), lambda now_ms: (0, 0, 0), lambda now_ms, sequence: (counts, 0))
+    make_program = others.maker(world)
 
-    def make(hardware: WholeBoardHardware) -> PortFirmware:
+    def make(hardware: WholeBoardHardware) -> FirmwareLike:
         world.place_cm = lambda now_ms: (0, 0, 0 if hardware.at_surface else _DEPTH_CM)
-        return WholePortFirmware(lambda: link_to(command, BENCH_TIMEOUT_S), config, hardware, 1, world)
+        return make_program(hardware)
 
     return make

@@ -6,10 +6,12 @@ from dataclasses import dataclass
 from struct import Struct
 
 from agents.mussel.physical import Physical
+from agents.mussel.stimuli import Placed
 from agents.water.fields import WaterFields
 from agents.water.water_current import WaterCurrent
 from firmware_model.actions import Buoyancy
 from firmware_model.keyed_hash import blake2b
+from firmware_model.power.charge import Battery, Flow
 from firmware_model.sinking import Sinking
 
 _KEY = Struct("<QQQ").pack
@@ -91,6 +93,26 @@ class WaterConfig:
     """The water around the sensors."""
 
 
+def placed(at: Placed, former: Physical, agent_id: int, water: WaterConfig, now_ms: int) -> Physical:
+    """The physical state of an aMussel that was just put there; it keeps the log of its samples."""
+    place_um, deviation_um = (at.north_um, at.east_um), water.body.gps_deviation_um
+    if deviation_um is not None:
+        place_um = gps_fix_um(water.seed, agent_id, now_ms // water.step_ms, place_um, deviation_um)
+    return Physical(
+        Battery(now_ms, at.primary, Flow.DISCHARGING),
+        Battery(now_ms, at.secondary, Flow.RESTING),
+        at.north_um,
+        at.east_um,
+        now_ms,
+        at.depth_um,
+        Buoyancy.SINK,
+        docked=False,
+        samples=former.samples,
+        acknowledged=former.acknowledged,
+        fix_um=place_um,
+    )
+
+
 class Body:
     """A body moves up or down at a constant rate, and drifts in steps of whole mission seconds."""
 
@@ -159,6 +181,16 @@ class Body:
             return self.north_um, self.east_um
         self._take_fix(now_ms)
         return self.fix_um
+
+    def known_place_cm(self, now_ms: int) -> tuple[int, int, int]:
+        """The same with the depth, for firmware of somebody's."""
+        north_um, east_um = self.known_place_um(now_ms)
+        depth_m = self.depth_at_um(now_ms) / 1e6
+        return (
+            round(north_um / 1e6 * 100),
+            round(east_um / 1e6 * 100),
+            min(0xFFFF, round(depth_m * 100)),
+        )
 
     def _take_fix(self, now_ms: int) -> None:
         """Takes a fix if the body is at the surface and has a receiver."""

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from agents.mussel.sensor_bus import SensorBus
+from firmware_model.actions import DropLog, LogSample, SendLog
 from firmware_model.packets.log_packets import RECORDS_AT_ONCE, LogRecords
 from firmware_model.packets.sample_record import SampleRecord
 from firmware_model.sampling.flash import Flash
@@ -29,6 +30,22 @@ class Logbook:
         """The counts of the newest sample; zeros if there is none, or if it cannot be read."""
         self._sent = 0
         """The first sequence that this upload has not sent yet."""
+
+    @property
+    def registers(self) -> tuple[int, int]:
+        """The number of samples ever taken, and the sequence below which all were acknowledged."""
+        return self.log.next_sequence, self.log.acknowledged
+
+    def carry_out(self, action: LogSample | SendLog | DropLog, clock_ms: int) -> Iterable[LogRecords] | None:
+        """The packets to send; None for an acknowledgement of records that were never taken."""
+        match action:
+            case LogSample(now_ms):
+                self.take_sample(now_ms, clock_ms)
+                return ()
+            case SendLog():
+                return self.begin_upload()
+            case DropLog(_, next_sequence):
+                return self.acknowledge(next_sequence)
 
     def take_sample(self, now_ms: int, clock_ms: int) -> None:
         """Samples the water at agent time `now_ms`, when the board's clock reads `clock_ms`.

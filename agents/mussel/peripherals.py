@@ -60,6 +60,11 @@ class MeasuredWorld:
     samples: int = 0
     acknowledged: int = 0
 
+    @property
+    def registers(self) -> tuple[int, int]:
+        """The number of samples ever taken, and the sequence below which all were acknowledged."""
+        return self.samples, self.acknowledged
+
 
 class Peripherals:
     """The devices that only measure or keep. `alarm` is the reading at which the clock chip interrupts; None for never."""

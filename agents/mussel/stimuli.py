@@ -120,12 +120,15 @@ class ContactBounced:
 
 @dataclass(frozen=True, slots=True)
 class PartFailed:
-    """A defect of a part of the board (a `defects.BoardPart`), with a value of its own; the value 0 heals it."""
+    """A defect of a part of the board (a `BoardPart`), with a value of its own; the value 0 heals it."""
 
     part: int
     value: int
 
 
+Defect = (
+    ChargeLost | ClockShifted | CrystalSkewed | BuoyancyJammed | PinDisturbed | ContactBounced | PartFailed
+)
 AgentStimulus = (
     ContactClosed
     | DockMoved
@@ -137,13 +140,7 @@ AgentStimulus = (
     | Placed
     | WasReset
     | ModemSent
-    | ChargeLost
-    | ClockShifted
-    | CrystalSkewed
-    | BuoyancyJammed
-    | PinDisturbed
-    | ContactBounced
-    | PartFailed
+    | Defect
 )
 """The order gives the kinds their codes on links and in journals: a new one comes last."""
 

@@ -14,7 +14,7 @@ from typing import Annotated
 
 from annotated_types import Ge, Le
 
-from agents.mussel.defects import BoardPart
+from agents.mussel.board_parts import BoardPart
 from apad_bridge.scenario.quantities import (
     AgentId,
     NotNegativeSeconds,

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from agents.hosting.faulty_host import FaultyHost, LinkDefect
-from agents.mussel.defects import BoardPart
+from agents.mussel.board_parts import BoardPart
 from agents.mussel.stimuli import (
     AgentStimulus,
     BuoyancyJammed,

@@ -27,7 +27,7 @@ from agents.coordinator import Coordinator
 from agents.fleet_config import FirmwareConfig, resting_on_bottom
 from agents.hosting.in_process import InProcessHost
 from agents.hosting.process_host import ProcessHost
-from agents.mussel.defects import BoardPart
+from agents.mussel.board_parts import BoardPart
 from agents.mussel.stimuli import ContactClosed, ContactOpened, DockMoved, PartFailed
 from agents.nursery.fleet_file import RestartPolicy
 from agents.time_scale import TimeScale

@@ -13,7 +13,7 @@ from seas import FLEET as WHOLE
 
 from agents.fleet_config import FleetConfig, resting_on_bottom
 from agents.mussel.agent import Agent
-from agents.mussel.defects import BoardPart
+from agents.mussel.board_parts import BoardPart
 from agents.mussel.failing_flash import FailingFlash
 from agents.mussel.outputs import StimulusDropped
 from agents.mussel.stimuli import (
@@ -334,12 +334,13 @@ def test_a_converter_that_stands_holds_its_readings(fleet: FleetConfig, act: Age
 
 
 def test_a_page_whose_erasure_failed_takes_no_record_until_it_is_erased() -> None:
-    flash = FailingFlash(MemoryFlash(pages=3, page_bytes=96))
+    failing: dict[BoardPart, int] = {}
+    flash = FailingFlash(MemoryFlash(pages=3, page_bytes=96), failing)
     flash.program(96, b"old")
-    flash.parts = {BoardPart.FLASH: 1}
+    failing[BoardPart.FLASH] = 1
     flash.erase(1)
     flash.program(0, b"lost")
-    flash.parts = {}
+    failing.clear()
     flash.program(96, b"new")
     flash.program(100, b"free")
     assert flash.read(0, 4) == bytes(4) and flash.read(96, 8) == b"old\0free"

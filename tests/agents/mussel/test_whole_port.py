@@ -14,7 +14,7 @@ from native_boards import NATIVE, compiled, compiled_with, script
 
 from agents.fleet_config import resting_on_bottom
 from agents.mussel.agent import Agent, AgentConfig
-from agents.mussel.defects import BoardPart
+from agents.mussel.board_parts import BoardPart
 from agents.mussel.failing_flash import FailingFlash
 from agents.mussel.firmware_failure import PowerLost
 from agents.mussel.outputs import Output, StimulusDropped, Truth, WifiSent
@@ -232,7 +232,8 @@ def test_firmware_without_power_does_nothing_and_a_charger_boots_it(trusting: Pa
     afloat = replace(resting_on_bottom(1.0, 2.0, 0.0, 0.002, 0.002), buoyancy=Buoyancy.FLOAT)
     mussel = Agent(config, CODEC, afloat, 0, ResetCause.POWER_ON)
     mussel.advance(70_000)
-    firmware = mussel._others
+    assert mussel._others is not None
+    firmware = mussel._others.program
     assert firmware is not None and firmware.pid is not None and Path(f"/proc/{firmware.pid}").exists()
     mussel.advance(80_000)
     assert not Path(f"/proc/{firmware.pid}").exists()
@@ -308,13 +309,15 @@ def test_bytes_that_no_device_takes_get_no_answer(address: int, written: bytes, 
 
 
 def test_a_write_that_fails_is_an_error_of_the_flash() -> None:
-    flash = FailingFlash(MemoryFlash())
-    bus, _ = devices(flash=flash)
-    flash.parts = {BoardPart.WRITES: 3}
+    failing: dict[BoardPart, int] = {}
+    bus, _ = devices(flash=FailingFlash(MemoryFlash(), failing))
+    failing[BoardPart.WRITES] = 3
     assert bus.flash_program(0, b"torn") is None and bus.flash_read(0, 4) == b"tor\0"
-    flash.parts = {BoardPart.CELLS: 0x20}
+    failing.clear()
+    failing[BoardPart.CELLS] = 0x20
     assert bus.flash_program(8, b"worn") is None and bus.flash_read(8, 4) == b"WORN"
-    flash.parts = {BoardPart.SUPPLY: 2}
+    failing.clear()
+    failing[BoardPart.SUPPLY] = 2
     with pytest.raises(PowerLost):
         bus.flash_program(16, b"dark")
     assert bus.flash_read(16, 4) == b"da\0\0" and bus.flash_program(32, b"whole") == b""

@@ -1,0 +1,72 @@
+"""Somebody's firmware on the board of an aMussel: a program behind a link for each boot, and doubts of what it tells."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from agents.modem.frames import ModemGeneration
+from agents.mussel.board_link import TURN_TIMEOUT_S
+from agents.mussel.body import Body
+from agents.mussel.peripherals import MeasuredWorld
+from agents.mussel.port_firmware import PortFirmware, link_to
+from agents.mussel.state_doubts import StateDoubts
+from agents.mussel.whole_port_firmware import WholePortFirmware
+from firmware_model.actions import Action
+from firmware_model.board import Board, MakeFirmware
+from firmware_model.config import BoardConfig
+from firmware_model.port import FirmwareLike
+from firmware_model.power.active_battery import ActiveBattery
+
+
+class OthersFirmware:
+    """What an aMussel knows of the firmware on its board, when that is not ours."""
+
+    def __init__(
+        self,
+        command: Sequence[str],
+        board: BoardConfig,
+        seed: int,
+        modem: ModemGeneration = ModemGeneration.V3,
+        timeout_s: float = TURN_TIMEOUT_S,
+    ) -> None:
+        """`command` is what `port_firmware.link_to` takes, `seed` the run's; a turn may take `timeout_s` of wall time."""
+        self.program: PortFirmware | None = None
+        """The one of the last boot."""
+        self._command = command
+        self._board = board
+        self._seed = seed
+        self._modem = 2 if modem is ModemGeneration.V2 else 3
+        self._timeout_s = timeout_s
+        self._doubts: StateDoubts | None = None
+
+    def maker(self, world: MeasuredWorld | None) -> MakeFirmware:
+        """Makes the program of a board; a whole one measures `world`, and only such a one."""
+
+        def make(hardware: Any) -> FirmwareLike:
+            to, board, seed = lambda: link_to(self._command, self._timeout_s), self._board, self._seed
+            self.program = (
+                PortFirmware(to, board, hardware, seed)
+                if world is None
+                else WholePortFirmware(to, board, hardware, seed, world, self._modem)
+            )
+            return self.program
+
+        return make
+
+    def close(self) -> None:
+        """Ends the link to the program."""
+        if self.program is not None:
+            self.program.close()
+
+    def report(self, board: Board, now_ms: int) -> list[Action] | None:
+        """Asks a whole board that has power for its report; None where its host makes the report."""
+        if not isinstance(self.program, WholePortFirmware) or board.feed is ActiveBattery.NEITHER:
+            return None
+        return self.program.report(now_ms)
+
+    def doubt(self, board: Board, body: Body, now_ms: int) -> str | None:
+        """Why the state that the program tells cannot be; each reason once."""
+        if self._doubts is None:
+            self._doubts = StateDoubts(board)
+        return self._doubts.due(board, body, now_ms)
