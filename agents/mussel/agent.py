@@ -13,11 +13,9 @@ from agents.mussel.firmware_failure import PowerLost
 from agents.mussel.outputs import (
     Output,
     PingAnswered,
-    SoundSent,
     StateDoubted,
     StimulusDropped,
     Truth,
-    WifiSent,
 )
 from agents.mussel.physical import Physical
 from agents.mussel.reporter import ReportConfig, Reporter
@@ -40,9 +38,7 @@ from firmware_model import stimuli as board_stimuli
 from firmware_model.actions import Buoyancy
 from firmware_model.board import Board
 from firmware_model.config import BoardConfig
-from firmware_model.packets import Packet
 from firmware_model.packets.codec import Codec
-from firmware_model.power.rails import Rail
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
 
@@ -129,7 +125,7 @@ class Agent:
             physical.kept,
             None if self._others is None else self._others.maker(self._world),
         )
-        self._reporter = Reporter(self.board, self.body, self._logbook, config.reports.modem)
+        self._reporter = Reporter(self.board, self.body, self._logbook, config.reports.modem, self._codec)
         if self._defects is not None:
             self.board.receive(self._defects.of_converter(), now_ms)
         # A reset agent may have reported at this very time before it died: its next report is a later one.
@@ -320,13 +316,6 @@ class Agent:
         self._note_truth(now_ms)
         return outputs
 
-    def _pin_fell(self, now_ms: int) -> list[Output]:
-        return self._stimulate_board(board_stimuli.ChargePinFell(), now_ms)
-
-    def _pin_rose_if_high(self, now_ms: int) -> list[Output]:
-        """The charger's pin rises at once where coils need no time to align."""
-        return self._stimulate_board(board_stimuli.ChargePinRose(), now_ms) if self.body.pin_high else []
-
     def _report(self, now_ms: int) -> list[Output]:
         self._report_due_ms += self.config.reports.period_ms
         # In the paper's mode the report is the experiment's; else it needs the board's Wi-Fi, which the worst case has.
@@ -338,36 +327,21 @@ class Agent:
             outputs = self._carry_out(asked)
             self._note_truth(now_ms)
             return outputs
-        status = self._reporter.wifi_status(now_ms)
+        status = self._reporter.status(now_ms)
         if self.body.has_receiver:
             # A report may take a fix, and changes nothing else.
             self._note_truth(now_ms)
-        return [self._by_wifi(now_ms, status)]
+        return [status]
 
     def _take(self, stimulus: AgentStimulus, now_ms: int) -> list[Output]:
         match stimulus:
-            case ContactClosed(north_um, east_um):
-                if not self._at_surface(now_ms) or self.body.docked:
-                    return [self._dropped(now_ms, "a dock closed, but not around this aMussel")]
-                self.body.dock(north_um, east_um, now_ms)
-                return self._pin_rose_if_high(now_ms)
-            case DockMoved(north_um, east_um):
-                if not self.body.docked:
-                    return [self._dropped(now_ms, "a dock moved that does not hold this aMussel")]
-                self.body.carry(north_um, east_um)
-                return []
-            case ContactOpened():
-                if not self.body.docked:
-                    return [self._dropped(now_ms, "a dock opened that does not hold this aMussel")]
-                self.body.let_go(now_ms)
-                if self._defects is not None:
+            case ContactClosed() | DockMoved() | ContactOpened() | CoilSlipped():
+                edges = self.body.touch(stimulus, now_ms)
+                if isinstance(edges, str):
+                    return [self._dropped(now_ms, edges)]
+                if self._defects is not None and not self.body.docked:
                     self._defects.dock_opened()
-                return self._pin_fell(now_ms)
-            case CoilSlipped():
-                if not self.body.docked:
-                    return [self._dropped(now_ms, "coils slipped in a dock that does not hold this aMussel")]
-                self.body.slip(now_ms)
-                return [*self._pin_fell(now_ms), *self._pin_rose_if_high(now_ms)]
+                return [output for edge in edges for output in self._stimulate_board(edge, now_ms)]
             case SoundArrived(data):
                 if self._at_surface(now_ms):
                     return [self._dropped(now_ms, "sound does not reach a modem in air")]
@@ -437,15 +411,15 @@ class Agent:
                     outputs += self._stays_there(to, at_ms)
                 case board_actions.Dropped(at_ms, reason):
                     outputs.append(self._dropped(at_ms, reason))
-                case board_actions.SendStatus(at_ms, by):
-                    outputs.append(self._status(at_ms, by))
-                case board_actions.SendAnswer(at_ms):
-                    outputs.append(self._by_sound(at_ms, self._reporter.answer(at_ms)))
-                case board_actions.SendBytes(at_ms, by, data):
-                    sent = WifiSent if by is Rail.WIFI else SoundSent
-                    outputs.append(sent(at_ms, self._agent_id, data))
-                case board_actions.LogSample() | board_actions.SendLog() | board_actions.DropLog():
-                    outputs += self._log(action)
+                case (
+                    board_actions.SendStatus()
+                    | board_actions.SendAnswer()
+                    | board_actions.SendBytes()
+                    | board_actions.LogSample()
+                    | board_actions.SendLog()
+                    | board_actions.DropLog()
+                ):
+                    outputs += self._reporter.carry_out(action)
                 case _:
                     pass  # the truth that follows the event has the new state and the charge flows
         return outputs
@@ -460,27 +434,6 @@ class Agent:
         """The pressure sensor of a board whose motors did not run shows where the body rests."""
         rests = self._at_surface(now_ms) or (to is Buoyancy.SINK and self.body.rests_on_bottom)
         return self._depth_noticed(now_ms) if rests else []
-
-    def _log(
-        self, action: board_actions.LogSample | board_actions.SendLog | board_actions.DropLog
-    ) -> list[Output]:
-        now_ms = action.at_ms
-        assert self._logbook is not None  # the worst case has no such actions
-        packets = self._logbook.carry_out(action, self.board.clock_ms(now_ms))
-        if packets is None:
-            return [self._dropped(now_ms, "an acknowledgement of records that were never taken")]
-        return [self._by_wifi(now_ms, packet) for packet in packets]
-
-    def _status(self, now_ms: int, by: Rail) -> Output:
-        if by is Rail.WIFI:
-            return self._by_wifi(now_ms, self._reporter.wifi_status(now_ms))
-        return self._by_sound(now_ms, self._reporter.sound_status(now_ms))
-
-    def _by_wifi(self, now_ms: int, packet: Packet) -> WifiSent:
-        return WifiSent(now_ms, self._agent_id, self._codec.encode(packet))
-
-    def _by_sound(self, now_ms: int, packet: Packet) -> SoundSent:
-        return SoundSent(now_ms, self._agent_id, self._codec.encode(packet))
 
     def _dropped(self, now_ms: int, reason: str) -> StimulusDropped:
         return StimulusDropped(now_ms, self._agent_id, reason)

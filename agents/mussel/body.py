@@ -6,13 +6,14 @@ from dataclasses import dataclass
 from struct import Struct
 
 from agents.mussel.physical import Physical
-from agents.mussel.stimuli import Placed
+from agents.mussel.stimuli import CoilSlipped, ContactClosed, ContactOpened, DockMoved, Placed
 from agents.water.fields import WaterFields
 from agents.water.water_current import WaterCurrent
 from firmware_model.actions import Buoyancy
 from firmware_model.keyed_hash import blake2b
 from firmware_model.power.charge import Battery, Flow
 from firmware_model.sinking import Sinking
+from firmware_model.stimuli import ChargePinFell, ChargePinRose
 
 _KEY = Struct("<QQQ").pack
 _WORDS = Struct("<QQ").unpack
@@ -263,6 +264,32 @@ class Body:
             east_um += east_um_s
         self.north_um += north_um
         self.east_um += east_um
+
+    def touch(
+        self, contact: ContactClosed | DockMoved | ContactOpened | CoilSlipped, now_ms: int
+    ) -> list[ChargePinRose | ChargePinFell] | str:
+        """What a dock does to the body: the edges of the charger's pin, or why it does nothing."""
+        match contact:
+            case ContactClosed(north_um, east_um):
+                if self.docked or self.depth_at_um(now_ms) != 0:
+                    return "a dock closed, but not around this aMussel"
+                self.dock(north_um, east_um, now_ms)
+                return [ChargePinRose()] if self.pin_high else []
+            case DockMoved(north_um, east_um):
+                if not self.docked:
+                    return "a dock moved that does not hold this aMussel"
+                self.carry(north_um, east_um)
+                return []
+            case ContactOpened():
+                if not self.docked:
+                    return "a dock opened that does not hold this aMussel"
+                self.let_go(now_ms)
+                return [ChargePinFell()]
+            case CoilSlipped():
+                if not self.docked:
+                    return "coils slipped in a dock that does not hold this aMussel"
+                self.slip(now_ms)
+                return [ChargePinFell(), ChargePinRose()] if self.pin_high else [ChargePinFell()]
 
     @property
     def pin_high(self) -> bool:

@@ -1,4 +1,4 @@
-"""An aMussel's status packets: in full by Wi-Fi, and by sound as much as the modem's generation carries."""
+"""What an aMussel sends: its log, and its status, in full by Wi-Fi, and by sound as much as its modem carries."""
 
 from __future__ import annotations
 
@@ -8,13 +8,19 @@ from typing import TYPE_CHECKING
 
 from agents.modem.frames import ModemGeneration
 from agents.mussel.body import Body
+from agents.mussel.outputs import Output, SoundSent, StimulusDropped, WifiSent
+from firmware_model.actions import DropLog, LogSample, SendAnswer, SendBytes, SendLog, SendStatus
 from firmware_model.board import Board
 from firmware_model.packets import AcousticStatus, Packet, ShortStatus, StatusPacket, WifiStatus
+from firmware_model.packets.codec import Codec
 from firmware_model.packets.status_packets import StatusFields
 from firmware_model.power.charge import fraction
+from firmware_model.power.rails import Rail
 
 if TYPE_CHECKING:
     from agents.mussel.logbook import Logbook
+
+Message = SendStatus | SendAnswer | SendBytes | LogSample | SendLog | DropLog
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,13 +35,16 @@ class ReportConfig:
 
 
 class Reporter:
-    """Makes and counts the reports of one aMussel. The paper's worst case has no log and one status for all media."""
+    """Sends and counts the reports of one aMussel. The paper's worst case has no log and one status for all media."""
 
-    def __init__(self, board: Board, body: Body, logbook: Logbook | None, modem: ModemGeneration) -> None:
+    def __init__(
+        self, board: Board, body: Body, logbook: Logbook | None, modem: ModemGeneration, codec: Codec
+    ) -> None:
         self._board = board
         self._body = body
         self._logbook = logbook
         self._modem = modem
+        self._codec = codec
         self._sequence = 0
 
     def copy(self, board: Board, body: Body) -> Reporter:
@@ -44,7 +53,39 @@ class Reporter:
         other._board, other._body = board, body
         return other
 
-    def wifi_status(self, now_ms: int) -> Packet:
+    def carry_out(self, action: Message) -> list[Output]:
+        """What the board sends, and takes into its log."""
+        match action:
+            case SendStatus(at_ms, by):
+                return [self.status(at_ms) if by is Rail.WIFI else self._by_sound(at_ms, self._short(at_ms))]
+            case SendAnswer(at_ms):
+                return [self._by_sound(at_ms, self._answer(at_ms))]
+            case SendBytes(at_ms, by, data):
+                sent = WifiSent if by is Rail.WIFI else SoundSent
+                return [sent(at_ms, self._board.config.agent_id, data)]
+            case _:
+                return self._log(action)
+
+    def _log(self, action: LogSample | SendLog | DropLog) -> list[Output]:
+        now_ms, board = action.at_ms, self._board
+        assert self._logbook is not None  # the worst case has no such actions
+        packets = self._logbook.carry_out(action, board.clock_ms(now_ms))
+        if packets is None:
+            reason = "an acknowledgement of records that were never taken"
+            return [StimulusDropped(now_ms, board.config.agent_id, reason)]
+        return [self._by_wifi(now_ms, packet) for packet in packets]
+
+    def status(self, now_ms: int) -> WifiSent:
+        """The full status, by Wi-Fi."""
+        return self._by_wifi(now_ms, self._full(now_ms))
+
+    def _by_wifi(self, now_ms: int, packet: Packet) -> WifiSent:
+        return WifiSent(now_ms, self._board.config.agent_id, self._codec.encode(packet))
+
+    def _by_sound(self, now_ms: int, packet: Packet) -> SoundSent:
+        return SoundSent(now_ms, self._board.config.agent_id, self._codec.encode(packet))
+
+    def _full(self, now_ms: int) -> Packet:
         fields, board, logbook = self._fields(now_ms), self._board, self._logbook
         if logbook is None or board.reset_cause is None:
             return StatusPacket(*fields)
@@ -63,16 +104,17 @@ class Reporter:
             board.clock_offset_ms,
         )
 
-    def sound_status(self, now_ms: int) -> Packet:
+    def _short(self, now_ms: int) -> Packet:
+        """The status by sound."""
         if self._modem is ModemGeneration.V2:
-            return self.answer(now_ms)
+            return self._answer(now_ms)
         fields, logbook = self._fields(now_ms), self._logbook
         if logbook is None:
             return StatusPacket(*fields)
         log = logbook.log
         return AcousticStatus(*fields, logbook.counts, log.next_sequence, log.waiting)
 
-    def answer(self, now_ms: int) -> Packet:
+    def _answer(self, now_ms: int) -> Packet:
         """The answer to a ping: as short as for a v2 modem, so that the channel is soon free again."""
         agent_id, _, state, primary, secondary, *_ = self._fields(now_ms)
         return ShortStatus(agent_id, state, primary, secondary)
