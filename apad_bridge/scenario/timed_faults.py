@@ -7,7 +7,7 @@ The scenario, the service /musselbed/inject_fault and the console take the same 
 from __future__ import annotations
 
 import random
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Annotated
@@ -15,6 +15,17 @@ from typing import Annotated
 from annotated_types import Ge, Le
 
 from agents.mussel.board_parts import BoardPart
+from agents.mussel.stimuli import (
+    AgentStimulus,
+    BuoyancyJammed,
+    ChargeLost,
+    ClockShifted,
+    CoilSlipped,
+    ContactBounced,
+    CrystalSkewed,
+    PartFailed,
+    WasReset,
+)
 from apad_bridge.scenario.quantities import (
     AgentId,
     NotNegativeSeconds,
@@ -22,6 +33,8 @@ from apad_bridge.scenario.quantities import (
     Quantity,
     frozen,
 )
+from firmware_model.power.charge import grains
+from firmware_model.stimuli import ResetCause
 
 LONGEST_S = 1e6
 _BURSTS = (1, 2, 3, 4, 5, 6)
@@ -88,14 +101,39 @@ class FaultRow:
     """Only an aMussel in a dock can have it."""
     needs_process: bool = False
     """Only an aMussel with a process of its own can have it."""
-    part: BoardPart | None = None
-    """The part of the board that fails while it lasts."""
+    begins: Callable[[float], AgentStimulus] | None = None
+    """What the body is told as it begins, by its value; None for a fault that is none of a body."""
+    heals: AgentStimulus | None = None
+    """What the body is told as it ends; None for a fault that heals by itself."""
+
+
+def _of_part(
+    part: BoardPart,
+    does: str,
+    healing: str,
+    span_s: float = 60.0,
+    parameter: Parameter | None = None,
+    value: Callable[[float], int] = round,
+) -> FaultRow:
+    """A part of the board fails; without a parameter its value is 1."""
+    return FaultRow(
+        does,
+        healing,
+        span_s,
+        parameter,
+        begins=lambda given: PartFailed(part, 1 if parameter is None else value(given)),
+        heals=PartFailed(part, 0),
+    )
 
 
 _F = TimedFault
 TABLE: Mapping[TimedFault, FaultRow] = {
-    _F.BROWN_OUT: FaultRow("a brown-out resets the MU", "the board boots again"),
-    _F.WATCHDOG: FaultRow("the watchdog resets the MU", "the board boots again"),
+    _F.BROWN_OUT: FaultRow(
+        "a brown-out resets the MU", "the board boots again", begins=lambda _: WasReset(ResetCause.BROWN_OUT)
+    ),
+    _F.WATCHDOG: FaultRow(
+        "the watchdog resets the MU", "the board boots again", begins=lambda _: WasReset(ResetCause.WATCHDOG)
+    ),
     _F.KILLED: FaultRow("kill -9 of the aMussel's process", "the nursery starts it again"),
     _F.STOPPED: FaultRow(
         "SIGSTOP of the process",
@@ -128,11 +166,14 @@ TABLE: Mapping[TimedFault, FaultRow] = {
         "the crystal runs as before; a beacon sets the clock",
         600.0,
         Parameter("skew", "ppm", 1000.0, -1e5, 1e5),
+        begins=lambda ppm: CrystalSkewed(round(1000 * ppm)),
+        heals=CrystalSkewed(0),
     ),
     _F.CLOCK_JUMP: FaultRow(
         "the MU's clock jumps",
         "a beacon sets the clock",
         parameter=Parameter("jump", "agent s", 60.0, -86400.0, 86400.0),
+        begins=lambda shift_s: ClockShifted(round(1000 * shift_s)),
     ),
     _F.BATTERY_AGEING: FaultRow(
         "an old battery leaks",
@@ -144,11 +185,18 @@ TABLE: Mapping[TimedFault, FaultRow] = {
         "the primary battery loses charge at once",
         "an aPad charges it",
         parameter=Parameter("loss", "of the primary", 0.2, 0.0, 1.0),
+        begins=lambda charge: ChargeLost(grains(charge), 0),
     ),
     _F.BUOYANCY_STUCK: FaultRow(
-        "motor runs do not move the buoyancy", "the last motor run is carried out", 60.0
+        "motor runs do not move the buoyancy",
+        "the last motor run is carried out",
+        60.0,
+        begins=lambda _: BuoyancyJammed(1),
+        heals=BuoyancyJammed(0),
     ),
-    _F.COIL_SLIP: FaultRow("the coils slip apart", "they align again", needs_dock=True),
+    _F.COIL_SLIP: FaultRow(
+        "the coils slip apart", "they align again", needs_dock=True, begins=lambda _: CoilSlipped()
+    ),
     _F.EDGE_FALSE: FaultRow(
         "the charger's pin shows the opposite level", "the pin shows the true level again", 1.0
     ),
@@ -162,65 +210,63 @@ TABLE: Mapping[TimedFault, FaultRow] = {
         "the contact holds after the last edge, or the dock opens",
         parameter=Parameter("openings", "20 ms of agent time each", 50.0, 1.0, 10_000.0),
         needs_dock=True,
+        begins=lambda times: ContactBounced(round(times)),
     ),
-    _F.BUS_SILENT: FaultRow(
+    _F.BUS_SILENT: _of_part(
+        BoardPart.BUS,
         "the sensors do not answer on their bus (NACK)",
         "they answer again; samples meanwhile repeat the last counts",
-        60.0,
-        part=BoardPart.BUS,
     ),
-    _F.READINGS_SCATTER: FaultRow(
+    _F.READINGS_SCATTER: _of_part(
+        BoardPart.CONVERTER,
         "the converter's readings of the batteries have noise",
         "they are exact again",
         60.0,
         Parameter("amplitude", "of a battery, either way", 0.05, 0.0, 1.0),
-        part=BoardPart.CONVERTER,
+        value=grains,
     ),
-    _F.READINGS_STAND: FaultRow(
+    _F.READINGS_STAND: _of_part(
+        BoardPart.HOLD,
         "the converter stands: its readings of the batteries stay as they are",
         "they follow the batteries again; a reset reads them once",
-        60.0,
-        part=BoardPart.HOLD,
     ),
-    _F.DEPTH_STANDS: FaultRow(
+    _F.DEPTH_STANDS: _of_part(
+        BoardPart.DEPTH,
         "the pressure sensor stands: the board notices neither the surface nor the bottom",
         "it shows where the aMussel is by then; a reset reads it once",
-        60.0,
-        part=BoardPart.DEPTH,
     ),
-    _F.UART_OVERRUN: FaultRow(
+    _F.UART_OVERRUN: _of_part(
+        BoardPart.UARTS,
         "the board's UARTs overrun: each packet to it loses its end",
         "packets arrive whole",
         60.0,
         Parameter("kept", "bytes", 4.0, 1.0, 1000.0),
-        part=BoardPart.UARTS,
     ),
-    _F.WRITE_TORN: FaultRow(
+    _F.WRITE_TORN: _of_part(
+        BoardPart.WRITES,
         "each write to the flash ends in its middle",
         "writes are whole; the torn records stay unreadable",
         60.0,
         Parameter("written", "bytes", 10.0, 1.0, 4096.0),
-        part=BoardPart.WRITES,
     ),
-    _F.FLASH_WORN: FaultRow(
+    _F.FLASH_WORN: _of_part(
+        BoardPart.CELLS,
         "worn cells of the flash stay erased",
         "writes are whole; the spoilt records stay unreadable",
         60.0,
         Parameter("bits", "mask of each byte", 16.0, 1.0, 255.0),
-        part=BoardPart.CELLS,
     ),
-    _F.FLASH_SILENT: FaultRow(
+    _F.FLASH_SILENT: _of_part(
+        BoardPart.FLASH,
         "the flash does not answer: it reads as erased, and nothing is written or erased",
         "it answers again; the records of the time between are missing",
-        60.0,
-        part=BoardPart.FLASH,
     ),
-    _F.WRITE_BROWN_OUT: FaultRow(
+    _F.WRITE_BROWN_OUT: _of_part(
+        BoardPart.SUPPLY,
         "a brown-out resets the MU in the middle of its next write to the flash",
         "the board boots again, and counts the torn record; if it wrote nothing, nothing happens",
         600.0,
         Parameter("written", "bytes", 10.0, 1.0, 4096.0),
-        part=BoardPart.SUPPLY,
     ),
     _F.APAD_FROZEN: FaultRow(
         "the aPad's computer reports nothing and takes no order; it goes on with the last one",

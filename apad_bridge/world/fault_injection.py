@@ -1,8 +1,7 @@
 """Carries out the faults of a run, from their begin to their end: those of the scenario, and those that people cause.
 
-It has the effect of each row of `apad_bridge.scenario.timed_faults`, which goes to the aMussels' bodies as stimuli, or to
-their links and processes by the `FaultyHost`. A row that names a part of the board fails that part. The `FaultyLink` has
-the effects of the aPad's faults.
+A row of `apad_bridge.scenario.timed_faults` says what it tells the aMussel's body. Other rows have their effects on links
+and processes here, by the `FaultyHost`; the `FaultyLink` has the effects of the aPad's faults.
 """
 
 from __future__ import annotations
@@ -12,19 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from agents.hosting.faulty_host import FaultyHost, LinkDefect
-from agents.mussel.board_parts import BoardPart
-from agents.mussel.stimuli import (
-    AgentStimulus,
-    BuoyancyJammed,
-    ChargeLost,
-    ClockShifted,
-    CoilSlipped,
-    ContactBounced,
-    CrystalSkewed,
-    PartFailed,
-    PinDisturbed,
-    WasReset,
-)
+from agents.mussel.stimuli import AgentStimulus, ChargeLost, PinDisturbed
 from agents.time_scale import TimeScale
 from apad_bridge.events.event import Event
 from apad_bridge.events.fleet_events import FaultBegan, FaultEnded
@@ -33,7 +20,6 @@ from apad_bridge.vehicle.vehicle_link import VehicleLink
 from apad_bridge.world.faulty_link import FaultyLink
 from firmware_model.power.charge import grains
 from firmware_model.state_groups import DOCKED
-from firmware_model.stimuli import ResetCause
 
 if TYPE_CHECKING:
     from apad_bridge.beliefs.fleet_beliefs import FleetBeliefs
@@ -48,17 +34,6 @@ _DEFECTS = {
     TimedFault.LINK_DELAY: LinkDefect.DELAY,
     TimedFault.BIT_FLIP: LinkDefect.FLIPS,
     TimedFault.MODEM_DEAF: LinkDefect.DEAF,
-}
-_STIMULI: dict[TimedFault, tuple[Callable[[float], AgentStimulus], AgentStimulus | None]] = {
-    # The stimulus that begins the fault, by its value, and the one that heals it.
-    TimedFault.BROWN_OUT: (lambda _: WasReset(ResetCause.BROWN_OUT), None),
-    TimedFault.WATCHDOG: (lambda _: WasReset(ResetCause.WATCHDOG), None),
-    TimedFault.COIL_SLIP: (lambda _: CoilSlipped(), None),
-    TimedFault.CLOCK_JUMP: (lambda shift_s: ClockShifted(round(1000 * shift_s)), None),
-    TimedFault.CLOCK_SKEW: (lambda ppm: CrystalSkewed(round(1000 * ppm)), CrystalSkewed(0)),
-    TimedFault.BATTERY_LOSS: (lambda charge: ChargeLost(grains(charge), 0), None),
-    TimedFault.BUOYANCY_STUCK: (lambda _: BuoyancyJammed(1), BuoyancyJammed(0)),
-    TimedFault.EDGE_CHATTER: (lambda times: ContactBounced(round(times)), None),
 }
 
 Action = tuple[int, AgentStimulus] | Event
@@ -172,8 +147,9 @@ class FaultInjection:
             return []
         if injection.fault in (TimedFault.EDGE_FALSE, TimedFault.EDGE_MISSED):
             return self._pin(injection, begins=begins)
-        if (stimulus := _stimulus(injection, begins=begins)) is not None:
-            return _to(injection, stimulus)
+        if (row := injection.row).begins is not None:
+            stimulus = row.begins(injection.value) if begins else row.heals
+            return [] if stimulus is None else _to(injection, stimulus)
         if self._host is not None:
             self._switch_at_host(self._host, injection, injection.agent_id, begins=begins)
         return []
@@ -233,20 +209,6 @@ def _key(injection: Injection) -> _Key:
     """One of a kind happens at a time to an aMussel or to the aPad; each dock jams by itself."""
     dock_index = injection.value if injection.fault is TimedFault.DOCK_JAMMED else None
     return injection.fault, injection.agent_id, dock_index
-
-
-def _stimulus(injection: Injection, *, begins: bool) -> AgentStimulus | None:
-    """The stimulus of the body; None for a fault that is none of a body, or heals by itself."""
-    row, value = injection.row, injection.value
-    if (begin_and_end := _STIMULI.get(injection.fault)) is not None:
-        return begin_and_end[0](value) if begins else begin_and_end[1]
-    if row.part is None:
-        return None
-    if row.part is BoardPart.CONVERTER:
-        value = grains(value)
-    elif row.parameter is None:
-        value = 1
-    return PartFailed(row.part, round(value) if begins else 0)
 
 
 def _to(injection: Injection, stimulus: AgentStimulus) -> list[Action]:
