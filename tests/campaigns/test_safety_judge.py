@@ -220,7 +220,15 @@ def test_a_vehicle_at_rest_may_be_left_in_a_silence_and_one_that_goes_on_may_not
     assert judged([*sailing(15.0), *go(), *says], limit_s=12.0, must_be=Kind.HOLD).failures != []
     late = "the first stop came after 21.0 s, more than 12"
     how = {"limit_s": 12.0, "deaf": (BEGUN_S, 30.0)}
-    for stands_s, left, failures in ((15.0, says, []), (27.0, says, [late]), (15.0, [], [late])):
+    after = [{**says[0], "at_s": 30.5}]
+    rows = (
+        (15.0, says, []),
+        (15.0, after, []),
+        (27.0, says, [late]),
+        (27.0, after, [late]),
+        (15.0, [], [late]),
+    )
+    for stands_s, left, failures in rows:
         assert judged([*sailing(stands_s), *go(), *left, *off(31.0)], **how).failures == failures
     # Nobody holds it, and from 26 s on the water takes it away.
     rests = sailing(15.0)

@@ -22,7 +22,7 @@ from dataclasses import dataclass, field, fields
 from enum import Enum
 from itertools import pairwise
 
-from safety.track import REST_M, REST_S, Fact, Place, Track, out_m, way_out_m
+from safety.track import REST_M, Fact, Place, Track, out_m, way_out_m
 
 AT_PLACE_M = 1.0
 """A hold so near to the true place is a stop: 0.6 m/s, and a look each second."""
@@ -295,16 +295,16 @@ def judge(facts: list[Fact], case: Case) -> Verdict:
 def _is_left_at_rest(facts: list[Fact], stop: Order | None, case: Case, track: Track) -> bool:
     """Its way had ended in the silence, so the watchdog orders nothing, and the hull stays where it is until its end.
 
-    A stop of the bench may follow then.
+    The watchdog's word may cross only after the silence; where the hull truly is decides. A stop of the bench may follow.
     """
     if case.deaf is None or (stop is not None and stop.at_s <= case.deaf[1]):
         return False
+    heard_by_s = case.deaf[1] + case.limit_s
     says = [it["at_s"] for it in facts if it["fact"] == "watchdog" and it["state"] == "LEFT"]
-    left_s = next((it for it in says if case.begun_s <= it <= case.begun_s + case.limit_s), None)
-    rest = None if left_s is None else track.rest(left_s, case.rest_m)
-    if left_s is None or rest is None or rest[0] > REST_S:
+    rest = track.rest(case.begun_s, case.rest_m)
+    if not any(case.begun_s <= it <= heard_by_s for it in says) or rest is None or rest[0] > case.limit_s:
         return False
-    return track.leaves_s(left_s + rest[0], case.at_place_m) > case.deaf[1]
+    return track.leaves_s(case.begun_s + rest[0], case.at_place_m) > case.deaf[1]
 
 
 def joined(verdicts: dict[str, Verdict]) -> Verdict:
