@@ -411,17 +411,9 @@ class Agent:
                     outputs += self._stays_there(to, at_ms)
                 case board_actions.Dropped(at_ms, reason):
                     outputs.append(self._dropped(at_ms, reason))
-                case (
-                    board_actions.SendStatus()
-                    | board_actions.SendAnswer()
-                    | board_actions.SendBytes()
-                    | board_actions.LogSample()
-                    | board_actions.SendLog()
-                    | board_actions.DropLog()
-                ):
-                    outputs += self._reporter.carry_out(action)
                 case _:
-                    pass  # the truth that follows the event has the new state and the charge flows
+                    # The truth that follows has a new state and the charge flows.
+                    outputs += self._reporter.carry_out(action)
         return outputs
 
     def _run_buoyancy(self, run: board_actions.RunBuoyancy, now_ms: int) -> list[Output]:

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 BOUNCE_MS = 20
 """Agent time between two edges of a bouncing contact: faster than a board's debounce time."""
 
-Effect = Stimulus | RunBuoyancy | Dropped
+DefectEffect = Stimulus | RunBuoyancy | Dropped
 """What a defect does at once: a fact for the board, a run of the motors that a jam held up, or nothing, for a reason."""
 
 
@@ -71,7 +71,7 @@ class Defects:
         other.parts = parts
         return other
 
-    def take(self, defect: Defect, body: Body, is_whole: bool, now_ms: int) -> list[Effect]:
+    def take(self, defect: Defect, body: Body, is_whole: bool, now_ms: int) -> list[DefectEffect]:
         """Begins a defect or heals it; `is_whole` tells which board the aMussel has."""
         match defect:
             case ChargeLost(primary, secondary):
@@ -97,7 +97,9 @@ class Defects:
             case PartFailed(part, value):
                 return self._fail(BoardPart(part), value, body, is_whole, now_ms)
 
-    def _fail(self, part: BoardPart, value: int, body: Body, is_whole: bool, now_ms: int) -> list[Effect]:
+    def _fail(
+        self, part: BoardPart, value: int, body: Body, is_whole: bool, now_ms: int
+    ) -> list[DefectEffect]:
         if not is_whole and part in WHOLE_ONLY:
             return [Dropped(now_ms, f"a defect of its {part.name.lower()}: the worst case has none")]
         self.parts.pop(part, None)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from agents.modem.frames import ModemGeneration
 from agents.mussel.body import Body
 from agents.mussel.outputs import Output, SoundSent, StimulusDropped, WifiSent
-from firmware_model.actions import DropLog, LogSample, SendAnswer, SendBytes, SendLog, SendStatus
+from firmware_model.actions import Action, DropLog, LogSample, SendAnswer, SendBytes, SendLog, SendStatus
 from firmware_model.board import Board
 from firmware_model.packets import AcousticStatus, Packet, ShortStatus, StatusPacket, WifiStatus
 from firmware_model.packets.codec import Codec
@@ -19,8 +19,6 @@ from firmware_model.power.rails import Rail
 
 if TYPE_CHECKING:
     from agents.mussel.logbook import Logbook
-
-Message = SendStatus | SendAnswer | SendBytes | LogSample | SendLog | DropLog
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,8 +51,8 @@ class Reporter:
         other._board, other._body = board, body
         return other
 
-    def carry_out(self, action: Message) -> list[Output]:
-        """What the board sends, and takes into its log."""
+    def carry_out(self, action: Action) -> list[Output]:
+        """What the board sends, or takes into its log; nothing for other actions."""
         match action:
             case SendStatus(at_ms, by):
                 return [self.status(at_ms) if by is Rail.WIFI else self._by_sound(at_ms, self._short(at_ms))]
@@ -63,8 +61,9 @@ class Reporter:
             case SendBytes(at_ms, by, data):
                 sent = WifiSent if by is Rail.WIFI else SoundSent
                 return [sent(at_ms, self._board.config.agent_id, data)]
-            case _:
+            case LogSample() | SendLog() | DropLog():
                 return self._log(action)
+        return []
 
     def _log(self, action: LogSample | SendLog | DropLog) -> list[Output]:
         now_ms, board = action.at_ms, self._board
