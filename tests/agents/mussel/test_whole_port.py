@@ -326,6 +326,7 @@ def test_a_write_that_fails_is_an_error_of_the_flash() -> None:
 def test_flash_is_programmed_once_within_a_page() -> None:
     bus, _ = devices()
     assert bus.flash_program(4090, b"over the edge") is None
+    assert bus.flash_program(4088, b"to the..") == b"" and bus.flash_read(4088, 8) == b"to the.."
     assert bus.flash_program(4000, b"once") == b"" and bus.flash_program(4002, b"twice") is None
     assert bus.flash_read(3999, 6) == b"\0once\0"
     assert bus.flash_erase(0) == b"" and bus.flash_read(4000, 4) == b"\0\0\0\0"

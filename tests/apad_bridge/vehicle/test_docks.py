@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from unittest import mock
+
 from hypothesis import given
 from hypothesis import strategies as st
 from journals import state_of
@@ -16,9 +18,17 @@ from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.runs.start_state import find_resume_point
 from apad_bridge.scenario.loader import load
 from apad_bridge.supervisor.run_spec import ResumePoint, RunSpec
-from apad_bridge.vehicle.commands import CloseDock, DockClosed, DockOpened, OpenDock
+from apad_bridge.vehicle.commands import (
+    CloseDock,
+    CommandAccepted,
+    DockClosed,
+    DockOpened,
+    OpenDock,
+    PoseReported,
+)
 from apad_bridge.vehicle.docking_port import DockingPort
 from apad_bridge.vehicle.outcomes import DockChanged, PrimitiveSucceeded
+from apad_bridge.vehicle.vehicle_link import APadSeen, Carried, LetGo, LinkFact, ListeningLink, VehicleLink
 
 POOL = load(POOL_FILE)
 CONFIG = flight_config(POOL)
@@ -74,3 +84,16 @@ def test_a_resumed_port_asks_for_no_amussel_twice_and_opens_the_dock_that_holds_
     assert port.receive(CloseDock(1, 2, 9), 0) == [PrimitiveSucceeded(0, 1)]
     assert port.receive(OpenDock(2, 2, 9), 0) == []
     assert [it for it in port.advance(60_000) if isinstance(it, OpenDock)] == [OpenDock(1, 3, 9)]
+
+
+def test_a_fleet_alone_hears_of_the_docks_and_of_the_aPads_place_alone() -> None:
+    heard: list[LinkFact] = [
+        PoseReported(0, 1.0, 2.0, 0.0, 0),
+        CommandAccepted(0, 1),
+        Carried(0, 7, 1.0, 2.0),
+        LetGo(0, 7),
+        APadSeen(0, 3.0, 4.0),
+    ]
+    link = mock.create_autospec(VehicleLink, instance=True)
+    link.advance.return_value = heard
+    assert ListeningLink(link).advance(0) == [APadSeen(0, 1.0, 2.0), *heard[2:]]

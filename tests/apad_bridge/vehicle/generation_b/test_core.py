@@ -364,6 +364,12 @@ STORIES: dict[str, tuple[Callable[[], Apad], list[Any], list[LinkFact | str], li
         [CommandFailed(1_000, 1, PILOT)],
         [OURS, GoTo(0, 7.0, 8.0, 0.5, 0.5)],
     ),
+    "a simulated vehicle that had no order holds its place when its pilot lets go": (
+        Apad,
+        [ManualReceived(1_000, True), 20_000, ManualReceived(21_000, False)],
+        [],
+        [HELD],
+    ),
     "a real vehicle stays with its pilot when the pilot lets go, until a person gives it back": (
         REAL,
         [

@@ -272,6 +272,10 @@ SCENES: dict[str, tuple[dict[str, Any], list[tuple[Act, str]]]] = {
             (go(3, 45.0), "refused: fence"),
         ],
     ),
+    "a hold that is refused ends the motion all the same, where the vehicle is": (
+        {"place": (0.5, 5.0)},
+        [(orders(Hold(1, -0.6, 5.0)), "Hold (0.5, 5)"), (orders(Hold(2, -3.0, 5.0)), "refused: fence")],
+    ),
     "a stop goes through its states, and only then is the vehicle at rest": (
         REAL,
         [
