@@ -268,7 +268,7 @@ class Body:
     def touch(
         self, contact: ContactClosed | DockMoved | ContactOpened | CoilSlipped, now_ms: int
     ) -> list[ChargePinRose | ChargePinFell] | str:
-        """What a dock does to the body: the edges of the charger's pin, or why it does nothing."""
+        """Lets a dock act on the body: edges of the charger's pin follow, or the reason why nothing does."""
         match contact:
             case ContactClosed(north_um, east_um):
                 if self.docked or self.depth_at_um(now_ms) != 0:

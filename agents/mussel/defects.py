@@ -42,7 +42,7 @@ BOUNCE_MS = 20
 """Agent time between two edges of a bouncing contact: faster than a board's debounce time."""
 
 DefectEffect = Stimulus | RunBuoyancy | Dropped
-"""What a defect does at once: a fact for the board, a run of the motors that a jam held up, or nothing, for a reason."""
+"""An effect of a defect at once: a fact for the board, a run of the motors that a jam held up, or nothing, for a reason."""
 
 
 class Defects:
@@ -115,7 +115,7 @@ class Defects:
         return ConverterDisturbed(self.parts.get(BoardPart.CONVERTER, 0), BoardPart.HOLD in self.parts)
 
     def passed(self, stimulus: Stimulus) -> Stimulus | None:
-        """What the board gets of a fact; None if it notices nothing."""
+        """The fact as the board gets it; None if it notices nothing."""
         match stimulus:
             case ChargePinRose() | ChargePinFell():
                 high = isinstance(stimulus, ChargePinRose)

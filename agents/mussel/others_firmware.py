@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from agents.modem.frames import ModemGeneration
-from agents.mussel.board_link import TURN_TIMEOUT_S
+from agents.mussel.board_link import TURN_TIMEOUT_S, BoardLink
 from agents.mussel.body import Body
 from agents.mussel.peripherals import MeasuredWorld
 from agents.mussel.port_firmware import PortFirmware, link_to
@@ -20,7 +20,7 @@ from firmware_model.power.active_battery import ActiveBattery
 
 
 class OthersFirmware:
-    """What an aMussel knows of the firmware on its board, when that is not ours."""
+    """The firmware on the board of one aMussel, when it is not ours."""
 
     def __init__(
         self,
@@ -42,9 +42,14 @@ class OthersFirmware:
 
     def maker(self, world: MeasuredWorld | None) -> MakeFirmware:
         """Makes the program of a board; a whole one measures `world`, and only such a one."""
+        command, timeout_s, board, seed = self._command, self._timeout_s, self._board, self._seed
+
+        def to() -> BoardLink:
+            # It does not hold `self`: a bench's board that nobody needs ends at once with its link, and leaves the
+            # serial line to the next one.
+            return link_to(command, timeout_s)
 
         def make(hardware: Any) -> FirmwareLike:
-            to, board, seed = lambda: link_to(self._command, self._timeout_s), self._board, self._seed
             self.program = (
                 PortFirmware(to, board, hardware, seed)
                 if world is None

@@ -1,4 +1,4 @@
-"""What an aMussel sends: its log, and its status, in full by Wi-Fi, and by sound as much as its modem carries."""
+"""The packets that an aMussel sends: log and status, in full by Wi-Fi, and by sound as much as its modem carries."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Reporter:
         return other
 
     def carry_out(self, action: Action) -> list[Output]:
-        """What the board sends, or takes into its log; nothing for other actions."""
+        """Sends for the board, or takes into its log; nothing for other actions."""
         match action:
             case SendStatus(at_ms, by):
                 return [self.status(at_ms) if by is Rail.WIFI else self._by_sound(at_ms, self._short(at_ms))]

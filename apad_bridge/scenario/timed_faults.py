@@ -102,9 +102,9 @@ class FaultRow:
     needs_process: bool = False
     """Only an aMussel with a process of its own can have it."""
     begins: Callable[[float], AgentStimulus] | None = None
-    """What the body is told as it begins, by its value; None for a fault that is none of a body."""
+    """The stimulus that begins it, by its value; None for a fault that is none of a body."""
     heals: AgentStimulus | None = None
-    """What the body is told as it ends; None for a fault that heals by itself."""
+    """The stimulus that ends it; None for a fault that heals by itself."""
 
 
 def _of_part(
