@@ -1,7 +1,7 @@
 """The firmware of an MU board: its state machine, timers and commands, behind `firmware_model.port`.
 
 `Firmware` is the part that every board has. Alone it is the paper's worst case: one battery in use, one load, never asleep.
-`firmware_model.whole_firmware` adds the rest.
+`firmware_model.whole_firmware` adds the rest. `actions.py` names the states that report, and `deadlines.py` has the times.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""The packets that an aMussel sends: log and status, in full by Wi-Fi, and by sound as much as its modem carries."""
+"""The packets that an aMussel sends: log and status, in full by Wi-Fi, and by sound as much as its modem carries.
+
+`Agent` decides when it reports by Wi-Fi, by the scenario's `hearing.report_period_s`; the firmware asks for all else.
+"""
 
 from __future__ import annotations
 

@@ -2,6 +2,7 @@
 
 Levels are dB re 1 uPa, distances metres, times milliseconds unless a name says microseconds. Defaults are the published
 figures of the Newcastle nanomodem V3 at 28 kHz; a pool or a harbour has its own.
+`agents/modem/frames.py` has the length of a frame.
 """
 
 from __future__ import annotations

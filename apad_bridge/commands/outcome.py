@@ -1,4 +1,4 @@
-"""Prints the outcome of a run, or the plan of a dry run, for a person or as JSON."""
+"""Prints the outcome of a run, or the plan of a dry run, for a person or as JSON, and decides the exit code of a run."""
 
 from __future__ import annotations
 

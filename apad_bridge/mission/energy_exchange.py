@@ -2,7 +2,7 @@
 
 One aPad serves the aMussels of its beliefs. The mission acts when the supervisor calls `advance`, at every
 mission tick. Every wait ends: see `Mission` in the scenario for the times, and the journal's notes for the
-given-up steps.
+given-up steps. `Supervisor` decides that it ends, by time or by the aPad's battery.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The exit codes of all commands, and their meaning."""
+"""The exit codes of all commands, and their meaning. `apad_bridge/commands/outcome.py` decides that of a run."""
 
 from __future__ import annotations
 

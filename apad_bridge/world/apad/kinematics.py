@@ -2,7 +2,7 @@
 
 The vehicle is omnidirectional (thrusters in X), so it moves towards the goal at any heading, while the bow
 turns towards the goal. Speeds change linearly within a step, so positions are trapezoids and exact for the
-profile.
+profile. The numbers are those of the scenario's `apad`; `apad_bridge/scenario/profiles.py` has the paper's.
 """
 
 from __future__ import annotations
