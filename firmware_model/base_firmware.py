@@ -124,6 +124,9 @@ class Firmware:
     def clock_disturbed(self, now_ms: int) -> None:
         """The clock's reading or rate changed by itself. The worst case has none."""
 
+    def close(self) -> None:
+        """It has nothing outside of the board."""
+
     def _pinged(self) -> list[Action]:
         """Takes a ping. The worst case does not answer by sound."""
         return []

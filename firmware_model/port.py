@@ -120,10 +120,15 @@ class WholeHardware(Hardware, Protocol):
 class FirmwareLike(Protocol):
     """The program on a board: ours, or somebody else's in a process of its own."""
 
-    state: State
-    reset_cause: ResetCause | None
-    watchdog_fired: bool
-    """True once the board is to be reset, because the program did not serve its watchdog in time."""
+    @property
+    def state(self) -> State: ...
+
+    @property
+    def reset_cause(self) -> ResetCause | None: ...
+
+    @property
+    def watchdog_fired(self) -> bool:
+        """True once the board is to be reset, because the program did not serve its watchdog in time."""
 
     @property
     def clock_offset_ms(self) -> int:
@@ -157,3 +162,6 @@ class FirmwareLike(Protocol):
 
     def clock_disturbed(self, now_ms: int) -> None:
         """The clock's reading or rate changed by itself."""
+
+    def close(self) -> None:
+        """Ends what the program has outside of the board: its process, or a serial line. Nothing more is asked of it."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from agents.modem.frames import SHORT_MS
-from agents.mussel.body import Body, WaterConfig, placed
+from agents.mussel.body import Body, WaterConfig, WorldEffect, placed
 from agents.mussel.firmware_failure import PowerLost
 from agents.mussel.outputs import (
     Output,
@@ -336,19 +336,15 @@ class Agent:
     def _take(self, stimulus: AgentStimulus, now_ms: int) -> list[Output]:
         match stimulus:
             case ContactClosed() | DockMoved() | ContactOpened() | CoilSlipped():
-                edges = self.body.touch(stimulus, now_ms)
-                if isinstance(edges, str):
-                    return [self._dropped(now_ms, edges)]
+                effects = self.body.touch(stimulus, now_ms)
                 if self._defects is not None and not self.body.docked:
                     self._defects.dock_opened()
-                return [output for edge in edges for output in self._stimulate_board(edge, now_ms)]
+                return self._apply(effects, now_ms)
+            case SoundArrived() | PingArrived() if self._at_surface(now_ms):
+                return [self._dropped(now_ms, "sound does not reach a modem in air")]
             case SoundArrived(data):
-                if self._at_surface(now_ms):
-                    return [self._dropped(now_ms, "sound does not reach a modem in air")]
                 return self._stimulate_board(board_stimuli.PacketHeard(data), now_ms)
             case PingArrived(travelled_us):
-                if self._at_surface(now_ms):
-                    return [self._dropped(now_ms, "sound does not reach a modem in air")]
                 if not self.board.is_modem_listening:
                     return [self._dropped(now_ms, "the modem is not listening")]
                 lasting_ms = SHORT_MS[self.config.reports.modem]
@@ -373,8 +369,11 @@ class Agent:
 
         self._defects = self._defects or Defects(self._failing)
         is_whole = self.config.board.whole is not None
+        return self._apply(self._defects.take(defect, self.body, is_whole, now_ms), now_ms)
+
+    def _apply(self, effects: list[WorldEffect], now_ms: int) -> list[Output]:
         outputs: list[Output] = []
-        for effect in self._defects.take(defect, self.body, is_whole, now_ms):
+        for effect in effects:
             match effect:
                 case board_actions.RunBuoyancy():
                     outputs += self._run_buoyancy(effect, now_ms)

@@ -15,7 +15,6 @@ from agents.mussel.board_parts import BoardPart
 from agents.mussel.body import BodyConfig
 from agents.mussel.others_firmware import OthersFirmware
 from agents.mussel.outputs import Output, SoundSent, StimulusDropped, WifiSent
-from agents.mussel.peripherals import MeasuredWorld
 from agents.mussel.reporter import ReportConfig
 from agents.mussel.stimuli import (
     AgentStimulus,
@@ -36,7 +35,6 @@ from firmware_model.actions import Buoyancy, RunBuoyancy
 from firmware_model.bench.conformance import Case, Whole
 from firmware_model.bench.costly_firmware import CostlyFirmware
 from firmware_model.bench.rigs import Rig, RigEvent, RigHistory, charging, ends, flowed, states
-from firmware_model.board import MakeFirmware
 from firmware_model.config import BoardConfig, Cycle, Timekeeping, Timeslots
 from firmware_model.packets import Beacon
 from firmware_model.packets.codec import BUILT_IN, MusselbedCodec
@@ -125,21 +123,6 @@ def whole_board(whole: Whole, agent_id: int = 1) -> BoardConfig:
     )
 
 
-class _CostlyFirmware(OthersFirmware):
-    """Somebody's firmware, whose turns take time."""
-
-    def __init__(self, config: AgentConfig, cost_ms: int, cost_seed: int) -> None:
-        modem, seed = config.reports.modem, config.water.seed
-        super().__init__(config.firmware, config.board, seed, modem, BENCH_TIMEOUT_S)
-        self._cost_ms, self._cost_seed = cost_ms, cost_seed
-
-    def maker(self, world: MeasuredWorld | None) -> MakeFirmware:
-        make = super().maker(world)
-        if not self._cost_ms:
-            return make
-        return lambda hardware: CostlyFirmware(make(hardware), self._cost_ms, self._cost_seed)
-
-
 class _ObservedAgent(Agent):
     """An aMussel whose motor runs are seen."""
 
@@ -215,7 +198,16 @@ class AgentRig(Rig):
         self.now_ms = 0
         self.outputs: list[Output] = []
         self._charges = physical.primary.charge, physical.secondary.charge
-        others = _CostlyFirmware(config, cost_ms, seed) if command else None
+        others = None
+        if command:
+            others = OthersFirmware(
+                command,
+                self._model,
+                config.water.seed,
+                config.reports.modem,
+                BENCH_TIMEOUT_S,
+                lambda it: CostlyFirmware(it, cost_ms, seed) if cost_ms else it,
+            )
         self.agent = _ObservedAgent(config, MusselbedCodec(), physical, 0, ResetCause.POWER_ON, None, others)
 
     def run(self, ms: int) -> None:

@@ -9,14 +9,22 @@ from agents.mussel.physical import Physical
 from agents.mussel.stimuli import CoilSlipped, ContactClosed, ContactOpened, DockMoved, Placed
 from agents.water.fields import WaterFields
 from agents.water.water_current import WaterCurrent
-from firmware_model.actions import Buoyancy
+from firmware_model.actions import Buoyancy, Dropped, RunBuoyancy
 from firmware_model.keyed_hash import blake2b
 from firmware_model.power.charge import Battery, Flow
 from firmware_model.sinking import Sinking
-from firmware_model.stimuli import ChargePinFell, ChargePinRose
+from firmware_model.stimuli import ChargePinFell, ChargePinRose, Stimulus
 
 _KEY = Struct("<QQQ").pack
 _WORDS = Struct("<QQ").unpack
+_NOT_HELD: dict[type, str] = {
+    DockMoved: "a dock moved that does not hold this aMussel",
+    ContactOpened: "a dock opened that does not hold this aMussel",
+    CoilSlipped: "coils slipped in a dock that does not hold this aMussel",
+}
+
+WorldEffect = Stimulus | RunBuoyancy | Dropped
+"""An effect of the world on an aMussel, at once: a fact for its board, a run of its motors, or nothing, for a reason."""
 
 
 def drift_step_um(seed: int, agent_id: int, n: int, amplitude_um: int) -> tuple[int, int]:
@@ -267,27 +275,23 @@ class Body:
 
     def touch(
         self, contact: ContactClosed | DockMoved | ContactOpened | CoilSlipped, now_ms: int
-    ) -> list[ChargePinRose | ChargePinFell] | str:
-        """Lets a dock act on the body: edges of the charger's pin follow, or the reason why nothing does."""
+    ) -> list[WorldEffect]:
+        """Lets a dock act on the body: edges of the charger's pin follow, or nothing, for a reason."""
         match contact:
             case ContactClosed(north_um, east_um):
                 if self.docked or self.depth_at_um(now_ms) != 0:
-                    return "a dock closed, but not around this aMussel"
+                    return [Dropped(now_ms, "a dock closed, but not around this aMussel")]
                 self.dock(north_um, east_um, now_ms)
                 return [ChargePinRose()] if self.pin_high else []
+            case _ if not self.docked:
+                return [Dropped(now_ms, _NOT_HELD[type(contact)])]
             case DockMoved(north_um, east_um):
-                if not self.docked:
-                    return "a dock moved that does not hold this aMussel"
                 self.carry(north_um, east_um)
                 return []
             case ContactOpened():
-                if not self.docked:
-                    return "a dock opened that does not hold this aMussel"
                 self.let_go(now_ms)
                 return [ChargePinFell()]
             case CoilSlipped():
-                if not self.docked:
-                    return "coils slipped in a dock that does not hold this aMussel"
                 self.slip(now_ms)
                 return [ChargePinFell(), ChargePinRose()] if self.pin_high else [ChargePinFell()]
 

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from agents.mussel.board_parts import WHOLE_ONLY, BoardPart
+from agents.mussel.body import Body, WorldEffect
 from agents.mussel.stimuli import (
     BuoyancyJammed,
     ChargeLost,
@@ -35,14 +35,8 @@ from firmware_model.stimuli import (
     WifiReceived,
 )
 
-if TYPE_CHECKING:
-    from agents.mussel.body import Body
-
 BOUNCE_MS = 20
 """Agent time between two edges of a bouncing contact: faster than a board's debounce time."""
-
-DefectEffect = Stimulus | RunBuoyancy | Dropped
-"""An effect of a defect at once: a fact for the board, a run of the motors that a jam held up, or nothing, for a reason."""
 
 
 class Defects:
@@ -71,7 +65,7 @@ class Defects:
         other.parts = parts
         return other
 
-    def take(self, defect: Defect, body: Body, is_whole: bool, now_ms: int) -> list[DefectEffect]:
+    def take(self, defect: Defect, body: Body, is_whole: bool, now_ms: int) -> list[WorldEffect]:
         """Begins a defect or heals it; `is_whole` tells which board the aMussel has."""
         match defect:
             case ChargeLost(primary, secondary):
@@ -99,7 +93,7 @@ class Defects:
 
     def _fail(
         self, part: BoardPart, value: int, body: Body, is_whole: bool, now_ms: int
-    ) -> list[DefectEffect]:
+    ) -> list[WorldEffect]:
         if not is_whole and part in WHOLE_ONLY:
             return [Dropped(now_ms, f"a defect of its {part.name.lower()}: the worst case has none")]
         self.parts.pop(part, None)

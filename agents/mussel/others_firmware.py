@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from agents.modem.frames import ModemGeneration
@@ -29,8 +29,12 @@ class OthersFirmware:
         seed: int,
         modem: ModemGeneration = ModemGeneration.V3,
         timeout_s: float = TURN_TIMEOUT_S,
+        wrapped: Callable[[FirmwareLike], FirmwareLike] = lambda program: program,
     ) -> None:
-        """`command` is what `port_firmware.link_to` takes, `seed` the run's; a turn may take `timeout_s` of wall time."""
+        """`command` is what `port_firmware.link_to` takes, `seed` the run's; a turn may take `timeout_s` of wall time.
+
+        `wrapped` is what stands on the board with a program in it.
+        """
         self.program: PortFirmware | None = None
         """The one of the last boot."""
         self._command = command
@@ -38,6 +42,7 @@ class OthersFirmware:
         self._seed = seed
         self._modem = 2 if modem is ModemGeneration.V2 else 3
         self._timeout_s = timeout_s
+        self._wrapped = wrapped
         self._doubts: StateDoubts | None = None
 
     def maker(self, world: MeasuredWorld | None) -> MakeFirmware:
@@ -45,8 +50,7 @@ class OthersFirmware:
         command, timeout_s, board, seed = self._command, self._timeout_s, self._board, self._seed
 
         def to() -> BoardLink:
-            # It does not hold `self`: a bench's board that nobody needs ends at once with its link, and leaves the
-            # serial line to the next one.
+            # It does not hold `self`: a board of the fixture `mu` that nobody needs ends at once, and its program with it.
             return link_to(command, timeout_s)
 
         def make(hardware: Any) -> FirmwareLike:
@@ -55,7 +59,7 @@ class OthersFirmware:
                 if world is None
                 else WholePortFirmware(to, board, hardware, seed, world, self._modem)
             )
-            return self.program
+            return self._wrapped(self.program)
 
         return make
 

@@ -171,10 +171,15 @@ class Bench:
     def reset(self, cause: ResetCause) -> list[Action]:
         """Restarts the firmware; batteries and body stay as they were."""
         old = self.board
+        old.firmware.close()
         self.board = self._new_board(old.primary, old.secondary, old.kept)
         if self.ledger is not None:
             self.ledger.power_off(self.now_ms)
         return self.tell(PowerCameOn(cause, self._at_surface, self._docked))
+
+    def close(self) -> None:
+        """Ends the program on the board, if it is somebody's."""
+        self.board.firmware.close()
 
     def _note(self, actions: list[Action]) -> None:
         self.trace += actions

@@ -34,25 +34,13 @@ class CostlyFirmware:
     def state(self) -> State:
         return self.program.state
 
-    @state.setter
-    def state(self, state: State) -> None:
-        self.program.state = state
-
     @property
     def reset_cause(self) -> ResetCause | None:
         return self.program.reset_cause
 
-    @reset_cause.setter
-    def reset_cause(self, cause: ResetCause | None) -> None:
-        self.program.reset_cause = cause
-
     @property
     def watchdog_fired(self) -> bool:
         return self.program.watchdog_fired
-
-    @watchdog_fired.setter
-    def watchdog_fired(self, fired: bool) -> None:
-        self.program.watchdog_fired = fired
 
     @property
     def clock_offset_ms(self) -> int:
@@ -100,6 +88,9 @@ class CostlyFirmware:
 
     def clock_disturbed(self, now_ms: int) -> None:
         self.program.clock_disturbed(now_ms)
+
+    def close(self) -> None:
+        self.program.close()
 
     def _interrupt(self, now_ms: int, turn: FirmwareTurn) -> list[Action]:
         self._waiting.append((now_ms, turn))

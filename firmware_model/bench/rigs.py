@@ -139,7 +139,7 @@ class Rig(ABC):
 
     @abstractmethod
     def shown(self) -> RigHistory:
-        """Everything that the outside of the board has shown up to now."""
+        """Everything that the outside of the board has shown; the program on it ends."""
 
     def command(self, kind: Kind) -> None:
         """Sends a command to the board (id 1): by the medium of its kind."""
@@ -172,6 +172,7 @@ class BenchRig(Rig):
 
     def shown(self) -> RigHistory:
         bench = self.bench
+        bench.close()
         course = [(at_ms, primary) for at_ms, primary, _ in bench.courses]
         # Of what happens at one time, the cause comes first: the charger's edge before the motors that it starts.
         events = list(charging(course))

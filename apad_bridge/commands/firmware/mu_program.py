@@ -66,6 +66,7 @@ def run_program(path: Path, profile: str, vcd_file: Path | None = None) -> int:
         print(f"{clock(bench.now_ms)}  the firmware failed: {failure}")
         return Exit.PEER_FAILED
     finally:
+        bench.close()
         if vcd_file is not None:
             write_vcd(vcd_file, bench)
     print(f"after {bench.now_ms / 3_600_000:g} h: {bench.state.name}, primary {bench.primary_fraction:.4f}")

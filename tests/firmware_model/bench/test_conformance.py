@@ -349,3 +349,31 @@ def test_a_case_of_each_family_fails_a_board_that_breaks_it(
     expected = history(case, our_board, Died)
     monkeypatch.setattr(*DOCTORED[name])
     assert judged(case, expected, our_board, Died, {}).verdict is Verdict.FAILED
+
+
+def test_a_rig_ends_the_program_of_each_boot_whoever_else_holds_it() -> None:
+    """A program may hold a serial line, which the next board needs."""
+    config, made, closed = worst_case_board(), list[Program](), list[Program]()
+
+    def make(hardware: Any) -> CostlyFirmware:
+        made.append(Program(config, MusselbedCodec(), hardware, 0, closed))
+        return CostlyFirmware(made[-1], 5, seed=1)
+
+    rig = BenchRig(Bench(config, firmware=make))
+    rig.play("brown_out")
+    assert closed == made[:-1]
+    rig.shown()
+    assert closed == made and len(made) == 3
+
+
+class Program(Firmware):
+    """Notes when it is closed."""
+
+    def __init__(
+        self, config: BoardConfig, codec: MusselbedCodec, hardware: Any, now_ms: int, closed: list[Program]
+    ) -> None:
+        super().__init__(config, codec, hardware, now_ms)
+        self._closed = closed
+
+    def close(self) -> None:
+        self._closed.append(self)
