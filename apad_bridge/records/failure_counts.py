@@ -35,7 +35,6 @@ class FailureCounts:
     """
 
     def __init__(self) -> None:
-        self.steps_given_up = 0
         self.left_alone: set[int] = set()
         """The aMussels that the mission has left alone."""
         self.beyond_reach: set[int] = set()
@@ -64,7 +63,6 @@ class FailureCounts:
             case DockSwitched(closed=True):
                 self._closed.add(event.dock)
             case StepGivenUp():
-                self.steps_given_up += 1
                 if self._newest != (at_ms, event.reason):
                     self._count(event.reason)
             case GuardReacted() if self._newest != (at_ms, event.reason):
@@ -86,7 +84,6 @@ class FailureCounts:
         """The keys of summary.json."""
         return {
             "causes": self.causes,
-            "steps_given_up": self.steps_given_up,
             "left_alone": sorted(self.left_alone),
             "beyond_reach": sorted(self.beyond_reach),
             "failed_docks": sorted(

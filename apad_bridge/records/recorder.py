@@ -31,7 +31,7 @@ from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.run_state import RunState
 from apad_bridge.records.sample_file import SAMPLE_KEYS, SampleFile, sample_figures
 from apad_bridge.records.samples import TruthExtrapolator, TruthSample, apad_sample, belief_sample
-from apad_bridge.records.summary import Ending, apad_energy
+from apad_bridge.records.summary import Ending, RunAtEnd, apad_energy, summary_of
 from apad_bridge.records.truth_lines import truth_event
 from apad_bridge.records.uptime_figures import amussel_figures, uptime_figures
 from apad_bridge.scenario.firmware_config import takes_samples
@@ -270,37 +270,24 @@ class Recorder:
 
     def finish(self, at_ms: MissionMs, ending: Ending) -> dict[str, Any]:
         """Ends the run at mission time `at_ms`: writes ends.csv and summary.json, closes all files, returns the summary."""
-        scenario = self._scenario
         self._write_ends(at_ms)
-        summary = {
-            "name": scenario.name,
-            "theta": scenario.theta,
-            "seed": scenario.seed,
-            "agents": len(self._agent_ids),
-            "mission_s": at_ms / 1000,
-            "stopped_s": self.state.interruptions.stopped_s(at_ms),
-            "ended_by": str(ending.ended_by),
-            "end_reason": ending.ended_by.reason.value,
-            "first_cause": ending.first_cause,
+        end = RunAtEnd(self._scenario, self._agent_ids, at_ms, self.state, ending)
+        together = {
             **self.state.failures.figures(),
             **uptime_figures(self.state.meter, at_ms, battery_min=self._battery_min),
-            "cost_m": ending.cost_m,
-            "planned_m": ending.planned_m,
-            "services": ending.services,
             **apad_energy(ending, self._scale),
             **self._sample_figures(ending, at_ms),
-            "latest_tick_s": ending.latest_tick_s,
-            "gave_up": len(self.state.gone),
             "amussels": amussel_figures(
                 self.state.meter,
                 self.state.services,
                 self._agent_ids,
                 at_ms,
-                takes_samples=takes_samples(scenario.board),
+                takes_samples=takes_samples(self._scenario.board),
             ),
             "dropped": dict(sorted(self._all_dropped(ending).items())),
             "digest": str(self._digest),
         }
+        summary = summary_of(end, together)
         self._write_ending(summary)
         return summary
 

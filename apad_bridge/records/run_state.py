@@ -67,6 +67,8 @@ class RunState:
     def __init__(self, scenario: Scenario) -> None:
         self._scale = scenario.time_scale
         self.meter = UptimeMeter.for_scenario(scenario)
+        self.counts: Counter[type[Event]] = Counter()
+        """The number of events of each kind."""
         self.failures = FailureCounts()
         self.interruptions = Interruptions()
         self.services: Counter[int] = Counter()
@@ -117,6 +119,7 @@ class RunState:
     def apply(self, at_ms: MissionMs, event: Event) -> None:
         """Takes the next event. ValueError, of truths of one aMussel whose time goes back."""
         self.last_ms = max(self.last_ms, at_ms)
+        self.counts[type(event)] += 1
         self.failures.take(at_ms, event)
         self.interruptions.take(at_ms, event)
         match event:

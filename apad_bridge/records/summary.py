@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Set
+from collections.abc import Callable, Mapping, Set
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from agents.time_scale import TimeScale
-from apad_bridge.events.mission_events import (
-    MissionEnd,
-)
+from apad_bridge.events.mission_events import MissionEnd, StepGivenUp
 from apad_bridge.events.run_events import EndReason
 from apad_bridge.records import combining
 from apad_bridge.records.field_types import INTEGER, NUMBER, TEXT, LineField, Type
+
+if TYPE_CHECKING:
+    from apad_bridge.records.run_state import RunState
+    from apad_bridge.scenario.schema import Scenario
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,13 +59,48 @@ def interruption(summary: Mapping[str, Any]) -> str | None:
 _SPREAD, _OBJECT = Type(dict, "{mean, max, min}"), Type(dict, "object")
 
 
-_FIGURES: tuple[tuple[LineField, combining.CombiningRule | None], ...] = (
-    (LineField("name", TEXT, "the scenario's name"), None),
-    (LineField("theta", INTEGER, "agent time per mission time"), combining.shared),
-    (LineField("seed", INTEGER, "of all that is random"), combining.shared),
-    (LineField("agents", INTEGER, "number of aMussels of the fleet"), combining.total),
-    (LineField("mission_s", NUMBER, "mission time at the end", "s"), combining.largest),
-    (
+@dataclass(frozen=True, slots=True)
+class RunAtEnd:
+    """All that a figure of the summary is made of."""
+
+    scenario: Scenario
+    agent_ids: Set[int]
+    at_ms: int
+    state: RunState
+    ending: Ending
+
+
+class Figure(NamedTuple):
+    """A key of summary.json."""
+
+    field: LineField
+    combined: combining.CombiningRule | None
+    """The rule by which the figures of several aPads become one; None for a key that is not theirs."""
+    of: Callable[[RunAtEnd], object] | None = None
+    """None for a figure that the recorder computes together with others."""
+
+
+_FIGURES = (
+    Figure(LineField("name", TEXT, "the scenario's name"), None, lambda it: it.scenario.name),
+    Figure(
+        LineField("theta", INTEGER, "agent time per mission time"),
+        combining.shared,
+        lambda it: it.scenario.theta,
+    ),
+    Figure(
+        LineField("seed", INTEGER, "of all that is random"), combining.shared, lambda it: it.scenario.seed
+    ),
+    Figure(
+        LineField("agents", INTEGER, "number of aMussels of the fleet"),
+        combining.total,
+        lambda it: len(it.agent_ids),
+    ),
+    Figure(
+        LineField("mission_s", NUMBER, "mission time at the end", "s"),
+        combining.largest,
+        lambda it: it.at_ms / 1000,
+    ),
+    Figure(
         LineField(
             "stopped_s",
             NUMBER,
@@ -71,19 +108,36 @@ _FIGURES: tuple[tuple[LineField, combining.CombiningRule | None], ...] = (
             "s",
         ),
         combining.total,
+        lambda it: it.state.interruptions.stopped_s(it.at_ms),
     ),
-    (LineField("ended_by", TEXT, "why the mission ended, for people"), combining.texts),
-    (LineField("end_reason", TEXT, "the same, one of a fixed set"), combining.shared),
-    (LineField("first_cause", TEXT, "the first failure of the aPad that was not overcome"), combining.texts),
-    (LineField("causes", _OBJECT, "number of failures, by cause"), combining.counts),
-    (LineField("steps_given_up", INTEGER, "steps of plans that the mission gave up"), combining.total),
-    (
+    Figure(
+        LineField("ended_by", TEXT, "why the mission ended, for people"),
+        combining.texts,
+        lambda it: str(it.ending.ended_by),
+    ),
+    Figure(
+        LineField("end_reason", TEXT, "the same, one of a fixed set"),
+        combining.shared,
+        lambda it: it.ending.ended_by.reason.value,
+    ),
+    Figure(
+        LineField("first_cause", TEXT, "the first failure of the aPad that was not overcome"),
+        combining.texts,
+        lambda it: it.ending.first_cause,
+    ),
+    Figure(LineField("causes", _OBJECT, "number of failures, by cause"), combining.counts),
+    Figure(
+        LineField("steps_given_up", INTEGER, "steps of plans that the mission gave up"),
+        combining.total,
+        lambda it: it.state.counts[StepGivenUp],
+    ),
+    Figure(
         LineField(
             "left_alone", Type(list, "list of integer"), "aMussels that the mission no longer tries to serve"
         ),
         combining.ids,
     ),
-    (
+    Figure(
         LineField(
             "beyond_reach",
             Type(list, "list of integer"),
@@ -91,7 +145,7 @@ _FIGURES: tuple[tuple[LineField, combining.CombiningRule | None], ...] = (
         ),
         combining.ids,
     ),
-    (
+    Figure(
         LineField(
             "failed_docks",
             Type(list, "list of integer"),
@@ -99,38 +153,41 @@ _FIGURES: tuple[tuple[LineField, combining.CombiningRule | None], ...] = (
         ),
         combining.one_after_another,
     ),
-    (
+    Figure(
         LineField("counted_s", NUMBER, "time in the water as simulated ones, over all aMussels", "s"),
         combining.total,
     ),
-    (LineField("counted_at_end", INTEGER, "aMussels that count at the end"), combining.total),
-    (
+    Figure(LineField("counted_at_end", INTEGER, "aMussels that count at the end"), combining.total),
+    Figure(
         LineField("uptime_paper", _SPREAD, "share of ticks undocked with charge in the primary battery", "%"),
         combining.spread,
     ),
-    (
+    Figure(
         LineField("uptime_submerged", _SPREAD, "share of ticks under water on the primary battery", "%"),
         combining.spread,
     ),
-    (
+    Figure(
         LineField("active_mean", NUMBER, "aMussels that were active at a tick, in the paper's meaning"),
         combining.total,
     ),
-    (
+    Figure(
         LineField("amussels_lost", INTEGER, "aMussels whose batteries were both empty at some time"),
         combining.total,
     ),
-    (LineField("emptied", INTEGER, "aMussels whose primary battery was empty at some time"), combining.total),
-    (LineField("samples_taken", INTEGER, "samples that the sensors took"), combining.total),
-    (
+    Figure(
+        LineField("emptied", INTEGER, "aMussels whose primary battery was empty at some time"),
+        combining.total,
+    ),
+    Figure(LineField("samples_taken", INTEGER, "samples that the sensors took"), combining.total),
+    Figure(
         LineField("dead_time_s", NUMBER, "time with an empty primary battery, over all aMussels", "s"),
         combining.total,
     ),
-    (
+    Figure(
         LineField("final_charge_mean", NUMBER, "charge of the primary batteries at the end", "0 to 1"),
         combining.mean_by("counted_at_end"),
     ),
-    (
+    Figure(
         LineField(
             "charge_gain_mean",
             NUMBER,
@@ -139,7 +196,7 @@ _FIGURES: tuple[tuple[LineField, combining.CombiningRule | None], ...] = (
         ),
         combining.mean_by("counted_at_end"),
     ),
-    (
+    Figure(
         LineField(
             "uptime_equal_charge",
             NUMBER,
@@ -148,7 +205,7 @@ _FIGURES: tuple[tuple[LineField, combining.CombiningRule | None], ...] = (
         ),
         combining.mean_by("counted_s"),
     ),
-    (
+    Figure(
         LineField(
             "excluded",
             _OBJECT,
@@ -157,37 +214,40 @@ _FIGURES: tuple[tuple[LineField, combining.CombiningRule | None], ...] = (
         ),
         combining.counts,
     ),
-    (
+    Figure(
         LineField(
             "uptime_missing", TEXT, "why there are no uptimes; only where there are none", optional=True
         ),
         None,
     ),
-    (
+    Figure(
         LineField(
             "cost_m", NUMBER, "the way that the aPad drove on its legs, by its reported positions", "m"
         ),
         combining.total,
+        lambda it: it.ending.cost_m,
     ),
-    (
+    Figure(
         LineField("planned_m", NUMBER, "the straight ways of its orders, as the paper counts them", "m"),
         combining.total,
+        lambda it: it.ending.planned_m,
     ),
-    (
+    Figure(
         LineField("services", INTEGER, "aMussels that left a dock full, by two witnesses of the dock"),
         combining.total,
+        lambda it: it.ending.services,
     ),
-    (
+    Figure(
         LineField(
             "apad_energy_fraction", NUMBER, "used part of the aPad's battery; at theta 1 alone", "0 to 1"
         ),
         combining.mean_of_apads,
     ),
-    (LineField("apad_energy_missing", TEXT, "why there is no such part"), combining.first_known),
-    (LineField("samples_uploaded", INTEGER, "samples on disk"), combining.total),
-    (LineField("samples_lost", INTEGER, "samples that can no longer be uploaded"), combining.total),
-    (LineField("samples_waiting", INTEGER, "samples still aboard"), combining.total),
-    (
+    Figure(LineField("apad_energy_missing", TEXT, "why there is no such part"), combining.first_known),
+    Figure(LineField("samples_uploaded", INTEGER, "samples on disk"), combining.total),
+    Figure(LineField("samples_lost", INTEGER, "samples that can no longer be uploaded"), combining.total),
+    Figure(LineField("samples_waiting", INTEGER, "samples still aboard"), combining.total),
+    Figure(
         LineField(
             "latest_tick_s",
             NUMBER,
@@ -196,20 +256,34 @@ _FIGURES: tuple[tuple[LineField, combining.CombiningRule | None], ...] = (
             "s",
         ),
         combining.largest,
+        lambda it: it.ending.latest_tick_s,
     ),
-    (LineField("gave_up", INTEGER, "aMussels whose process stayed dead"), combining.total),
-    (LineField("amussels", _OBJECT, "each aMussel's own figures, by its id"), combining.amussels),
-    (LineField("dropped", _OBJECT, "number of dropped inputs, by reason"), combining.counts_by_name),
-    (
+    Figure(
+        LineField("gave_up", INTEGER, "aMussels whose process stayed dead"),
+        combining.total,
+        lambda it: len(it.state.gone),
+    ),
+    Figure(LineField("amussels", _OBJECT, "each aMussel's own figures, by its id"), combining.amussels),
+    Figure(LineField("dropped", _OBJECT, "number of dropped inputs, by reason"), combining.counts_by_name),
+    Figure(
         LineField(
             "digest", TEXT, "of the decisions and happenings: equal runs have equal ones, on every machine"
         ),
         combining.digest,
     ),
 )
-"""In order, each with the rule by which the figures of several aPads become one. A figure that nobody knows is null."""
-SUMMARY = tuple(field for field, _ in _FIGURES)
-COMBINED = {field.name: rule for field, rule in _FIGURES if rule is not None}
+"""In order. A figure that nobody knows is null."""
+SUMMARY = tuple(it.field for it in _FIGURES)
+COMBINED = {it.field.name: it.combined for it in _FIGURES if it.combined is not None}
+
+
+def summary_of(end: RunAtEnd, together: Mapping[str, Any]) -> dict[str, Any]:
+    """The whole summary; `together` has the figures that are computed in groups. KeyError for one that is missing."""
+    return {
+        it.field.name: together[it.field.name] if it.of is None else it.of(end)
+        for it in _FIGURES
+        if it.field.name in together or not it.field.optional
+    }
 
 
 def apad_energy(ending: Ending, scale: TimeScale) -> dict[str, Any]:
