@@ -55,7 +55,7 @@ class BelievedDispatch(DispatchRule):
         self._beliefs, self._free_docks = docked, free_docks
         self._look_up, self._batch_of = pool, batch_of
 
-    def due(self, kept: Collection[int] = ()) -> Due:
+    def due(self, kept: Collection[int]) -> Due:
         """Decides what is due.
 
         A release comes first, and a collection beside it is an exchange of places on the same tour. `kept` are docked ones

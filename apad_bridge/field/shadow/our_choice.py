@@ -74,7 +74,7 @@ class OurChoice:
         free = state.dock_count - len(held)
         due = BelievedDispatch(
             self._mission, self.charging, docked, free, lambda: pool, self._pool.batch_of
-        ).due()
+        ).due(kept=())
         count = due.count
         if due.released:
             known = [docked[it] or placeholder_belief(it, place_m) for it in due.released]

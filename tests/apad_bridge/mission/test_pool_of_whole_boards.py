@@ -175,7 +175,7 @@ def is_released(config: Mission, watch: ChargingWatch, docked: Told) -> set[int]
     """The aMussels that both rules of dispatch release; fails if they differ."""
     released = {
         frozenset(
-            BelievedDispatch(replace(config, dispatch=rule), watch, docked, 0, list, len).due().released
+            BelievedDispatch(replace(config, dispatch=rule), watch, docked, 0, list, len).due(()).released
         )
         for rule in Dispatch
     }
