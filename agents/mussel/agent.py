@@ -163,7 +163,7 @@ class Agent:
             return Logbook(self._agent_id, sensors, flash, *registers), None
         from agents.mussel.peripherals import MeasuredWorld
 
-        return None, MeasuredWorld(flash, body.known_place_cm, sensors.read, *registers)
+        return None, MeasuredWorld(flash, body, sensors.read, *registers)
 
     def close(self) -> None:
         """Ends the link to somebody's firmware, if its board has one."""

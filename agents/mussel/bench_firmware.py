@@ -17,6 +17,15 @@ from firmware_model.sampling.sensors import SENSORS
 _DEPTH_CM = 300
 
 
+class _Body:
+    """A body at the bench's place, at the surface or at one depth."""
+
+    hardware: WholeBoardHardware
+
+    def known_place_cm(self, now_ms: int) -> tuple[int, int, int]:
+        return 0, 0, 0 if self.hardware.at_surface else _DEPTH_CM
+
+
 def firmware_of(command: Sequence[str], config: BoardConfig) -> MakeFirmware:
     """Makes a program, or a real board, the firmware of a board on the bench.
 
@@ -26,11 +35,11 @@ def firmware_of(command: Sequence[str], config: BoardConfig) -> MakeFirmware:
     if config.whole is None:
         return others.maker(None)
     counts = (1 << 15,) * len(SENSORS)
-    world = MeasuredWorld(MemoryFlash(), lambda now_ms: (0, 0, 0), lambda now_ms, sequence: (counts, 0))
-    make_program = others.maker(world)
+    body = _Body()
+    make_program = others.maker(MeasuredWorld(MemoryFlash(), body, lambda now_ms, sequence: (counts, 0)))
 
     def make(hardware: WholeBoardHardware) -> FirmwareLike:
-        world.place_cm = lambda now_ms: (0, 0, 0 if hardware.at_surface else _DEPTH_CM)
+        body.hardware = hardware
         return make_program(hardware)
 
     return make

@@ -9,6 +9,7 @@ import struct
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import Protocol
 
 from firmware_model.hardware.whole import WholeBoardHardware
 from firmware_model.power.charge import FULL, fraction
@@ -47,13 +48,19 @@ class ClockRegister(IntEnum):
     """ms since the clock was set; it can only be read."""
 
 
+class MeasuredBody(Protocol):
+    """The body around a board, as devices on its bus measure it."""
+
+    def known_place_cm(self, now_ms: int) -> tuple[int, int, int]:
+        """North, east and depth, as the aMussel knows them."""
+
+
 @dataclass(slots=True)
 class MeasuredWorld:
     """The part of the world that a board's devices measure, and the registers and flash that outlive a reset."""
 
     flash: Flash
-    place_cm: Callable[[int], tuple[int, int, int]]
-    """North, east and depth at an agent time, in cm, as the aMussel knows them."""
+    body: MeasuredBody
     sensors: Callable[[int, int], tuple[Counts, int] | None]
     """The counts of all sensors at an agent time for the sample of a number, and a bit for each that is out of range; None
     while they do not answer."""
@@ -80,7 +87,7 @@ class Peripherals:
             case Address.BATTERY_MONITOR:
                 read = self._monitor(written, now_ms)
             case Address.PLACE if not written:
-                read = _PLACE.pack(*self.world.place_cm(now_ms))
+                read = _PLACE.pack(*self.world.body.known_place_cm(now_ms))
             case Address.SETTINGS:
                 read = self._settings(written)
             case Address.CLOCK if written:

@@ -5,9 +5,10 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#define MU_VERSION 1 /* rises with any change of a frame: an older program would read HELLO shifted, without a word */
+#define MU_VERSION 1 /* rises with a change of a frame, but not with a further number below, which the size of HELLO shows */
 
-/* A whole board's, in the order of HELLO: milliseconds, but the bound of the drift, in 1e-9. 0 in the worst case. */
+/* A whole board's, in the order of HELLO: milliseconds, but the bound of the drift, in 1e-9. 0 in the worst case. A program
+ * that was built with other numbers does not begin. */
 #define MU_WHOLE_NUMBERS(X) \
     X(chatter_ms)      /* a pin that bounces so long has the level that it held most of the time */ \
     X(check_ms)        /* the pin's level is read at whole multiples of this */                     \

@@ -190,12 +190,13 @@ bool mu_open(const char *name) {
     }
     if (read_frame(&size) != HELLO || size < HELLO_SIZE)
         return false;
-    if (get16(frame + HEAD) != MU_VERSION) {
-        fputs("the bench speaks another version of the port\n", stderr);
+    bool is_whole = size == WHOLE_HELLO_SIZE;
+    if (get16(frame + HEAD) != MU_VERSION || (!is_whole && size != HELLO_SIZE)) {
+        fputs("the bench speaks another version of the port: build with its board_config.h\n", stderr);
         return false;
     }
     greeted(frame + HEAD, name);
-    if (size >= WHOLE_HELLO_SIZE)
+    if (is_whole)
         greeted_whole(frame + HEAD + HELLO_SIZE);
     return true;
 }

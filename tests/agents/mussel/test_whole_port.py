@@ -13,10 +13,12 @@ from hypothesis import strategies as st
 from native_boards import NATIVE, compiled, compiled_with, script
 
 from agents.fleet_config import resting_on_bottom
+from agents.mussel import whole_port_firmware
 from agents.mussel.agent import Agent, AgentConfig
 from agents.mussel.board_parts import BoardPart
+from agents.mussel.body import Body
 from agents.mussel.failing_flash import FailingFlash
-from agents.mussel.firmware_failure import PowerLost
+from agents.mussel.firmware_failure import FirmwareFailed, PowerLost
 from agents.mussel.outputs import Output, StimulusDropped, Truth, WifiSent
 from agents.mussel.peripherals import Address, MeasuredWorld, Peripherals
 from agents.mussel.stimuli import (
@@ -32,6 +34,7 @@ from agents.mussel.stimuli import (
     WasReset,
     WifiArrived,
 )
+from firmware_model import config
 from firmware_model.actions import Buoyancy
 from firmware_model.config import LastResort, Timekeeping
 from firmware_model.hardware.whole import WholeBoardHardware
@@ -273,12 +276,26 @@ def test_a_watchdog_that_is_not_served_resets_the_board_also_in_its_sleep(tmp_pa
     mussel.close()
 
 
+def test_a_program_that_was_built_with_other_numbers_does_not_begin(
+    c_board: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """It would read the scenario's numbers shifted."""
+    monkeypatch.setattr(
+        whole_port_firmware, "numbers_for_port", lambda *it: (*config.numbers_for_port(*it), 7)
+    )
+    ours = replace(OURS, firmware=(str(c_board),))
+    with pytest.raises(FirmwareFailed):
+        Agent(ours, CODEC, resting_on_bottom(1.0, 2.0, 3.0, 0.5, 1.0), 0, ResetCause.POWER_ON).advance(60_000)
+    assert "build with its board_config.h" in capfd.readouterr().err
+
+
 def devices(now_ms: int = 0, flash: Flash | None = None) -> tuple[Peripherals, WholeBoardHardware]:
     battery = Battery(0, FULL // 2, Flow.DISCHARGING)
     hardware = WholeBoardHardware(OURS.board, battery, battery, 0, None)
     hardware.power_on(False, False, now_ms)
+    body = resting_on_bottom(1.0, -2.0, 3.0, 0.5, 0.5)
     world = MeasuredWorld(
-        flash or MemoryFlash(), lambda at: (100, -200, 300), lambda at, n: ((1, 2, 3, 4 + n), 0b1000)
+        flash or MemoryFlash(), Body(7, OURS.water, body, now_ms), lambda at, n: ((1, 2, 3, 4 + n), 0b1000)
     )
     return Peripherals(hardware, world), hardware
 
