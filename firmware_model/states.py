@@ -73,7 +73,7 @@ class Trigger(IntEnum):
     SLOT_OPENED = 17
     PING_HEARD = 18
     """An aPad asks for a status. The board answers and stays in its state: it does not enter the state again."""
-    HOVER_TOLD = 19
+    HOVER_ORDERED = 19
     HOVER_DUE = 20
     """The depth is corrected by another motor run."""
     LAST_RESORT_CALL = 21
@@ -84,7 +84,7 @@ class Trigger(IntEnum):
     CLOCK_DOUBTED = 25
     """The clock may be off by more than the guard of the timeslot."""
     BEACON_HEARD = 26
-    SINK_TOLD = 27
+    SINK_ORDERED = 27
     """An aPad orders it to sink and stay on the bottom."""
     SURFACING_TIMED_OUT = 28
     """The motors ran, and it has not come up: it sticks in the mud, or its buoyancy failed."""
@@ -145,13 +145,16 @@ TABLE: dict[tuple[State, Trigger], State] = {
     # The motors had run to sink while the dock held it: it sank as soon as the dock released it.
     (_S.RELEASED, _T.BOTTOM_REACHED): _S.ACTIVE,
     (_S.SINKING, _T.BOTTOM_REACHED): _S.ACTIVE,
-    **{(state, _T.SINK_TOLD): _S.SINKING for state in (_S.SURFACING, _S.FLOATING, _S.RELEASED, _S.HOVERING)},
+    **{
+        (state, _T.SINK_ORDERED): _S.SINKING
+        for state in (_S.SURFACING, _S.FLOATING, _S.RELEASED, _S.HOVERING)
+    },
     # It runs its motors back, and is ready for another permission. A body that comes free later does not rise.
     (_S.SURFACING, _T.SURFACING_TIMED_OUT): _S.SINKING,
     # Hovering at a depth.
-    (_S.ACTIVE, _T.HOVER_TOLD): _S.HOVERING,
-    (_S.SLEEPING, _T.HOVER_TOLD): _S.HOVERING,
-    (_S.HOVERING, _T.HOVER_TOLD): _S.HOVERING,
+    (_S.ACTIVE, _T.HOVER_ORDERED): _S.HOVERING,
+    (_S.SLEEPING, _T.HOVER_ORDERED): _S.HOVERING,
+    (_S.HOVERING, _T.HOVER_ORDERED): _S.HOVERING,
     (_S.HOVERING, _T.HOVER_DUE): _S.HOVERING,
     (_S.HOVERING, _T.CLEAR_TO_SINK): _S.SINKING,
     # Emergency. At the low level a sleeping board wakes before its alarm; then the wake runs as any other. On the way up

@@ -20,7 +20,7 @@ def handle(
     if modem.state is ModemState.SLEEPING:
         # The first $W starts it; the manual tells the host to repeat $W until the modem answers.
         wakes = isinstance(item, ModemCommand) and item.name == "W"
-        return modem.go(ModemTrigger.WAKE_TOLD) if wakes else []
+        return modem.go(ModemTrigger.WAKE_ORDERED) if wakes else []
     if isinstance(item, Malformed):
         modem.answer(line_index, answers.ERROR, tick)
         return [FrameDropped(now_ms, f"serial: {item.reason}")]

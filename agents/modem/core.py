@@ -120,13 +120,13 @@ class ModemCore:
 
     def restart(self) -> list[ModemAction]:
         self._start_up()
-        return self.go(ModemTrigger.RESET_TOLD)
+        return self.go(ModemTrigger.RESET_ORDERED)
 
     def fall_asleep(self) -> list[ModemAction]:
         self.waiting.clear()
         self.question = None
         self.measurement = None
-        return self.go(ModemTrigger.SLEEP_TOLD)
+        return self.go(ModemTrigger.SLEEP_ORDERED)
 
     def go(self, trigger: ModemTrigger) -> list[ModemAction]:
         """Changes the state by the table."""
@@ -135,6 +135,6 @@ class ModemCore:
         self.state = new
         if new is not ModemState.RECEIVING:
             self._sound_until_ms = None
-        if new in RECEPTIVE and (old not in RECEPTIVE or trigger is ModemTrigger.RESET_TOLD):
+        if new in RECEPTIVE and (old not in RECEPTIVE or trigger is ModemTrigger.RESET_ORDERED):
             self.receptive_since_ms = self._now_ms
         return [ModemStateChanged(self._now_ms, old, trigger, new)]

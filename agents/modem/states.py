@@ -21,26 +21,26 @@ class ModemTrigger(IntEnum):
     SOUND_ENDED = 3
     SENDING_BEGAN = 4
     SENDING_ENDED = 5
-    SLEEP_TOLD = 6
-    WAKE_TOLD = 7
-    RESET_TOLD = 8
+    SLEEP_ORDERED = 6
+    WAKE_ORDERED = 7
+    RESET_ORDERED = 8
 
 
 TABLE: dict[tuple[ModemState, ModemTrigger], ModemState] = {
     (ModemState.OFF, ModemTrigger.POWER_CAME): ModemState.LISTENING,
     (ModemState.LISTENING, ModemTrigger.SOUND_BEGAN): ModemState.RECEIVING,
     (ModemState.LISTENING, ModemTrigger.SENDING_BEGAN): ModemState.TRANSMITTING,
-    (ModemState.LISTENING, ModemTrigger.SLEEP_TOLD): ModemState.SLEEPING,
-    (ModemState.LISTENING, ModemTrigger.RESET_TOLD): ModemState.LISTENING,
+    (ModemState.LISTENING, ModemTrigger.SLEEP_ORDERED): ModemState.SLEEPING,
+    (ModemState.LISTENING, ModemTrigger.RESET_ORDERED): ModemState.LISTENING,
     (ModemState.LISTENING, ModemTrigger.POWER_WENT): ModemState.OFF,
     (ModemState.RECEIVING, ModemTrigger.SOUND_ENDED): ModemState.LISTENING,
     (ModemState.RECEIVING, ModemTrigger.SENDING_BEGAN): ModemState.TRANSMITTING,
-    (ModemState.RECEIVING, ModemTrigger.SLEEP_TOLD): ModemState.SLEEPING,
-    (ModemState.RECEIVING, ModemTrigger.RESET_TOLD): ModemState.LISTENING,
+    (ModemState.RECEIVING, ModemTrigger.SLEEP_ORDERED): ModemState.SLEEPING,
+    (ModemState.RECEIVING, ModemTrigger.RESET_ORDERED): ModemState.LISTENING,
     (ModemState.RECEIVING, ModemTrigger.POWER_WENT): ModemState.OFF,
     (ModemState.TRANSMITTING, ModemTrigger.SENDING_ENDED): ModemState.LISTENING,
     (ModemState.TRANSMITTING, ModemTrigger.POWER_WENT): ModemState.OFF,
-    (ModemState.SLEEPING, ModemTrigger.WAKE_TOLD): ModemState.LISTENING,
+    (ModemState.SLEEPING, ModemTrigger.WAKE_ORDERED): ModemState.LISTENING,
     (ModemState.SLEEPING, ModemTrigger.POWER_WENT): ModemState.OFF,
 }
 

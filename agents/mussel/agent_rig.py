@@ -219,15 +219,15 @@ class AgentRig(Rig):
         body, unseen = self.agent.body, int(not noticed)
         if body.docked or body.depth_at_um(self.now_ms) == 0:
             contact = ContactClosed(_NORTH_UM, _EAST_UM) if high else ContactOpened()
-            self._tell(*([contact] if noticed else [PinDisturbed(0, 1), contact, PinDisturbed(0, 0)]))
+            self._stimulate(*([contact] if noticed else [PinDisturbed(0, 1), contact, PinDisturbed(0, 0)]))
         else:
-            self._tell(PinDisturbed(int(high), unseen), PinDisturbed(int(high), 0))
+            self._stimulate(PinDisturbed(int(high), unseen), PinDisturbed(int(high), 0))
 
     def receive(self, data: bytes, *, by_sound: bool) -> None:
-        self._tell((SoundArrived if by_sound else WifiArrived)(data))
+        self._stimulate((SoundArrived if by_sound else WifiArrived)(data))
 
     def reset(self, cause: ResetCause) -> None:
-        self._tell(WasReset(cause))
+        self._stimulate(WasReset(cause))
 
     def travels_in(self, ms: int) -> None:
         self.agent.travels_in(ms, self.now_ms)
@@ -237,7 +237,7 @@ class AgentRig(Rig):
 
     def play_own(self, word: str) -> bool:
         if word == "slips":
-            self._tell(CoilSlipped())
+            self._stimulate(CoilSlipped())
         elif found := _NUMBER.fullmatch(word):
             self._number(found[1], int(found[2]))
         else:
@@ -246,22 +246,22 @@ class AgentRig(Rig):
 
     def _number(self, word: str, number: int) -> None:
         if word == "beacon":
-            self._tell(SoundArrived(Beacon(1, number).encode()))
+            self._stimulate(SoundArrived(Beacon(1, number).encode()))
         elif word == "jump":
-            self._tell(ClockShifted(number))
+            self._stimulate(ClockShifted(number))
         elif word == "jam":
-            self._tell(BuoyancyJammed(number))
+            self._stimulate(BuoyancyJammed(number))
         elif word == "loses":
-            self._tell(ChargeLost(grains(number / 100), 0))
+            self._stimulate(ChargeLost(grains(number / 100), 0))
         elif word == "readings":
-            self._tell(PartFailed(BoardPart.CONVERTER, grains(number / 100)))
+            self._stimulate(PartFailed(BoardPart.CONVERTER, grains(number / 100)))
         else:
-            self._tell(PartFailed(_PARTS[word], number))
+            self._stimulate(PartFailed(_PARTS[word], number))
 
     def own_stimuli(self) -> Sequence[str]:
         return STIMULI
 
-    def _tell(self, *stimuli: AgentStimulus) -> None:
+    def _stimulate(self, *stimuli: AgentStimulus) -> None:
         for stimulus in stimuli:
             self.outputs += self.agent.receive(stimulus, self.now_ms)
 

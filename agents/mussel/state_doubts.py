@@ -23,16 +23,16 @@ class StateDoubts:
         self._patience_ms = config.surfacing_timeout_ms + config.pin_check_ms + config.pin_chatter_ms
         self._doubt: str | None = None
         self._since_ms = 0
-        self._told: set[str] = set()
+        self._reported: set[str] = set()
 
     def due(self, board: Board, body: Body, now_ms: int) -> str | None:
         """A contradiction that has lasted up to now, if it was not told before; called after each event."""
         held = self._doubt if now_ms - self._since_ms >= self._patience_ms else None
         if (doubt := _contradiction(board, body, now_ms)) != self._doubt:
             self._doubt, self._since_ms = doubt, now_ms
-        if held is None or held in self._told:
+        if held is None or held in self._reported:
             return None
-        self._told.add(held)
+        self._reported.add(held)
         return held
 
 

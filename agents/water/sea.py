@@ -268,7 +268,7 @@ class Sea:
             for sent in self.modems.round(horizon_ms):
                 events.append((sent.at_ms, 1, sent.node, Began(sent.node, sent.frame)))
                 if not sent.from_host and sent.node > APAD:
-                    self._tell(sent.node, ModemSent(sent.frame.duration_ms), AgentMs(sent.at_ms))
+                    self._stimulate(sent.node, ModemSent(sent.frame.duration_ms), AgentMs(sent.at_ms))
             events += [(at_ms, 0, it.node, it) for at_ms, it in self.modems.take_readdressed()]
         self._deliver(self._apply(events, horizon_ms))
         if self.modems is not None:
@@ -316,9 +316,9 @@ class Sea:
                 continue
             ping = frame.kind is FrameKind.PING
             stimulus = PingArrived(it.reception.travelled_us) if ping else SoundArrived(frame.data)
-            self._tell(node, stimulus, AgentMs(at_ms))
+            self._stimulate(node, stimulus, AgentMs(at_ms))
 
-    def _tell(self, node: int, stimulus: AgentStimulus, at_ms: AgentMs) -> None:
+    def _stimulate(self, node: int, stimulus: AgentStimulus, at_ms: AgentMs) -> None:
         station = self._station_of.get(node)
         agent_ms = None if station is None else station.coordinator.receive_at(node, stimulus, at_ms)
         if station is not None and agent_ms is not None:

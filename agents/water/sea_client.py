@@ -130,7 +130,7 @@ class RemoteStation:
         self._calls: list[StationCall] = []
         self._truths: list[Truth] = []
         """Those that `take_truths` has not returned."""
-        self._untold: list[Truth] = []
+        self._unsent: list[Truth] = []
         """Those that the sea does not know."""
         self._stamps: list[int | None] = []
         """The agent times of the stimuli from the sea in this tick, in order."""
@@ -248,13 +248,13 @@ class RemoteStation:
     def _new_truths(self) -> None:
         new = self._host.take_truths()
         self._truths += new
-        self._untold += new
+        self._unsent += new
         for truth in new:
             self._places[truth.agent_id] = place_of(truth.physical, self.config.sinking)
 
     def _take_unreported(self) -> tuple[Truth, ...]:
-        untold, self._untold = self._untold, []
-        return tuple(untold)
+        unsent, self._unsent = self._unsent, []
+        return tuple(unsent)
 
     def carry_apad(self, north_m: float, east_m: float, at_ms: int) -> None:
         """Places the aPad at mission time `at_ms`, which is now or after the last tick."""

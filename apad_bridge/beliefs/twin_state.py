@@ -388,13 +388,13 @@ def released(
     """
     _, mean, variance = sinking(NOTHING, parameters)
     waits_ms, at_ms = parameters.board.release_wait_ms, twin_state.at_ms
-    left_ms, told_ms = waits_ms, waits_ms
+    left_ms, heard_ms = waits_ms, waits_ms
     if heard_after_ms is not None:
         left_ms = min(max(0, waits_ms - heard_after_ms), parameters.scale.agent_span(HEARD_WITHIN_MS))
-        told_ms = left_ms // 2
+        heard_ms = left_ms // 2
     per_ms = parameters.drain.release_wait / waits_ms if waits_ms else 0.0
-    mean += per_ms * told_ms - missed_wakes(schedule, at_ms, at_ms + told_ms + _settling_ms(parameters))
-    variance += 4 * (per_ms * (left_ms - told_ms)) ** 2 / 12
+    mean += per_ms * heard_ms - missed_wakes(schedule, at_ms, at_ms + heard_ms + _settling_ms(parameters))
+    variance += 4 * (per_ms * (left_ms - heard_ms)) ** 2 / 12
     pending = Pending(at_ms, at_ms + left_ms + parameters.motor_run_ms, mean, variance, Mode.FLOATING)
     return replace(submerged(twin_state, parameters, schedule, NOTHING), pending=pending)
 

@@ -66,8 +66,8 @@ class Feed:
             raise RunDirectoryError(f"{self._directory.journal}: cannot be shown: {error}") from error
         for now_ms in sample_times(self._view.end_ms, self._view.agent_count):
             self._view.sample(now_ms)
-        self._told: dict[str, Any] = {"supervisor": False}
-        self._told = self._state()
+        self._sent: dict[str, Any] = {"supervisor": False}
+        self._sent = self._state()
 
     def poll(self) -> dict[str, Any]:
         """The run's state now, and `sample`: the newest sample where there is a new one, else null.
@@ -77,16 +77,16 @@ class Feed:
         self._view.add(self._read_new())
         self._view.take_samples(self._samples.new_samples())
         sample = self._new_sample()
-        self._told = self._state()
-        return {"sample": sample, **self._told}
+        self._sent = self._state()
+        return {"sample": sample, **self._sent}
 
     def since(self, counts: Counts) -> dict[str, Any]:
         """The run's state at the last poll, for a page that has so much. However many ask, the supervisor is not asked."""
-        return {"sample": self._view.newest(counts), **self._told}
+        return {"sample": self._view.newest(counts), **self._sent}
 
     def page_data(self) -> dict[str, Any]:
         """The page's data at the last poll. `live` tells the page to follow, and from where."""
-        state = self._told
+        state = self._sent
         orders = {"ping": self._has_water, "faults": _FAULTS if self._takes_faults else []}
         live = {
             "orders": orders,
@@ -138,6 +138,6 @@ class Feed:
         except OSError as error:
             if error.errno not in SHORT_OF_FILES:
                 raise
-            supervisor = self._told["supervisor"]  # cannot tell, and a stop may reach it all the same
+            supervisor = self._sent["supervisor"]  # cannot tell, and a stop may reach it all the same
         told = {"supervisor": supervisor, "ended_by": self._view.ended_by, "summary": summary}
         return {**told, "speed": self._speed}

@@ -107,7 +107,7 @@ class Broadcast:
     def __init__(self, feed: Feed, ending: ConsoleEnding) -> None:
         self._feed = feed
         self._ending = ending
-        self._has_told_end = False
+        self._has_sent_end = False
         self._pages: set[asyncio.Queue[bytes | None]] = set()
         self._lock = asyncio.Lock()
 
@@ -121,17 +121,17 @@ class Broadcast:
             queue.put_nowait(None)
 
     async def _poll(self) -> None:
-        told, told_s = b"", 0.0
+        sent, sent_s = b"", 0.0
         loop = asyncio.get_running_loop()
         while not self._ending.is_asked_to_end():
             async with self._lock:
                 message = await asyncio.to_thread(self._feed.poll)
                 data = _encoded(message)
-                if message["sample"] is not None or data != told or loop.time() - told_s >= _BEAT_S:
-                    told, told_s = data, loop.time()
+                if message["sample"] is not None or data != sent or loop.time() - sent_s >= _BEAT_S:
+                    sent, sent_s = data, loop.time()
                     self._send(data)
-            if message["summary"] is not None and not self._has_told_end:
-                self._has_told_end = True
+            if message["summary"] is not None and not self._has_sent_end:
+                self._has_sent_end = True
                 self._ending.run_ended(message["ended_by"])
             await asyncio.sleep(_POLL_S)
 

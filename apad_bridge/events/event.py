@@ -74,7 +74,7 @@ class Event:
     is_for_journal_alone: ClassVar[bool] = False
     """True for a kind with too many lines for the bag and for `/musselbed/mission`, where nobody looks for them."""
 
-    is_told_at_once: ClassVar[bool] = False
+    is_shown_at_once: ClassVar[bool] = False
     """True for a kind whose lines a person who watches the terminal, or its file, has to see, as those of each alarm."""
 
     @property

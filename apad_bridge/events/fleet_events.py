@@ -122,7 +122,7 @@ class ProcessDied(Event):
     when = "an aMussel's process ended: a reset of its MU"
     counted = ("id", "agent_ms", "cause")
     category = Category.TROUBLE
-    is_told_at_once = True
+    is_shown_at_once = True
 
     id: AMussel
     agent_ms: AgentTime

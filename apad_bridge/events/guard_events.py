@@ -116,7 +116,7 @@ class DangerOver(Event):
     kind = "guard_over"
     when = "that danger is over"
     counted = ("cause",)
-    is_told_at_once = True
+    is_shown_at_once = True
     category = Category.RELIEF
 
     cause: Annotated[Cause, Meaning("as above")]
@@ -130,7 +130,7 @@ class StopChanged(Event):
     kind = "stop"
     when = "a stop of the aPad, by a person or a guard, came to a state; it is in force until `continued`"
     counted = ("number", "mode", "state")
-    is_told_at_once = True
+    is_shown_at_once = True
 
     number: Annotated[int, Meaning("the stop's number in this run")]
     mode: Annotated[StopKind, Meaning("`hold`: the thrusters keep the place; `off`: no thrust")]
@@ -176,7 +176,7 @@ class StopEnded(Event):
     kind = "continued"
     when = "a person let the aPad move again"
     counted = ("number",)
-    is_told_at_once = True
+    is_shown_at_once = True
     category = Category.WORD
 
     number: Annotated[int, Meaning("the stop that ended")]
@@ -221,7 +221,7 @@ class Drifting(Event):
     kind = "drift"
     when = "the course of an aPad whose controllers a stop switched off; at once, and every 10 s"
     counted = Uncounted("a sample of the vehicle's motion; the stop before it counts")
-    is_told_at_once = True
+    is_shown_at_once = True
 
     speed_m_s: Annotated[float, Meaning("its last speed, or the known current's", "m/s")]
     towards_rad: Annotated[float, Meaning("its direction, clockwise from north", "rad")]
@@ -239,7 +239,7 @@ class Drifting(Event):
 
 
 @dataclass(frozen=True)
-class PilotTold(Event):
+class SteeringReported(Event):
     kind = "pilot"
     when = "a pilot takes or leaves the aPad's controls, or nobody tells any more"
     counted = ("steers",)
@@ -256,11 +256,11 @@ class PilotTold(Event):
 
 
 @dataclass(frozen=True)
-class WatchdogTold(Event):
+class WatchdogReported(Event):
     kind = "watchdog"
     when = "the vehicle's own watchdog has stopped watching for 15 s, or watches again"
     counted = ("watches",)
-    is_told_at_once = True
+    is_shown_at_once = True
 
     watches: Annotated[bool, Meaning("false: a lost link or a dead bench would stop nothing")]
     reason: Annotated[str | None, Meaning("why, by its newest state")] = None
@@ -276,11 +276,11 @@ class WatchdogTold(Event):
 
 
 @dataclass(frozen=True)
-class PositionErrorTold(Event):
+class PositionErrorReported(Event):
     kind = "position_error"
     when = "the aPad's position scatters by 1.5 times `guards.position_error_m` and 0.6 m in flight, or less again"
     counted = ("is_above",)
-    is_told_at_once = True
+    is_shown_at_once = True
 
     error_m: Annotated[
         float, Meaning("the error of a position by its noise alone, in 95 % of all cases", "m")

@@ -93,7 +93,7 @@ class Remarked(Event):
 
 
 @dataclass(frozen=True)
-class ScriptTold(Event):
+class ScriptReported(Event):
     kind = "script"
     when = "a script printed a line, or noted its own event with its own fields"
     counted = ("what",)
@@ -109,7 +109,7 @@ class ScriptTold(Event):
         return super().data | dict(self.own)
 
     @classmethod
-    def of(cls, data: Mapping[str, Any]) -> ScriptTold:
+    def of(cls, data: Mapping[str, Any]) -> ScriptReported:
         """The event of a line: each further field is the author's."""
         own = {name: it for name, it in data.items() if name not in ("t", "kind", "said", "what")}
         return replace(super().of(data), own=own)

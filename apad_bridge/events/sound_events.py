@@ -107,7 +107,7 @@ class LinksRead(Event):
 
 
 @dataclass(frozen=True)
-class ModemTold(Event):
+class ModemReported(Event):
     kind = "modem"
     when = "a physical or opened modem dropped a packet, or changed"
     counted = Uncounted("a serial line of the machine")

@@ -38,16 +38,16 @@ class ConsoleOrder:
             kinds = imc.LogBookEntry.TypeEnum
             message.type = kinds.INFO if answer.accepted else kinds.ERROR
             message.context = "musselbed"
-            done = "; ".join(it for it in (answer.message or "done", self._told(answer)) if it)
+            done = "; ".join(it for it in (answer.message or "done", self._figures_of(answer)) if it)
             message.text = plain(f"{self.request.act}: {done if answer.accepted else f'refused: {done}'}")
             return message
         return _reply(
             self.asked,
             answer.accepted,
-            "; ".join(it for it in (answer.message, self._told(answer)) if it),
+            "; ".join(it for it in (answer.message, self._figures_of(answer)) if it),
         )
 
-    def _told(self, answer: Answer) -> str:
+    def _figures_of(self, answer: Answer) -> str:
         return self.remark if answer.accepted else ""
 
 

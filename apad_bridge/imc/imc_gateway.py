@@ -108,7 +108,7 @@ class ImcGateway:
         """`tell` takes lines for a person. OSError for an address that cannot be used, RunDirectoryError for no ids."""
         self._run_dir = run_dir
         self._scenario = scenario
-        self._tell = tell
+        self._report = tell
         self._frame = LocalFrame.about(scenario.area.origin)
         self._number = _number_of(run_dir, scenario)
         self._run_systems = self._number.systems
@@ -157,7 +157,7 @@ class ImcGateway:
         RunDirectoryError for a run that cannot be read.
         """
         try:
-            if not await_beginning(RunDirectory(self._run_dir), is_asked_to_end, self._tell):
+            if not await_beginning(RunDirectory(self._run_dir), is_asked_to_end, self._report):
                 return None
             picture = RunPicture(self._run_dir, self._scenario)
             try:
@@ -171,7 +171,7 @@ class ImcGateway:
 
     def _show(self, picture: RunPicture, is_asked_to_end: Callable[[], bool]) -> str | None:
         if self._number.was_taken:
-            self._tell("another run has the IMC ids and names that this run had: it has others now")
+            self._report("another run has the IMC ids and names that this run had: it has others now")
         self._record([imc_messages.logging_started(self._log.name), imc_messages.entity_list()])
         next_beat_s = next_announce_s = next_poll_s = 0.0
         end_seen_s: float | None = None
@@ -266,7 +266,7 @@ class ImcGateway:
             if stranger not in self._strangers and len(self._strangers) < _MOST_STRANGERS:
                 self._strangers.add(stranger)
                 at = "{}:{}".format(*received.sender)
-                self._tell(f"dropped {why}: {message.msg_name} of {message.src:#06x} at {at}")
+                self._report(f"dropped {why}: {message.msg_name} of {message.src:#06x} at {at}")
             return
         packet = imc.packed(message)
         if packet in self._newest_orders:

@@ -23,7 +23,7 @@ from apad_bridge.mission.going_home import NO_HOME, GoingHome, HomeStays
 from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.orders import MissionAction, SendCommand
 from apad_bridge.mission.phase_behaviour import PhaseAct, PhaseBehaviour
-from apad_bridge.mission.plan_checks import Planning, StrategyFailed, untold
+from apad_bridge.mission.plan_checks import Planning, StrategyFailed, without_progress
 from apad_bridge.mission.planner import Planner, PlanRules
 from apad_bridge.mission.pool import floats
 from apad_bridge.mission.reach import Reach
@@ -60,7 +60,7 @@ class EnergyExchange(OrderBook):
         legs: LegForecast | None = None,
         *,
         needs_battery: bool = False,
-        planning: Planning = untold,
+        planning: Planning = without_progress,
         barred: Callable[[], frozenset[int]] = frozenset,
     ) -> None:
         """`home` says when the aPad goes home. With `legs` it serves nobody whom the sea bars.
@@ -71,7 +71,7 @@ class EnergyExchange(OrderBook):
         super().__init__(state or MissionState())
         self._beliefs = beliefs
         self._needs_battery = needs_battery
-        self._tells_battery_ms: float | None = None
+        self._reports_battery_ms: float | None = None
         """The time at which it tells that it waits for the battery; None before it waits."""
         self._reach = Reach(legs, self, beliefs)
         self._barred = barred
@@ -245,10 +245,10 @@ class EnergyExchange(OrderBook):
         """Tells it after a while. That the position is not heard, the supervisor tells."""
         if self.pose is None:
             return
-        if self._tells_battery_ms is None:
-            self._tells_battery_ms = now_ms + BATTERY_REPORTED_AFTER_MS
-        elif now_ms >= self._tells_battery_ms:
-            self._tells_battery_ms = inf
+        if self._reports_battery_ms is None:
+            self._reports_battery_ms = now_ms + BATTERY_REPORTED_AFTER_MS
+        elif now_ms >= self._reports_battery_ms:
+            self._reports_battery_ms = inf
             self.emit(Stuck("its battery was not heard, and a guard refuses its go-tos until it is"))
 
     def _can_begin(self, now_ms: MissionMs) -> bool:

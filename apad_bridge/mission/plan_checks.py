@@ -20,8 +20,8 @@ Planning = Callable[[str], AbstractContextManager[None]]
 """Makes, of a strategy's name, what is entered while that strategy plans."""
 
 
-def untold(name: str) -> AbstractContextManager[None]:
-    """Plans take their time, and nobody is told."""
+def without_progress(name: str) -> AbstractContextManager[None]:
+    """Plans take their time, and nobody sees it."""
     return nullcontext()
 
 

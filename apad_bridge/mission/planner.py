@@ -17,7 +17,7 @@ from apad_bridge.mission.docking.docking_tries import ServiceTries
 from apad_bridge.mission.end_by import KnownEnd
 from apad_bridge.mission.home_places import HomePlaces
 from apad_bridge.mission.order_book import OrderBook
-from apad_bridge.mission.plan_checks import Planning, checked_plan, is_refused, plan_event, untold
+from apad_bridge.mission.plan_checks import Planning, checked_plan, is_refused, plan_event, without_progress
 from apad_bridge.mission.pool import ChargingPool
 from apad_bridge.mission.reach import Reach
 from apad_bridge.mission.situation import placeholder_belief, situation_of
@@ -56,7 +56,7 @@ class Planner:
         beliefs: BeliefSource,
         book: OrderBook,
         reach: Reach,
-        planning: Planning = untold,
+        planning: Planning = without_progress,
         barred: Callable[[], frozenset[int]] = frozenset,
     ) -> None:
         """`planning` is entered while a strategy, by its name, plans. `barred` are the aMussels not to be collected now."""

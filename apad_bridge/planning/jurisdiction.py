@@ -139,11 +139,11 @@ class Jurisdiction:
             self.granted = (
                 frozenset()
             )  # the votes that were counted then may have ended, and others been given
-        told_m = self._places_m()
+        known_m = self._places_m()
         moved_m = {
             agent_id: (now_ms, at)
             for agent_id, at in sight.movable_m.items()
-            if agent_id not in told_m or dist(told_m[agent_id][1], at) > MOVED_M
+            if agent_id not in known_m or dist(known_m[agent_id][1], at) > MOVED_M
         }
         own = self.known[self._name] = replace(
             own,

@@ -159,7 +159,7 @@ def await_beginning(
     It returns at once for a directory without a scenario, and for that of several aPads. After `_BEGINS_S` it tells a
     person once that it still waits: somebody else's master, or a large fleet, may need longer.
     """
-    told_s = time.monotonic() + _BEGINS_S
+    warns_s = time.monotonic() + _BEGINS_S
     while directory.scenario.is_file() and not (
         directory.journal.is_file() and directory.journal.stat().st_size
     ):
@@ -167,8 +167,8 @@ def await_beginning(
             return False
         if any(directory.path.glob("*/journal.jsonl")):
             break
-        if time.monotonic() > told_s:
-            told_s = math.inf
+        if time.monotonic() > warns_s:
+            warns_s = math.inf
             tell(f"no flight began in {directory.path} within {_BEGINS_S:g} s; still waiting for it")
         time.sleep(_LOOK_S)
     return True

@@ -70,7 +70,7 @@ class AMusselBridge:
         self._ids = frozenset(ids)
         self._codec, self._nodes_codec = codec, nodes_codec
         self._links = {it.medium: it for it in links}
-        self._tell = tell
+        self._report = tell
         self._topics = PacketTopics(ids, [PacketOrigin.REMOTE_SUPERVISOR])
         self._claims = rospy.Publisher(TOPIC, FleetClaim, queue_size=1, latch=True)
         self._claim = FleetClaim(node=rospy.get_name(), real=True, lease_s=LEASE_S, ids=sorted(ids))
@@ -135,7 +135,7 @@ class AMusselBridge:
                 case NotCarried(reason, count):
                     self._drop(reason, count)
                 case LinkNotice(text):
-                    self._tell("modem", text)
+                    self._report("modem", text)
 
     def _say(self, packet: RelayedPacket, now_ms: MissionMs) -> None:
         if packet.medium is None:
@@ -186,7 +186,7 @@ class AMusselBridge:
             self.counts["heard from aMussels"] += 1
             if agent_id not in self._heard:
                 self._heard.add(agent_id)
-                self._tell("heard", f"aMussel {agent_id} is heard by {link.name}")
+                self._report("heard", f"aMussel {agent_id} is heard by {link.name}")
             self._take(link, link.found(agent_id, packet.sender))
             self._publish(agent_id, link.medium, data)
 
@@ -211,5 +211,5 @@ class AMusselBridge:
         """Counts by `reason`; tells the first one, with `why`, which may be another for each packet."""
         if not self.counts[reason]:
             told = f"{reason}: {' '.join(why.split())}" if why else reason
-            self._tell("dropped", f"dropped, and counted from now on: {told}")
+            self._report("dropped", f"dropped, and counted from now on: {told}")
         self.counts[reason] += count

@@ -148,14 +148,14 @@ class _Show:
         self._publish_state()
         self._ros2.publish(self._topics.fixed_frames())
         began(self._topics)
-        next_s, has_told_end = time.monotonic() + _SHOW_S, False
+        next_s, has_sent_end = time.monotonic() + _SHOW_S, False
         while not asked.wait(_POLL_S):
             self._publish_events()
             if time.monotonic() >= next_s:
                 next_s = max(next_s + _SHOW_S, time.monotonic())
                 self._publish_state()
-            if self._run.state.ended_by is not None and not has_told_end:
-                has_told_end = True
+            if self._run.state.ended_by is not None and not has_sent_end:
+                has_sent_end = True
                 tell(f"the run has ended: {self._run.state.ended_by}; its end is shown until Ctrl-C")
 
     def _publish_events(self) -> None:

@@ -77,8 +77,8 @@ class _JointPart:
 
 def line_of(at_ms: int, event: Event) -> str | None:
     """A line for a person about an event that a person is told at once; None for any other event."""
-    is_told = event.category is Category.ALARM or event.is_told_at_once
-    return f"{clock_text(at_ms)}  {event.text()}" if is_told else None
+    is_shown = event.category is Category.ALARM or event.is_shown_at_once
+    return f"{clock_text(at_ms)}  {event.text()}" if is_shown else None
 
 
 def clock_text(now_ms: int) -> str:

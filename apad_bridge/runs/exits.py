@@ -60,8 +60,8 @@ def peers_may_fail(was_shown: Callable[[str], bool] = lambda line: False) -> Ite
     try:
         yield
     except PeerFailed as error:
-        if untold := [it for it in error.lines if not was_shown(it)]:
-            print(f"musselbed: {'; '.join(untold)}", file=sys.stderr)
+        if not_shown := [it for it in error.lines if not was_shown(it)]:
+            print(f"musselbed: {'; '.join(not_shown)}", file=sys.stderr)
         raise SystemExit(Exit.PEER_FAILED) from error
 
 

@@ -113,7 +113,7 @@ class _Notes:
 
     def __init__(self, directory: Path, tell: Callable[[str], None]) -> None:
         self._directory = directory
-        self._tell = tell
+        self._report = tell
         self._unwritten: deque[str] = deque()
 
     @property
@@ -121,7 +121,7 @@ class _Notes:
         return not self._unwritten
 
     def note(self, text: str) -> None:
-        self._tell(text)
+        self._report(text)
         self._unwritten.append(text)
 
     def write(self) -> None:
@@ -150,19 +150,19 @@ def watched_master(
         while _next(came, period_s) is None:
             notes.write()
             threading.Thread(target=_ask, args=(uri, came), daemon=True).start()
-            found, is_told = _next(came, still_s), False
+            found, is_reported = _next(came, still_s), False
             while found is None:
-                if not is_told:
+                if not is_reported:
                     notes.note(
                         "the run's own ROS master stands still, so no ROS tool finds the run: "
                         f"{uri} has not answered for {still_s:g} s"
                     )
-                is_told = True
+                is_reported = True
                 notes.write()
                 found = _next(came, period_s)
             if found is _Came.END:
                 return
-            if is_told and found is _Came.ANSWER:
+            if is_reported and found is _Came.ANSWER:
                 notes.note("the run's own ROS master answers again")
 
     watching = threading.Thread(target=watch, name="watch of the run's own master", daemon=True)

@@ -224,7 +224,7 @@ class LegForecast:
             flow = self._surface.flow(place_m, at_ms)
             if made_good_m_s(self._apad, flow, towards) < LEAST_M_S:
                 return (
-                    f"the aPad makes no way against {_told(flow)} at ({place_m[0]:.0f}, {place_m[1]:.0f}) m: "
+                    f"the aPad makes no way against {_flow_text(flow)} at ({place_m[0]:.0f}, {place_m[1]:.0f}) m: "
                     f"its top speed through the water is {top_speed_m_s(self._apad):.2f} m/s"
                 )
         return None
@@ -308,12 +308,12 @@ def doubt_about_legs(scenario: Scenario) -> str | None:
     if made_good_m_s(scenario.apad, flow, against) >= LEAST_M_S and force_n < weakest_force_n(scenario.apad):
         return None
     return (
-        f"the aPad cannot make every leg: at {at_ms / 1000:.0f} s it makes no way against {_told(flow)} at "
+        f"the aPad cannot make every leg: at {at_ms / 1000:.0f} s it makes no way against {_flow_text(flow)} at "
         f"({place_m[0]:.0f}, {place_m[1]:.0f}) m"
     )
 
 
-def _told(flow: SurfaceFlow) -> str:
+def _flow_text(flow: SurfaceFlow) -> str:
     texts = [f"a current of {math.hypot(*flow.current_m_s):.2f} m/s"] if any(flow.current_m_s) else []
     texts += [] if flow.wind_m_s is None else [f"a wind of {math.hypot(*flow.wind_m_s):.1f} m/s"]
     return " and ".join(texts)

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from apad_bridge.beliefs.input_ranges import FARTHEST_M
 from apad_bridge.events.mission_events import MissionEnd
-from apad_bridge.events.person_events import ScriptTold
+from apad_bridge.events.person_events import ScriptReported
 from apad_bridge.events.run_events import EndReason
 from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.script_values import (
@@ -231,15 +231,15 @@ class Api(Queries):
             json.dumps(data, allow_nan=False)
         except (TypeError, ValueError) as error:
             raise Refused(f"note: only plain data can be written into the journal: {error}") from None
-        self._do(lambda mission: mission.emit(ScriptTold(what=kind, own=data)))
+        self._do(lambda mission: mission.emit(ScriptReported(what=kind, own=data)))
 
     def say(self, text: str) -> None:
         """Shows a text to the person who watches the flight, and writes it into the journal. `print` does the same."""
 
         def show_lines(mission: ManualMission) -> None:
             for line in text.splitlines():
-                mission.emit(ScriptTold(line))
-                self._tell(line)
+                mission.emit(ScriptReported(line))
+                self._print(line)
 
         self._do(show_lines)
 

@@ -137,7 +137,7 @@ class Queries:
     ) -> None:
         self.id_self = id_self
         self._agent_ids = agent_ids
-        self._tell = tell
+        self._print = tell
         self._rendezvous = rendezvous
         self._frame = frame
         self._mission: ManualMission | None = None

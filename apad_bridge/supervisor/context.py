@@ -10,7 +10,7 @@ from agents.time_scale import MissionMs
 from apad_bridge.acoustics.serial.lines import SerialLines
 from apad_bridge.events.event import Event
 from apad_bridge.events.mission_events import MissionEnd
-from apad_bridge.mission.plan_checks import Planning, untold
+from apad_bridge.mission.plan_checks import Planning, without_progress
 from apad_bridge.mission.stand_down_rule import NeverStandsDown, StandDownRule
 from apad_bridge.supervisor.clock import Pace
 from apad_bridge.supervisor.forecast import Forecast
@@ -49,7 +49,7 @@ class FlightContext:
     """The counts of messages that the context dropped, by reason."""
     show_forecast: Callable[[int, Callable[[], Forecast]], None] = lambda now_ms, forecast: None
     """Receives the forecast of each tick."""
-    planning: Planning = untold
+    planning: Planning = without_progress
     """Entered while a strategy plans: mission time waits for it."""
     take_events: Callable[[int], Sequence[Event]] = lambda now_ms: []
     """Returns the context's new events: a master that is gone, a vehicle that is silent."""

@@ -149,15 +149,15 @@ def _stop(request: Request, calls: CallQueue, gate: Gate, patience_s: float) -> 
         calls.wait(min(left_s, LOOK_S))
     if stop is None or stop.number <= before:
         raise Refused("the stop did not reach the vehicle: no mission tick came, or the mission has ended")
-    return _told(stop, steers)
+    return _stop_answer(stop, steers)
 
 
 def _is_decided(stop: StopRecord) -> bool:
     is_open = stop.state in (StopState.ORDERED, StopState.SENT, StopState.TAKEN)
-    return not is_open or bool(stop.untold)
+    return not is_open or bool(stop.unobserved)
 
 
-def _told(stop: StopRecord, steers: str) -> Answer:
+def _stop_answer(stop: StopRecord, steers: str) -> Answer:
     """Done is a stop that the hull obeys. A vehicle that has taken it may go on all the same."""
     times_ms = {
         StopState.SENT: stop.sent_ms,
@@ -184,8 +184,10 @@ def _why_not_done(stop: StopRecord) -> str:
         return f"{DOES_NOT_OBEY}: {stop.not_obeyed}"
     if stop.taken_ms is None:
         return stop.refused or stop.not_taken or "the vehicle has not taken the stop yet"
-    if stop.untold:
-        return f"the vehicle has taken the stop, and nobody can tell if it slows: look at it: {stop.untold}"
+    if stop.unobserved:
+        return (
+            f"the vehicle has taken the stop, and nobody can tell if it slows: look at it: {stop.unobserved}"
+        )
     return "the vehicle has taken the stop, and has not slowed yet: look at it"
 
 

@@ -35,7 +35,7 @@ from apad_bridge.events.fleet_events import (
 )
 from apad_bridge.events.mission_events import MissionEnd
 from apad_bridge.events.run_events import EndReason
-from apad_bridge.events.sound_events import LinksRead, ModemTold, RangeMeasured
+from apad_bridge.events.sound_events import LinksRead, ModemReported, RangeMeasured
 from apad_bridge.mission.facts import (
     AMusselHeard,
     EndRequested,
@@ -246,7 +246,7 @@ class Flight:
                     ids = self._fleet.ids if agent_id == EVERYONE else [agent_id]
                     for each in ids:
                         self._stimulate(each, SoundArrived(data), now_ms)
-                case ModemTold(dropped):
+                case ModemReported(dropped):
                     self._recorder.event(now_ms, item)
                     if dropped is not None:
                         self.dropped[dropped] += 1

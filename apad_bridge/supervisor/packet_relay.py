@@ -74,11 +74,11 @@ class RelayOutcome(Enum):
     """The flight gets it: the supervisor an aMussel's packet, the aMussel a command or a contact."""
     REFUSE = auto()
     """The packet is dropped and counted, because two aMussels would speak under one id."""
-    TELL_PACKET = auto()
+    PUBLISH_PACKET = auto()
     """The laboratory gets the packet's bytes."""
-    TELL_WIFI = auto()
+    PUBLISH_WIFI = auto()
     """The laboratory is told that the aMussel is on the Wi-Fi."""
-    TELL_COMMAND = auto()
+    PUBLISH_COMMAND = auto()
     """The laboratory gets the command in a message of its own, if it has one."""
 
 
@@ -101,13 +101,13 @@ class RoutingRule:
 
 RULES = (
     RoutingRule(PacketOrigin.LOCAL_AMUSSEL, AMusselStanding.LENT, None, RelayOutcome.PUBLISH),
-    RoutingRule(PacketOrigin.LOCAL_AMUSSEL, None, Medium.SOUND, RelayOutcome.TELL_PACKET),
-    RoutingRule(PacketOrigin.LOCAL_AMUSSEL, None, Medium.WIFI, RelayOutcome.TELL_WIFI),
+    RoutingRule(PacketOrigin.LOCAL_AMUSSEL, None, Medium.SOUND, RelayOutcome.PUBLISH_PACKET),
+    RoutingRule(PacketOrigin.LOCAL_AMUSSEL, None, Medium.WIFI, RelayOutcome.PUBLISH_WIFI),
     RoutingRule(PacketOrigin.LOCAL_SUPERVISOR, AMusselStanding.REAL, None, RelayOutcome.PUBLISH),
     RoutingRule(PacketOrigin.LOCAL_SUPERVISOR, AMusselStanding.BORROWED, None, RelayOutcome.PUBLISH),
     RoutingRule(PacketOrigin.LOCAL_SUPERVISOR, AMusselStanding.FOREIGN, None, RelayOutcome.PUBLISH),
-    RoutingRule(PacketOrigin.LOCAL_SUPERVISOR, None, Medium.SOUND, RelayOutcome.TELL_COMMAND),
-    RoutingRule(PacketOrigin.LOCAL_SUPERVISOR, None, Medium.WIFI, RelayOutcome.TELL_COMMAND),
+    RoutingRule(PacketOrigin.LOCAL_SUPERVISOR, None, Medium.SOUND, RelayOutcome.PUBLISH_COMMAND),
+    RoutingRule(PacketOrigin.LOCAL_SUPERVISOR, None, Medium.WIFI, RelayOutcome.PUBLISH_COMMAND),
     RoutingRule(PacketOrigin.LOCAL_DOCK, AMusselStanding.BORROWED, None, RelayOutcome.PUBLISH),
     RoutingRule(PacketOrigin.REMOTE_AMUSSEL, AMusselStanding.REAL, None, RelayOutcome.RECEIVE),
     RoutingRule(PacketOrigin.REMOTE_AMUSSEL, AMusselStanding.BORROWED, None, RelayOutcome.RECEIVE),
@@ -193,12 +193,12 @@ class RemoteContact:
 
 
 @dataclass(frozen=True, slots=True)
-class _Told:
-    """A contact that an aMussel of another process was told of, and has not confirmed by a report."""
+class _SentContact:
+    """A contact that was sent to an aMussel of another process, and that no report confirms yet."""
 
     stimulus: ContactClosed | ContactOpened
     at_ms: MissionMs
-    tellings: int
+    times_sent: int
 
 
 RelayedEvent = AMusselHeard | RangeHeard | Send | RemoteContact
@@ -208,7 +208,7 @@ Outlet = Callable[[RelayedPacket], None]
 
 
 class PacketRelay:
-    """Applies the rules. An outcome without an outlet has no effect: a flight without a laboratory tells none."""
+    """Applies the rules. An outcome without an outlet has no effect: a flight without a laboratory publishes none."""
 
     def __init__(
         self, division: Division, inlets: Sequence[Inlet], outlets: Mapping[RelayOutcome, Outlet]
@@ -217,7 +217,7 @@ class PacketRelay:
         self._division = division
         self._inlets = inlets
         self._outlets = outlets
-        self._told: dict[int, _Told] = {}
+        self._sent_contacts: dict[int, _SentContact] = {}
         self._pings = PendingPings()
 
     def without_outlets(self) -> PacketRelay:
@@ -263,25 +263,25 @@ class PacketRelay:
         self._publish_contact(felt, now_ms)
         match felt.stimulus:
             case ContactClosed() | ContactOpened() as stimulus:
-                self._told[felt.agent_id] = _Told(stimulus, now_ms, 1)
-            case DockMoved(north_um, east_um) if (told := self._told.get(felt.agent_id)) is not None:
-                self._told[felt.agent_id] = replace(told, stimulus=ContactClosed(north_um, east_um))
+                self._sent_contacts[felt.agent_id] = _SentContact(stimulus, now_ms, 1)
+            case DockMoved(north_um, east_um) if (sent := self._sent_contacts.get(felt.agent_id)) is not None:
+                self._sent_contacts[felt.agent_id] = replace(sent, stimulus=ContactClosed(north_um, east_um))
 
     def repeat_contacts(self, belief_of: Callable[[int], Belief | None], now_ms: MissionMs) -> None:
-        """Tells an aMussel again that reports to be in no dock though one holds it, or in one though it was let go.
+        """Sends an aMussel its contact again when it reports no dock though one holds it, or a dock though it was let go.
 
         The link to its process was cut when the dock moved. Otherwise it would stand docked for ever.
         """
-        for agent_id, told in list(self._told.items()):
+        for agent_id, sent in list(self._sent_contacts.items()):
             belief = belief_of(agent_id)
-            if belief is None or belief.heard_ms <= told.at_ms + ON_THE_WAY_MS:
+            if belief is None or belief.heard_ms <= sent.at_ms + ON_THE_WAY_MS:
                 continue
             is_docked = belief.state in DOCKED
-            if is_docked is isinstance(told.stimulus, ContactClosed) or told.tellings == REPEATS:
-                del self._told[agent_id]
+            if is_docked is isinstance(sent.stimulus, ContactClosed) or sent.times_sent == REPEATS:
+                del self._sent_contacts[agent_id]
             else:
-                self._publish_contact(RemoteContact(agent_id, told.stimulus), now_ms)
-                self._told[agent_id] = _Told(told.stimulus, now_ms, told.tellings + 1)
+                self._publish_contact(RemoteContact(agent_id, sent.stimulus), now_ms)
+                self._sent_contacts[agent_id] = _SentContact(sent.stimulus, now_ms, sent.times_sent + 1)
 
     def _publish_contact(self, felt: RemoteContact, now_ms: MissionMs) -> None:
         data = json.dumps(to_wire(felt.stimulus)).encode()

@@ -310,7 +310,7 @@ def _difference(case: Case, ours: RigHistory, theirs: RigHistory, late_ms: int) 
     for n, (expected, found) in enumerate(zip_longest(ours.events, theirs.events), start=packets_taken):
         tolerance_ms = case.tolerance_ms + late_ms * (n + 2)
         if expected is None or found is None or not _is_alike(expected.what, found.what, tolerance_ms):
-            return f"expected {_told(expected)}, found {_told(found)}{_other_values(expected, found)}"
+            return f"expected {_event_text(expected)}, found {_event_text(found)}{_other_values(expected, found)}"
         if abs(expected.at_ms - found.at_ms) > tolerance_ms:
             return f"expected {expected}, found it at {found.at_ms / 1000:.3f} s"
     if (difference := _state_difference(case, ours, theirs, late_ms)) is not None:
@@ -353,7 +353,7 @@ def _first_difference(
 ) -> str | None:
     for n, (expected, found) in enumerate(zip_longest(expects, finds)):
         if expected is None or found is None or expected.what != found.what:
-            return f"expected {_told(expected)}, found {_told(found)}"
+            return f"expected {_event_text(expected)}, found {_event_text(found)}"
         by_charge_ms = _ENERGY * expected.at_ms if expected.what in _BY_CHARGE else 0
         if abs(expected.at_ms - found.at_ms) > case.tolerance_ms + late_ms * (n + 2) + by_charge_ms:
             return f"expected {expected}, found it at {found.at_ms / 1000:.3f} s"
@@ -385,7 +385,7 @@ def _paper_difference(paper: PaperTime, theirs: RigHistory) -> str | None:
     return f"after {told} {paper.ends} in the paper, and here after {found_min:.1f} min"
 
 
-def _told(event: RigEvent | None) -> str:
+def _event_text(event: RigEvent | None) -> str:
     """The event in a few words: of a long packet its beginning and its size."""
     if event is None:
         return "nothing more"
@@ -464,7 +464,8 @@ def side_by_side(result: CaseResult) -> Iterator[str]:
     if ours.states is not None and theirs.states is not None and ours.states != theirs.states:
         pairs += zip_longest(ours.states, theirs.states)
     lines = [
-        ("" if left is None else _told(left), "" if right is None else _told(right)) for left, right in pairs
+        ("" if left is None else _event_text(left), "" if right is None else _event_text(right))
+        for left, right in pairs
     ]
     width = max([len(left) for left, _ in lines] + [8])
     yield f"   {'expected':{width}}  found"

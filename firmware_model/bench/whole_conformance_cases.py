@@ -47,7 +47,7 @@ _UP = "3s permission 70s"
 """It floats."""
 _DOCKED = f"{_UP} rises 10min"
 _RELEASED = f"{_DOCKED} falls 1s"
-_TOLD_IN_A_REPORT = f"{_UP} rises 3529s release"
+_RELEASED_IN_A_REPORT = f"{_UP} rises 3529s release"
 """A dock's only release that the board hears: in the hour's report its Wi-Fi is on."""
 _SLOT_MS = 2
 """The tolerance of a timeslot."""
@@ -612,7 +612,7 @@ _TRAVEL = [
         "release-before-the-edge",
         RequirementSource.STATES,
         "docked, it sinks as soon as the pin has fallen",
-        f"{_TOLD_IN_A_REPORT} 20s falls 1min",
+        f"{_RELEASED_IN_A_REPORT} 20s falls 1min",
         shows="motors sink",
     ),
     _case(
@@ -1245,7 +1245,7 @@ _TIMES = [
         ),
     )
 ]
-_TOLD = [
+_REPORTS_AND_LIMITS = [
     _case(
         "both-charges-told",
         RequirementSource.PACKETS,
@@ -1536,14 +1536,14 @@ _ROUND = [
         "a-release-is-used-once",
         RequirementSource.STATES,
         "a release belongs to one docking",
-        f"{_TOLD_IN_A_REPORT} 20s falls 3min permission 70s rises 1min falls 10min",
+        f"{_RELEASED_IN_A_REPORT} 20s falls 3min permission 70s rises 1min falls 10min",
         shows="motors sink",
     ),
     _case(
         "release-forgotten",
         RequirementSource.STATES,
         "a reset forgets a release",
-        f"{_TOLD_IN_A_REPORT} brown_out 1min falls 10min",
+        f"{_RELEASED_IN_A_REPORT} brown_out 1min falls 10min",
         shows="state RELEASED",
     ),
     _case(
@@ -2084,7 +2084,7 @@ WHOLE_CASES = tuple(
         *_FAULTS,
         *_EMERGENCY,
         *_TIMES,
-        *_TOLD,
+        *_REPORTS_AND_LIMITS,
         *_PACKETS,
         *_BOUNDS,
         *_ACKS,

@@ -29,14 +29,14 @@ enum trigger {
     BOTTOM_REACHED,
     BATTERY_EMPTIED,
     PING_HEARD,
-    SINK_TOLD,
+    SINK_ORDERED,
     SURFACING_TIMED_OUT
 };
 
 static const char *const TRIGGERS[] = {
     "POWER_CAME_ON",    "BOOTED_ON_BOTTOM", "BOOTED_AT_SURFACE", "BOOTED_ON_CHARGER", "PERMISSION_HEARD",
     "SURFACE_REACHED",  "CHARGE_EDGE_ROSE", "CHARGE_EDGE_FELL",  "CLEAR_TO_SINK",     "FLOAT_TIMED_OUT",
-    "BOTTOM_REACHED",   "BATTERY_EMPTIED",  "PING_HEARD",        "SINK_TOLD",         "SURFACING_TIMED_OUT"};
+    "BOTTOM_REACHED",   "BATTERY_EMPTIED",  "PING_HEARD",        "SINK_ORDERED",         "SURFACING_TIMED_OUT"};
 
 #define IN(state) (1u << (state))
 #define STAYS 0xFF
@@ -58,7 +58,7 @@ static const struct {
     {CHARGE_EDGE_FELL, IN(CHARGING), RELEASED},
     {CLEAR_TO_SINK, IN(FLOATING) | IN(RELEASED), SINKING},
     {FLOAT_TIMED_OUT, IN(FLOATING), SINKING},
-    {SINK_TOLD, IN(SURFACING) | IN(FLOATING) | IN(RELEASED), SINKING},
+    {SINK_ORDERED, IN(SURFACING) | IN(FLOATING) | IN(RELEASED), SINKING},
     {SURFACING_TIMED_OUT, IN(SURFACING), SINKING},
     {BOTTOM_REACHED, IN(RELEASED) | IN(SINKING), ACTIVE},
     {BATTERY_EMPTIED, IN(ACTIVE), EMPTY},
@@ -215,7 +215,7 @@ static const struct {
     int trigger;
 } COMMANDS[] = {
     {1, 2, 6, "PERMISSION", PERMISSION_HEARD}, {1, 3, 6, "RELEASE", CLEAR_TO_SINK}, {1, 4, 6, "PING", PING_HEARD},
-    {1, 5, 6, "HOVER", -1},                    {2, 5, 7, "HOVER", -1},              {2, 6, 6, "SINK", SINK_TOLD},
+    {1, 5, 6, "HOVER", -1},                    {2, 5, 7, "HOVER", -1},              {2, 6, 6, "SINK", SINK_ORDERED},
     {2, 7, 14, "SLEEP_SCHEDULE", -1},          {2, 8, 22, "SLOT_ASSIGNMENT", -1},   {2, 9, 9, "SET_THRESHOLD", -1},
     {2, 10, 6, "BACK_UP_LOG", -1},             {2, 11, 14, "BEACON", -1},           {2, 12, 10, "LOG_ACK", -1},
 };

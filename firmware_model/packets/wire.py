@@ -61,8 +61,8 @@ PLAIN = {
     Kind.PERMISSION: PlainCommand(1, Trigger.PERMISSION_HEARD, "it may surface"),
     Kind.RELEASE: PlainCommand(1, Trigger.CLEAR_TO_SINK, "it is clear to sink", by_wifi=True),
     Kind.PING: PlainCommand(1, Trigger.PING_HEARD, "send a short status"),
-    Kind.HOVER: PlainCommand(1, Trigger.HOVER_TOLD, "hold the present depth", in_worst_case=False),
-    Kind.SINK: PlainCommand(2, Trigger.SINK_TOLD, "sink, and stay down"),
+    Kind.HOVER: PlainCommand(1, Trigger.HOVER_ORDERED, "hold the present depth", in_worst_case=False),
+    Kind.SINK: PlainCommand(2, Trigger.SINK_ORDERED, "sink, and stay down"),
     Kind.BACK_UP_LOG: PlainCommand(
         2, None, "send the log, as long as there is Wi-Fi", in_worst_case=False, by_wifi=True
     ),

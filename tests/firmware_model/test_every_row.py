@@ -117,8 +117,8 @@ CONFIGS: dict[tuple[State, Trigger], BoardConfig] = {
 FACTS: dict[Trigger, Callable[[Bench], object]] = {
     Trigger.PERMISSION_HEARD: lambda it: it.command(Kind.PERMISSION),
     Trigger.PING_HEARD: lambda it: it.command(Kind.PING),
-    Trigger.HOVER_TOLD: lambda it: it.command(Kind.HOVER),
-    Trigger.SINK_TOLD: lambda it: it.command(Kind.SINK),
+    Trigger.HOVER_ORDERED: lambda it: it.command(Kind.HOVER),
+    Trigger.SINK_ORDERED: lambda it: it.command(Kind.SINK),
     # Commands go by Wi-Fi at the surface, and by sound below.
     Trigger.CLEAR_TO_SINK: lambda it: (it.command(Kind.RELEASE), it.hear(CommandPacket(Kind.RELEASE, 1))),
     Trigger.BEACON_HEARD: lambda it: it.hear(Beacon(1, it.now_ms)),

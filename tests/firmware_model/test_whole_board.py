@@ -109,7 +109,7 @@ def test_it_hovers_by_a_motor_run_every_ten_minutes_and_sinks_when_told(bench: B
     lives(bench, "hover 15min")
     bench.tell(PacketHeard(CommandPacket(Kind.RELEASE, 1).encode()))
     assert told(bench.trace) == [
-        "120000 SLEEPING -HOVER_TOLD-> HOVERING",
+        "120000 SLEEPING -HOVER_ORDERED-> HOVERING",
         "120000 motors HOVER",
         "720000 HOVERING -HOVER_DUE-> HOVERING",
         "720000 motors HOVER",

@@ -94,7 +94,7 @@ class Flying:
         """Another thread waits for a tick, or until the hull obeys a stop."""
         stop = self.gate.stops.in_force
         is_open = stop is not None and stop.state in (StopState.ORDERED, StopState.SENT, StopState.TAKEN)
-        return bool(self.calls._calls) or (is_open and stop is not None and not stop.untold)
+        return bool(self.calls._calls) or (is_open and stop is not None and not stop.unobserved)
 
     @property
     def gate(self) -> Gate:

@@ -26,7 +26,7 @@ from apad_bridge.acoustics.serial.nanomodem import (
     PacketSent,
 )
 from apad_bridge.acoustics.serial.pty import FOLDER, Burst, OpenedModems
-from apad_bridge.events.sound_events import ModemTold
+from apad_bridge.events.sound_events import ModemReported
 from apad_bridge.mission.facts import AMusselHeard, Send
 
 
@@ -82,7 +82,7 @@ class SerialLines:
         self._store(self.attached.command(agent_id, data, now_ms))
         return True
 
-    def take(self) -> list[AMusselHeard | Send | ModemTold]:
+    def take(self) -> list[AMusselHeard | Send | ModemReported]:
         """The physical modem's results since the last call: packets from and to aMussels, and events for the journal.
 
         Packets that it has sent are included: it does not receive its own packets, and here all are within its reach.
@@ -97,18 +97,18 @@ class SerialLines:
                 self.tell(result.what)
 
 
-def _action_of(result: NanomodemResult) -> AMusselHeard | Send | ModemTold:
+def _action_of(result: NanomodemResult) -> AMusselHeard | Send | ModemReported:
     match result:
         case PacketReceived(at_ms, packet) | PacketSent(at_ms, packet):
             if packet.direction is PacketDirection.FROM_AMUSSEL:
                 return AMusselHeard(Medium.SOUND, MissionMs(at_ms), packet.data)
             return Send(Medium.SOUND, packet.agent_id, packet.data)
         case ModemRanged(_, agent_id):
-            return ModemTold("sound: a range to where the modem hangs", agent_id)
+            return ModemReported("sound: a range to where the modem hangs", agent_id)
         case PacketDropped(_, reason, of):
-            return ModemTold(reason, None if of is None else of.agent_id)
+            return ModemReported(reason, None if of is None else of.agent_id)
         case ModemNotice(_, what):
-            return ModemTold(what=what)
+            return ModemReported(what=what)
 
 
 @contextmanager

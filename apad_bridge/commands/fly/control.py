@@ -60,7 +60,7 @@ def run(arguments: argparse.Namespace) -> int:
     answers: dict[str, Answer] = {}
     silent: list[str] = []
     supervised = _supervised(arguments.directory)
-    _tell(f"asking the supervisor of {arguments.directory}")
+    _print_note(f"asking the supervisor of {arguments.directory}")
     for name, answer in zip(supervised, _all_asked(list(supervised.values()), requests), strict=True):
         if answer is None:
             silent.append(name)
@@ -91,7 +91,7 @@ def _all_asked(directories: list[Path], requests: list[Request]) -> list[Answer 
         return list(threads.map(lambda it: _asked(it, requests), directories))
 
 
-def _tell(line: str) -> None:
+def _print_note(line: str) -> None:
     """Tells a person at once what goes on; stdout is for the answers."""
     print(line, file=sys.stderr, flush=True)
 
@@ -105,7 +105,7 @@ def _asked(directory: Path, requests: list[Request]) -> Answer | None:
     )
     for request in requests:
         try:
-            answer = ask(directory, request, lambda: _tell(late))
+            answer = ask(directory, request, lambda: _print_note(late))
         except NobodyListens:
             return answer
         except PeerFailed as error:  # the other aPads of the run are asked all the same

@@ -34,7 +34,7 @@ from apad_bridge.commands.prepare.run_preflight import (
 from apad_bridge.commands.trust import add_trust_argument, trust_of_looked_at
 from apad_bridge.doctor.finding import CheckStatus, Finding, fail, key_among, ok, red_keys, run_check
 from apad_bridge.doctor.preflight_checks import check_lookout, check_stop
-from apad_bridge.events.person_events import ScriptTold
+from apad_bridge.events.person_events import ScriptReported
 from apad_bridge.records.journal import read_journal
 from apad_bridge.records.run_directory import PRIVATE, RunDirectory
 from apad_bridge.ros.system.route import somebodys_master
@@ -219,10 +219,10 @@ def _prove_stop(scenario: Scenario, options: RunOptions, name: str, accept: Sequ
             lines = (flown.stderr.strip() or flown.stdout.strip()).splitlines()
             return check_stop(lines[-1] if lines else f"the trial ended with exit code {flown.returncode}")
         journal = read_journal(RunDirectory(Path(folder) / "run").journal)
-    told = [event for _, event in journal.events(ScriptTold)]
-    if not any(it.what == STOP_PROVEN for it in told):
+    logged = [event for _, event in journal.events(ScriptReported)]
+    if not any(it.what == STOP_PROVEN for it in logged):
         return check_stop("the trial ended before it had proven the stop")
-    return check_stop(None, next((it.said for it in reversed(told) if it.said), ""))
+    return check_stop(None, next((it.said for it in reversed(logged) if it.said), ""))
 
 
 def _prove_docks(scenario: Scenario, options: RunOptions, apad: str) -> Finding:
@@ -266,17 +266,17 @@ def _mend(finding: Finding, apads: Sequence[str]) -> str:
 
 
 def verdict(report: Report, red: dict[str, list[Finding]]) -> Iterator[str]:
-    """The last lines, with rich's marks: RED for failed checks, CANNOT TELL for untold ones, or GREEN."""
+    """The last lines, with rich's marks: RED for failed checks, CANNOT TELL for unaccepted ones, or GREEN."""
     failed = [key for key, its in red.items() if any(it.status is CheckStatus.FAIL for it in its)]
-    untold = [key for key in red if key not in failed]
+    unaccepted = [key for key in red if key not in failed]
     if failed:
         never = sorted(never_overridden().intersection(failed))
         told = f", of which {', '.join(never)} cannot be overridden" if never else ""
         yield f"[{_STYLES[CheckStatus.FAIL]}]RED[/]: {', '.join(failed)}{told}"
-    if untold:
+    if unaccepted:
         yield (
-            f"[{_STYLES[CheckStatus.CANNOT_TELL]}]CANNOT TELL[/]: {', '.join(untold)}: no run starts before it is mended, "
-            "or a person accepts it by --accept"
+            f"[{_STYLES[CheckStatus.CANNOT_TELL]}]CANNOT TELL[/]: {', '.join(unaccepted)}: no run starts before it is "
+            "mended, or a person accepts it by --accept"
         )
     if not red:
         doubts = sum(it.status is CheckStatus.WARN for it in report.findings)

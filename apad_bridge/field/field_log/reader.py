@@ -142,12 +142,12 @@ class FactReader:
         key = topic, message.connection.md5
         if key in self.missing or not self.reads(topic):
             return facts
-        told = self._types.read(message)
+        content = self._types.read(message)
         try:
             if (take := self._take.get(topic)) is not None:
-                facts += take(at_s, told)
+                facts += take(at_s, content)
             else:
-                facts += self._of_amussel(topic, at_s, told)
+                facts += self._of_amussel(topic, at_s, content)
         except AttributeError as error:
             field = error.name or str(error)
             self.missing[key] = (
@@ -160,51 +160,53 @@ class FactReader:
 
     # The aPad, both generations.
 
-    def _position(self, at_s: float, told: Any) -> Iterator[LoggedFact]:
-        yield Posed(at_s, Witness.VEHICLE, _stamp_s(told), _finite(told.position.north, told.position.east))
+    def _position(self, at_s: float, content: Any) -> Iterator[LoggedFact]:
+        yield Posed(
+            at_s, Witness.VEHICLE, _stamp_s(content), _finite(content.position.north, content.position.east)
+        )
 
-    def _battery(self, at_s: float, told: Any) -> Iterator[LoggedFact]:
-        (percent,) = _finite(told.data)
+    def _battery(self, at_s: float, content: Any) -> Iterator[LoggedFact]:
+        (percent,) = _finite(content.data)
         yield BatteryReading(at_s, Witness.VEHICLE, percent / 100)
 
     # Generation A.
 
-    def _goal(self, at_s: float, told: Any) -> Iterator[LoggedFact]:
-        goal, work = told.goal, _WORK_OF_GOAL.get(told.goal.id)
+    def _goal(self, at_s: float, content: Any) -> Iterator[LoggedFact]:
+        goal, work = content.goal, _WORK_OF_GOAL.get(content.goal.id)
         if work is None:
             return
         place = goal.pose.position
         goal_m = _finite(place.x, place.y) if work is Work.GO_TO else None
         number = _NUMBER.search(goal.object)
         agent_id = None if number is None or work is Work.GO_TO else int(number[0])
-        yield WorkBegan(at_s, Witness.VEHICLE, told.goal_id.id, work, goal_m, agent_id)
+        yield WorkBegan(at_s, Witness.VEHICLE, content.goal_id.id, work, goal_m, agent_id)
 
-    def _result(self, at_s: float, told: Any) -> Iterator[LoggedFact]:
-        code = GoalCode(told.status.status)
+    def _result(self, at_s: float, content: Any) -> Iterator[LoggedFact]:
+        code = GoalCode(content.status.status)
         is_done = code is GoalCode.SUCCEEDED
         missed = not is_done and code not in _PRE_EMPTED
-        yield WorkEnded(at_s, Witness.VEHICLE, told.status.goal_id.id, is_done, missed)
+        yield WorkEnded(at_s, Witness.VEHICLE, content.status.goal_id.id, is_done, missed)
 
     # Generation B.
 
-    def _go_to_goal(self, at_s: float, told: Any) -> Iterator[LoggedFact]:
-        point = told.goal.T2.point
+    def _go_to_goal(self, at_s: float, content: Any) -> Iterator[LoggedFact]:
+        point = content.goal.T2.point
         self._goal_m = _finite(point.x, point.y)
         return iter(())
 
-    def _goto_status(self, at_s: float, told: Any) -> Iterator[LoggedFact]:
-        yield from self._status(at_s, Work.GO_TO, Work.GO_TO, PrimitiveStatus(told.data))
+    def _goto_status(self, at_s: float, content: Any) -> Iterator[LoggedFact]:
+        yield from self._status(at_s, Work.GO_TO, Work.GO_TO, PrimitiveStatus(content.data))
 
-    def _docking_status(self, at_s: float, told: Any) -> Iterator[LoggedFact]:
-        for fact in self._status(at_s, Work.DOCK, Work.UNDOCK, PrimitiveStatus(told.data)):
+    def _docking_status(self, at_s: float, content: Any) -> Iterator[LoggedFact]:
+        for fact in self._status(at_s, Work.DOCK, Work.UNDOCK, PrimitiveStatus(content.data)):
             self._servo = fact if isinstance(fact, WorkBegan) else None
             yield fact
 
-    def _arms(self, at_s: float, told: Any) -> Iterator[LoggedFact]:
+    def _arms(self, at_s: float, content: Any) -> Iterator[LoggedFact]:
         """Status and services' answers do not tell a docking from an undocking; but an arm opens at once for a docking,
         and for an undocking only after the camera's servo."""
         began = self._servo
-        is_open = any(it > _OPEN for it in told.data)
+        is_open = any(it > _OPEN for it in content.data)
         if began is not None and is_open and at_s - began.at_s < adrift_ms() / 2000:
             self._servo = None
             yield replace(began, work=Work.DOCK)
@@ -224,8 +226,8 @@ class FactReader:
                 at_s, Witness.VEHICLE, key, status is PrimitiveStatus.DONE, status is PrimitiveStatus.IDLE
             )
 
-    def _manual(self, at_s: float, told: Any) -> Iterator[LoggedFact]:
-        yield PilotSteers(at_s, bool(told.data))
+    def _manual(self, at_s: float, content: Any) -> Iterator[LoggedFact]:
+        yield PilotSteers(at_s, bool(content.data))
 
     # aMussels.
 
@@ -233,18 +235,18 @@ class FactReader:
         before = in_full(self._namespace, AMUSSEL).removesuffix(AMUSSEL)
         return _AMUSSEL_TOPIC.match(topic.removeprefix(before)) if topic.startswith(before) else None
 
-    def _of_amussel(self, topic: str, at_s: float, told: Any) -> Iterator[LoggedFact]:
+    def _of_amussel(self, topic: str, at_s: float, content: Any) -> Iterator[LoggedFact]:
         found = self._amussel_topic(topic)
         assert found is not None
         agent_id = int(found[1])
         match found[2]:
             case "position":
-                yield AmusselPlaced(at_s, agent_id, _finite(told.position.north, told.position.east))
+                yield AmusselPlaced(at_s, agent_id, _finite(content.position.north, content.position.east))
             case "battery_level":
-                (percent,) = _finite(told.data)
+                (percent,) = _finite(content.data)
                 yield AmusselCharged(at_s, agent_id, min(1.0, max(0.0, percent / 100)))
             case _:
-                yield from self._static(at_s, agent_id, is_held=told.status == 0)
+                yield from self._static(at_s, agent_id, is_held=content.status == 0)
 
     def _static(self, at_s: float, agent_id: int, *, is_held: bool) -> Iterator[LoggedFact]:
         if is_held and agent_id not in self._held_s:
@@ -262,33 +264,33 @@ class FactReader:
                 del self._held_s[agent_id]
                 yield Held(heard_s, Witness.VEHICLE, agent_id, False)
 
-    def _packet(self, at_s: float, told: Any) -> Iterator[LoggedFact]:
-        if told.medium != RANGE:
-            yield PacketLogged(at_s, told.agent, told.medium, bytes(told.data))
+    def _packet(self, at_s: float, content: Any) -> Iterator[LoggedFact]:
+        if content.medium != RANGE:
+            yield PacketLogged(at_s, content.agent, content.medium, bytes(content.data))
 
-    def _sound(self, at_s: float, told: Any) -> Iterator[LoggedFact]:
-        (range_m,) = _finite(told.range)
-        if (outcome := told.message.partition(" ")[0]) not in _DEAF:
+    def _sound(self, at_s: float, content: Any) -> Iterator[LoggedFact]:
+        (range_m,) = _finite(content.range)
+        if (outcome := content.message.partition(" ")[0]) not in _DEAF:
             yield SoundEnded(at_s, range_m, outcome == _RECEIVED)
 
     # A supervisor of ours.
 
-    def _beliefs(self, at_s: float, told: Any) -> Iterator[LoggedFact]:
-        yield BeliefsReport(at_s, told.mission_time_ms, tuple(told.agents))
+    def _beliefs(self, at_s: float, content: Any) -> Iterator[LoggedFact]:
+        yield BeliefsReport(at_s, content.mission_time_ms, tuple(content.agents))
 
-    def _sample(self, at_s: float, told: Any) -> Iterator[LoggedFact]:
-        yield Posed(at_s, Witness.SUPERVISOR, None, _finite(told.north, told.east))
-        if isfinite(told.battery_fraction):
-            yield BatteryReading(at_s, Witness.SUPERVISOR, told.battery_fraction)
-        held = frozenset(int(it) for it in told.docks if it >= 0)
+    def _sample(self, at_s: float, content: Any) -> Iterator[LoggedFact]:
+        yield Posed(at_s, Witness.SUPERVISOR, None, _finite(content.north, content.east))
+        if isfinite(content.battery_fraction):
+            yield BatteryReading(at_s, Witness.SUPERVISOR, content.battery_fraction)
+        held = frozenset(int(it) for it in content.docks if it >= 0)
         for agent_id in sorted(held ^ self._sample_held):
             yield Held(at_s, Witness.SUPERVISOR, agent_id, agent_id in held)
         self._sample_held = held
 
-    def _event(self, at_s: float, told: Any) -> Iterator[LoggedFact]:
-        data = json.loads(told.data)
-        yield EventReport(at_s, told.mission_time_ms, told.kind, data)
-        if told.kind != PrimitiveChanged.kind or (work := _WORK_OF_PRIMITIVE.get(data["name"])) is None:
+    def _event(self, at_s: float, content: Any) -> Iterator[LoggedFact]:
+        data = json.loads(content.data)
+        yield EventReport(at_s, content.mission_time_ms, content.kind, data)
+        if content.kind != PrimitiveChanged.kind or (work := _WORK_OF_PRIMITIVE.get(data["name"])) is None:
             return
         name, phase = data["name"], data["phase"]
         if phase == "started":
@@ -326,6 +328,6 @@ def _finite(*numbers: float) -> tuple[Any, ...]:
     return tuple(float(it) for it in numbers)
 
 
-def _stamp_s(told: Any) -> float | None:
-    stamp = told.header.stamp
+def _stamp_s(content: Any) -> float | None:
+    stamp = content.header.stamp
     return float(stamp.sec + stamp.nanosec / 1e9) or None

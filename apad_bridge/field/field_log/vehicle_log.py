@@ -28,7 +28,7 @@ from apad_bridge.field.field_log.log_facts import (
 Floats = npt.NDArray[np.float64]
 _SAME_S = 1.5
 """A supervisor's order and the vehicle's begin lie within a tick and a message."""
-Told = TypeVar("Told", Posed, BatteryReading, Held, WorkBegan, WorkEnded)
+LogFact = TypeVar("LogFact", Posed, BatteryReading, Held, WorkBegan, WorkEnded)
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,11 +102,11 @@ class VehicleLog:
 
 
 def vehicle_log(name: str, facts: Sequence[LoggedFact], missing: Iterable[str] = ()) -> VehicleLog:
-    own, told = _works(facts)
-    reported_go_tos = [it for it in told if it.work is Work.GO_TO]
+    own, ordered = _works(facts)
+    reported_go_tos = [it for it in ordered if it.work is Work.GO_TO]
     go_tos = [_with_goal(it, reported_go_tos) for it in own if it.work is Work.GO_TO] or reported_go_tos
     # A supervisor's docking is the whole of it, with what the bench waits; the vehicle's is its mechanism's part.
-    docks = [it for it in told if it.work is not Work.GO_TO] or [
+    docks = [it for it in ordered if it.work is not Work.GO_TO] or [
         it for it in own if it.work is not Work.GO_TO
     ]
     return VehicleLog(
@@ -116,7 +116,7 @@ def vehicle_log(name: str, facts: Sequence[LoggedFact], missing: Iterable[str] =
         works=sorted([*go_tos, *docks], key=lambda it: it.began_s),
         # Generation B names no aMussel, and never reports whether it caught one.
         tries=[it for it in own if it.work is Work.DOCK and it.agent_id is not None]
-        or [it for it in told if it.work is Work.DOCK],
+        or [it for it in ordered if it.work is Work.DOCK],
         servos=[it for it in own if it.work is not Work.GO_TO and it.agent_id is None],
         held=_held(_better([it for it in facts if isinstance(it, Held)])),
         sounds=[it for it in facts if isinstance(it, SoundEnded)],
@@ -124,9 +124,9 @@ def vehicle_log(name: str, facts: Sequence[LoggedFact], missing: Iterable[str] =
     )
 
 
-def _better(told: list[Told]) -> list[Told]:
+def _better(found: list[LogFact]) -> list[LogFact]:
     """The vehicle's own word, or else that of a supervisor."""
-    return [it for it in told if it.witness is Witness.VEHICLE] or told
+    return [it for it in found if it.witness is Witness.VEHICLE] or found
 
 
 def _track(poses: list[Posed]) -> Track:
@@ -141,8 +141,8 @@ def _track(poses: list[Posed]) -> Track:
     return Track(at_s[order], places[order, 0], places[order, 1])
 
 
-def _battery(told: list[BatteryReading]) -> BatteryReadings:
-    ordered = sorted(told, key=lambda it: it.at_s)
+def _battery(found: list[BatteryReading]) -> BatteryReadings:
+    ordered = sorted(found, key=lambda it: it.at_s)
     return BatteryReadings(np.array([it.at_s for it in ordered]), np.array([it.fraction for it in ordered]))
 
 
@@ -179,18 +179,18 @@ def _works(facts: Iterable[LoggedFact]) -> tuple[list[Done], list[Done]]:
     return done[Witness.VEHICLE], done[Witness.SUPERVISOR]
 
 
-def _with_goal(done: Done, told: list[Done]) -> Done:
+def _with_goal(done: Done, found: list[Done]) -> Done:
     """Generation B's services leave no goal in a log: that of the supervisor's go-to that began at the same time."""
     if done.goal_m is not None:
         return done
-    goals = [it.goal_m for it in told if abs(it.began_s - done.began_s) <= _SAME_S]
+    goals = [it.goal_m for it in found if abs(it.began_s - done.began_s) <= _SAME_S]
     return replace(done, goal_m=goals[-1]) if goals else done
 
 
-def _held(told: list[Held]) -> list[tuple[float, int]]:
+def _held(found: list[Held]) -> list[tuple[float, int]]:
     docked: set[int] = set()
     counts: list[tuple[float, int]] = []
-    for it in sorted(told, key=lambda it: it.at_s):
+    for it in sorted(found, key=lambda it: it.at_s):
         (docked.add if it.is_held else docked.discard)(it.agent_id)
         counts.append((it.at_s, len(docked)))
     return counts

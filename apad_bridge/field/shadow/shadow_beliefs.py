@@ -71,10 +71,10 @@ class ShadowBeliefs:
         """Their topics carry no state: such an aMussel is taken to float, and to charge while a dock holds it."""
         if agent_id in self._sends or agent_id in self._believed or agent_id not in self.ids:
             return []
-        place_before, charge_before, told_ms = self._topics.get(agent_id, (None, None, -_TOPIC_PERIOD_MS))
+        place_before, charge_before, sent_ms = self._topics.get(agent_id, (None, None, -_TOPIC_PERIOD_MS))
         place_m, charge = place_m or place_before, charge_before if charge is None else charge
-        is_due = place_m is not None and charge is not None and now_ms >= told_ms + _TOPIC_PERIOD_MS
-        self._topics[agent_id] = place_m, charge, now_ms if is_due else told_ms
+        is_due = place_m is not None and charge is not None and now_ms >= sent_ms + _TOPIC_PERIOD_MS
+        self._topics[agent_id] = place_m, charge, now_ms if is_due else sent_ms
         if not is_due or place_m is None or charge is None:
             return []
         state = State.CHARGING if is_docked else State.FLOATING
@@ -83,14 +83,14 @@ class ShadowBeliefs:
             StatusPacket(agent_id, 0, state, charge, 1.0, *place_m, depth_m=0.0, agent_ms=stamp_ms), now_ms
         )
 
-    def of_others(self, told: BeliefsReport, now_ms: MissionMs) -> list[StatusPacket]:
+    def of_others(self, report: BeliefsReport, now_ms: MissionMs) -> list[StatusPacket]:
         """A supervisor's fresh belief is what the packet said; nothing else of it counts here."""
         believed: list[StatusPacket] = []
-        for row in told.rows:
+        for row in report.rows:
             self._believed.add(row.id)
             if row.id in self._sends or row.age_s > _FRESH_S:
                 continue
-            stamp_ms = round(self._scale.agent_time(told.mission_ms - 1000 * float(row.age_s)))
+            stamp_ms = round(self._scale.agent_time(report.mission_ms - 1000 * float(row.age_s)))
             charge, secondary = (min(1.0, max(0.0, float(it))) for it in (row.charge, row.secondary))
             place_m, state = (row.north, row.east), State(row.state)
             status = StatusPacket(

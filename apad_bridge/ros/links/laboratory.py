@@ -54,9 +54,9 @@ class Laboratory:
     @property
     def outlets(self) -> dict[RelayOutcome, Outlet]:
         return {
-            RelayOutcome.TELL_PACKET: self._publish_packet,
-            RelayOutcome.TELL_WIFI: self._publish_wifi,
-            RelayOutcome.TELL_COMMAND: self._publish_command,
+            RelayOutcome.PUBLISH_PACKET: self._publish_packet,
+            RelayOutcome.PUBLISH_WIFI: self._publish_wifi,
+            RelayOutcome.PUBLISH_COMMAND: self._publish_command,
         }
 
     def take(self, now_ms: MissionMs) -> list[RelayedPacket]:

@@ -83,7 +83,7 @@ class ByConsensus:
         terms = Terms(lease_ms, clock_error_ms, margin_ms)
         self.parts = {name: Jurisdiction(name, states, names, terms) for name in names}
         self._mesh = Mesh(consensus, names, scenario.seed)
-        self._told: dict[str, dict[int, Belief]] = {name: {} for name in names}
+        self._exchanged: dict[str, dict[int, Belief]] = {name: {} for name in names}
         self._taken_ms: dict[str, dict[int, int]] = {name: {} for name in names}
         """The time at which each aPad took an aMussel on."""
 
@@ -91,22 +91,22 @@ class ByConsensus:
         self, name: str, start_m: tuple[float, float], flight: Flight, now_ms: MissionMs
     ) -> list[HandedOn | TookOn]:
         """Exchanges messages, and has the flight serve the aMussels that are granted. Returns the changes."""
-        supervisor, part, told = flight.supervisor, self.parts[name], self._told[name]
+        supervisor, part, exchanged = flight.supervisor, self.parts[name], self._exchanged[name]
         for message in self._mesh.take(name, now_ms):
             part.receive(message.states)
-            _merge(told, message.beliefs.values())
-        _merge(told, supervisor.allocation.all())
+            _merge(exchanged, message.beliefs.values())
+        _merge(exchanged, supervisor.allocation.all())
         view, state = view_of(name, start_m, supervisor), supervisor.mission.state
         busy, docked = busy_with(state), frozenset(dict(state.docked).values())
         movable_m = {it: view.places_m[it] for it in view.movable}
         part.advance(OwnSight(view.is_down, movable_m, busy, docked), now_ms)
-        self._mesh.send(name, Message(tuple(part.known.values()), dict(told)), now_ms)
+        self._mesh.send(name, Message(tuple(part.known.values()), dict(exchanged)), now_ms)
         left = sorted(supervisor.allocation.served - part.granted - busy)
         for agent_id in left:
             flight.stop_serving(agent_id)
         taken = sorted(part.granted - supervisor.allocation.served)
         for agent_id in taken:
-            supervisor.start_serving(agent_id, told.get(agent_id))
+            supervisor.start_serving(agent_id, exchanged.get(agent_id))
             self._taken_ms[name][agent_id] = now_ms
         supervisor.allocation.barred = self._barred(name, supervisor) - docked
         return [*map(HandedOn, left), *map(TookOn, taken)]
@@ -121,8 +121,8 @@ class ByConsensus:
         return served - (granted - unheard)
 
 
-def _merge(told: dict[int, Belief], beliefs: Iterable[Belief]) -> None:
+def _merge(exchanged: dict[int, Belief], beliefs: Iterable[Belief]) -> None:
     """Keeps the newest belief of each aMussel."""
     for it in beliefs:
-        if it.agent_id not in told or told[it.agent_id].at_ms < it.at_ms:
-            told[it.agent_id] = it
+        if it.agent_id not in exchanged or exchanged[it.agent_id].at_ms < it.at_ms:
+            exchanged[it.agent_id] = it

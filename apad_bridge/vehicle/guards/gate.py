@@ -15,9 +15,9 @@ from apad_bridge.events.event import Event
 from apad_bridge.events.guard_events import (
     SURFACING,
     OrderRefused,
-    PilotTold,
-    PositionErrorTold,
-    WatchdogTold,
+    PositionErrorReported,
+    SteeringReported,
+    WatchdogReported,
 )
 from apad_bridge.vehicle.commands import (
     PRIMITIVE_NAMES,
@@ -146,7 +146,7 @@ class Gate:
         """Takes what the vehicle's watchdog said since the last tick; a line when it stops watching or begins again."""
         if self.watchdog.look(said, now_ms):
             fault = self.watchdog.fault
-            self.events.append(WatchdogTold(not fault, fault or None))
+            self.events.append(WatchdogReported(not fault, fault or None))
 
     def why_not_continue(self, number: int | None, now_ms: int, *, pilot_left: bool = False) -> str:
         """The reason why a person's word to continue after stop `number` changes nothing; or empty.
@@ -188,7 +188,7 @@ class Gate:
             elif isinstance(fact, PilotReported):
                 pilot = PILOT_UNKNOWN if fact.steers is None else PILOT_STEERS if fact.steers else ""
                 if pilot != self.pilot:
-                    self.events.append(PilotTold(fact.steers))
+                    self.events.append(SteeringReported(fact.steers))
                     self.latch.turn()
                 self.pilot = pilot
             elif isinstance(fact, DockClosed):
@@ -200,7 +200,7 @@ class Gate:
         self.watch.take(pose)
         if self.watch.noise.is_too_great != was_too_noisy:
             error_m = round(self.watch.noise.place_error_m, 2)
-            self.events.append(PositionErrorTold(error_m, self.watch.limits.error_m, not was_too_noisy))
+            self.events.append(PositionErrorReported(error_m, self.watch.limits.error_m, not was_too_noisy))
 
     def situation(self, now_ms: int) -> VehicleSituation:
         return VehicleSituation(

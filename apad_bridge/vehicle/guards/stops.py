@@ -63,7 +63,7 @@ class StopRecord:
     rest_ms: int | None = None
     not_obeyed: str = ""
     """The reason to say that the hull goes on in spite of the stop; empty while it obeys, or nobody can tell yet."""
-    untold: str = ""
+    unobserved: str = ""
     """The reason why nobody can tell if the hull obeys a stop that was taken; empty where somebody can."""
     place_m: Point | None = None
     """The place (north, east) that a HOLD keeps: the one where it first went out."""
@@ -185,7 +185,7 @@ class Stops:
         """The command by which the stop in force went out last."""
         self._restored_number: int | None = None
         """The number of the stop that a former supervisor left in force."""
-        self._is_told = False
+        self._is_reported = False
         """The operator was told that the vehicle has not taken it, in this mode."""
         self._awaited_ms: int | None = None
         """Since when the vehicle owes its acceptance, of which the operator was not told. A HOLD that becomes OFF
@@ -234,7 +234,7 @@ class Stops:
         """A new stop is ordered, and is in force. It stills the arms if the one before it did."""
         stills = stills_arms or (self.in_force is not None and self.in_force.stills_arms)
         self._latch.turn()
-        self._command_id, self._is_told = None, False
+        self._command_id, self._is_reported = None, False
         stop = StopRecord(
             self._state.next_number, kind, by, reason, now_ms, is_persons=is_persons, stills_arms=stills
         )
@@ -249,14 +249,14 @@ class Stops:
         """A HOLD in force becomes OFF, for this reason, under the same number."""
         assert self.in_force is not None
         self._latch.turn()
-        self._is_told = False
+        self._is_reported = False
         off = replace(self.in_force, kind=StopKind.OFF, place_m=None)
         self._emit(off, StopState.ORDERED, now_ms, reason)
 
     def order_again(self, reason: str, now_ms: int) -> None:
         """The vehicle moves in spite of the stop, for this reason: what it had taken it has to take anew."""
         if self.in_force is not None and self.in_force.taken_ms is not None:
-            self._is_told = False
+            self._is_reported = False
             self._emit(self.in_force, StopState.ORDERED, now_ms, reason)
 
     def sent(self, command_id: int, now_ms: int, here_m: Point | None) -> None:
@@ -280,8 +280,8 @@ class Stops:
 
     def failed(self, reason: str, now_ms: int) -> None:
         """The vehicle has not taken it, and it is sent again; told once."""
-        if self.in_force is not None and self.in_force.taken_ms is None and not self._is_told:
-            self._is_told, self._awaited_ms = True, None
+        if self.in_force is not None and self.in_force.taken_ms is None and not self._is_reported:
+            self._is_reported, self._awaited_ms = True, None
             self._emit(self.in_force, StopState.NOT_TAKEN, now_ms, reason)
 
     def obeyed(self, now_ms: int) -> None:
@@ -292,8 +292,8 @@ class Stops:
     def blind(self, reason: str) -> None:
         """Nobody can tell if the hull obeys, for this reason; empty where somebody can again. The journal keeps it not."""
         stop = self.in_force
-        if stop is not None and stop.taken_ms is not None and bool(stop.untold) != bool(reason):
-            blind = replace(stop, untold=reason)
+        if stop is not None and stop.taken_ms is not None and bool(stop.unobserved) != bool(reason):
+            blind = replace(stop, unobserved=reason)
             self._state = StopsState(blind if self.newest is stop else self.newest, blind)
 
     def disobeyed(self, reason: str, now_ms: int) -> None:
@@ -312,7 +312,7 @@ class Stops:
         return (
             stop is not None
             and stop.taken_ms is None
-            and not self._is_told
+            and not self._is_reported
             and self._awaited_ms is not None
             and now_ms - self._awaited_ms >= patience_ms
         )

@@ -104,8 +104,8 @@ static void execute(enum kind kind, const uint8_t *data) {
     case PERMISSION: execute_with_trigger(kind, PERMISSION_HEARD, 0); break;
     case RELEASE: execute_with_trigger(kind, CLEAR_TO_SINK, 0); break;
     case PING: execute_with_trigger(kind, PING_HEARD, 0); break;
-    case HOVER: execute_with_trigger(kind, HOVER_TOLD, depth_mm); break;
-    case SINK: execute_with_trigger(kind, SINK_TOLD, 0); break;
+    case HOVER: execute_with_trigger(kind, HOVER_ORDERED, depth_mm); break;
+    case SINK: execute_with_trigger(kind, SINK_ORDERED, 0); break;
     }
 }
 

@@ -148,7 +148,7 @@ RUNS = {
         "--trace",
         Exit.DONE,
         r".*0:59:56.404  SLEEPING -ALARM_RANG-> SAMPLING.*1:59:58.202  SLEEPING -ALARM_RANG-> SAMPLING"
-        r".*2:07:12.000  FLOATING -SINK_TOLD-> SINKING.*",
+        r".*2:07:12.000  FLOATING -SINK_ORDERED-> SINKING.*",
     ),
     "a backup": (
         LONG % ("backup", "wait"),

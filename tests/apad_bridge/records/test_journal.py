@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from apad_bridge.events.all_events import UnknownEvent, event_of
 from apad_bridge.events.fleet_events import BeliefChanged, Presence, PresenceChanged, TruthChanged
 from apad_bridge.events.mission_events import DockSwitched, LegBegan
-from apad_bridge.events.person_events import ScriptTold
+from apad_bridge.events.person_events import ScriptReported
 from apad_bridge.events.run_events import RunEnded, TickPassed
 from apad_bridge.events.sound_events import LinksRead, PacketPassed
 from apad_bridge.records.journal import (
@@ -146,7 +146,7 @@ def test_a_journal_says_its_format_in_its_first_line(path):
         (DockSwitched(99, 1, True), "`dock` with a wrong `dock`"),
         (DockSwitched(True, 1, True), "`dock` with a wrong `dock`"),
         (PresenceChanged(1, "lost", "me"), "`presence` with a wrong `is`"),  # type: ignore[arg-type]
-        (ScriptTold(5), "`script` with a wrong `said`"),  # type: ignore[arg-type]
+        (ScriptReported(5), "`script` with a wrong `said`"),  # type: ignore[arg-type]
     ],
 )
 def test_an_event_with_a_wrong_value_is_our_own_mistake(journal, path, event, why):
@@ -214,9 +214,9 @@ def test_a_journal_of_before_the_first_release_is_refused_in_one_line_and_a_newe
         LinksRead([(1, None, 0.5, 0, None)], None),
         PresenceChanged(1, Presence.REAL, "me"),
         BeliefChanged(1, 0, State.FLOATING, 0.5, 1.0, 2.0, 3.0),
-        ScriptTold(what="leak", own={"litres": [1, {"a": None}]}),
+        ScriptReported(what="leak", own={"litres": [1, {"a": None}]}),
         UnknownEvent("leak", {"litres": 2}),
-        ScriptTold(said="caf\udce9.yaml"),  # a name of bytes that are no text
+        ScriptReported(said="caf\udce9.yaml"),  # a name of bytes that are no text
     ],
 )
 def test_an_event_is_read_as_it_was_written_with_its_tuples_and_enums(path, event):

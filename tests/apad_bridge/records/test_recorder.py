@@ -24,7 +24,7 @@ from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.beliefs.belief import Belief, CapacityLeft
 from apad_bridge.events.fleet_events import ProcessDied
 from apad_bridge.events.mission_events import LegBegan, MissionEnd
-from apad_bridge.events.person_events import ScriptTold
+from apad_bridge.events.person_events import ScriptReported
 from apad_bridge.events.run_events import EndReason, RunResumed
 from apad_bridge.mission.facts import PlacedSample
 from apad_bridge.records.journal import read_journal
@@ -345,13 +345,13 @@ def test_depth_in_the_bag_is_the_bodys(scenario, buoyancy):
 
 def test_a_disk_that_takes_no_more_is_one_error_and_the_records_are_whole(recorder, files_of_at_most):
     for second in range(1, 40):
-        recorder.event(1000 * second, ScriptTold("x" * 400))
+        recorder.event(1000 * second, ScriptReported("x" * 400))
         at(1000 * second)(recorder)
     with files_of_at_most(recorder._directory.journal.stat().st_size + 100):
-        recorder.event(40_000, ScriptTold("x" * 400))
+        recorder.event(40_000, ScriptReported("x" * 400))
         with pytest.raises(RecordsFailed, match=f"the disk of {recorder._directory.path} takes no more"):
             at(40_000)(recorder)
-        recorder.event(41_000, ScriptTold("x"))
+        recorder.event(41_000, ScriptReported("x"))
         at(41_000)(recorder)
     recorder.close()
     assert_whole(recorder._directory.path)

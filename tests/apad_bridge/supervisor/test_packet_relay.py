@@ -65,10 +65,10 @@ def test_a_laboratory_is_told_what_this_process_sends_and_nothing_of_others(
     def told(source: PacketOrigin, medium: Carriage) -> set[RelayOutcome]:
         return set(outcomes(source, standing, medium)) - FOR_OTHERS
 
-    assert told(AMUSSEL, Medium.SOUND) == {RelayOutcome.TELL_PACKET}
-    assert told(AMUSSEL, Medium.WIFI) == {RelayOutcome.TELL_WIFI}
+    assert told(AMUSSEL, Medium.SOUND) == {RelayOutcome.PUBLISH_PACKET}
+    assert told(AMUSSEL, Medium.WIFI) == {RelayOutcome.PUBLISH_WIFI}
     assert not told(SUPERVISOR, RANGE)
-    assert told(SUPERVISOR, Medium.SOUND) == told(SUPERVISOR, Medium.WIFI) == {RelayOutcome.TELL_COMMAND}
+    assert told(SUPERVISOR, Medium.SOUND) == told(SUPERVISOR, Medium.WIFI) == {RelayOutcome.PUBLISH_COMMAND}
     for source in set(PacketOrigin) - {AMUSSEL, SUPERVISOR}:
         assert not told(source, Medium.SOUND) and not told(source, Medium.WIFI)
 

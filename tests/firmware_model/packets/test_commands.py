@@ -167,7 +167,7 @@ def test_it_sinks_when_told_from_wherever_it_can(bench: Bench, state: State, scr
 def test_docked_it_does_not_sink() -> None:
     bench = Bench(board(HOURLY, power()), docked=True)
     bench.run(minutes=1)
-    assert "CHARGING does not take SINK_TOLD" in str(bench.command(Kind.SINK))
+    assert "CHARGING does not take SINK_ORDERED" in str(bench.command(Kind.SINK))
 
 
 WORST = BoardConfig(1, WORST_CASE, 50, 2000, 12 * HOUR, 120_000)

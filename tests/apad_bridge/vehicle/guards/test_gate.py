@@ -20,8 +20,8 @@ from apad_bridge.events.guard_events import (
     GuardReacted,
     OrderRefused,
     OthersCommanded,
-    PilotTold,
     Reaction,
+    SteeringReported,
     StopChanged,
     StopKind,
     StopState,
@@ -189,7 +189,7 @@ LINES: dict[type, Callable[[Any], str]] = {
     OrderRefused: lambda it: f"refused: {it.guard}",
     GuardReacted: lambda it: f"{it.kind}: {it.cause}",
     DangerOver: lambda it: f"{it.kind}: {it.cause}",
-    PilotTold: lambda it: f"{it.kind}: {it.steers}",
+    SteeringReported: lambda it: f"{it.kind}: {it.steers}",
     OthersCommanded: lambda it: f"{it.kind}: {it.client}",
 }
 

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from apad_bridge.events.guard_events import PositionErrorTold
+from apad_bridge.events.guard_events import PositionErrorReported
 from apad_bridge.vehicle.commands import PoseReported
 from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.guards.position_noise import PLACE_ERROR_M
@@ -483,17 +483,17 @@ def test_a_link_that_loses_packets_is_no_growing_delay(creep_ppm: int) -> None:
 
 def lines_of_a_way(
     deviation_m: Callable[[int], float], seed: int = 7, expected_m: float = 0.5
-) -> list[tuple[int, PositionErrorTold]]:
+) -> list[tuple[int, PositionErrorReported]]:
     """Twenty minutes between two places, 12 m apart, at 0.5 m/s, with white noise of this deviation on each axis."""
     noise = random.Random(seed)
     gate = Gate([], PositionWatch(replace(LIMITS, error_m=expected_m)))
-    told: list[tuple[int, PositionErrorTold]] = []
+    told: list[tuple[int, PositionErrorReported]] = []
     for second in range(1200):
         way_m, error_m = 0.5 * (second % 48), deviation_m(second)
         north_m = (way_m if way_m < 12 else 24 - way_m) + noise.gauss(0.0, error_m)
         pose = PoseReported(1000 * second, north_m, noise.gauss(0.0, error_m), 0.0, 1000 * second)
         gate.observe([pose])
-        told += [(second, it) for it in gate.events if isinstance(it, PositionErrorTold)]
+        told += [(second, it) for it in gate.events if isinstance(it, PositionErrorReported)]
         gate.events.clear()
     return told
 

@@ -8,7 +8,7 @@ import pytest
 from stack_benches import real_limits, scenario
 
 from apad_bridge.assembly.safety import safety_of
-from apad_bridge.events.guard_events import GuardReacted, StopChanged, WatchdogTold
+from apad_bridge.events.guard_events import GuardReacted, StopChanged, WatchdogReported
 from apad_bridge.scenario.choices import Generation
 from apad_bridge.scenario.guard_options import WhenUnwatched
 from apad_bridge.vehicle.commands import GoTo, Hold, PoseReported
@@ -84,7 +84,7 @@ def test_a_lost_watchdog_is_an_alarm_and_the_aPad_goes_on(reaction: WhenUnwatche
     flight.seconds(18, None)
     assert not flight.vehicle.gate.awaits_person
     flight.seconds(2, "WATCHING")
-    alarm, relief = (it for it in flight.events if isinstance(it, WatchdogTold))
+    alarm, relief = (it for it in flight.events if isinstance(it, WatchdogReported))
     assert (alarm.watches, relief.watches) == (False, True) and "nothing stops the aPad" in alarm.text()
     assert not any(isinstance(it, StopChanged) for it in flight.events)
 
