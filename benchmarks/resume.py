@@ -18,7 +18,7 @@ from apad_bridge.assembly import flight_parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.beliefs.fleet_beliefs import FleetBeliefs
 from apad_bridge.records.checkpoint import PERIOD_MS, ROWS, Checkpoint, restore
-from apad_bridge.scenario.estimator_options import Beliefs, EstimatorKind, TwinModel
+from apad_bridge.scenario.blocks.estimator_options import Beliefs, EstimatorKind, TwinModel
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import RandomStart, Scenario
 from benchmarks.rows import told

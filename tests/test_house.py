@@ -86,7 +86,7 @@ def test_no_process_of_ours_reads_pickles() -> None:
 
 
 def test_only_the_plugin_of_firmware_model_imports_pytest() -> None:
-    plugins = (Path("firmware_model/bench/pytest_plugin.py"), Path("agents/mussel/pytest_plugin.py"))
+    plugins = (Path("firmware_model/bench/pytest_plugin.py"), Path("agents/mussel/port/pytest_plugin.py"))
     assert set(files_that_import({"pytest"})) <= set(plugins)
 
 

@@ -47,8 +47,8 @@ if TYPE_CHECKING:
     from agents.mussel.defects import Defects
     from agents.mussel.failing_flash import FailingFlash
     from agents.mussel.logbook import Logbook
-    from agents.mussel.others_firmware import OthersFirmware
-    from agents.mussel.peripherals import MeasuredWorld
+    from agents.mussel.port.others_firmware import OthersFirmware
+    from agents.mussel.port.peripherals import MeasuredWorld
     from firmware_model.sampling.flash import Flash
 
 
@@ -143,7 +143,7 @@ class Agent:
         return FailingFlash(kept or MemoryFlash(), self._failing)
 
     def _firmware_of_others(self) -> OthersFirmware:
-        from agents.mussel.others_firmware import OthersFirmware
+        from agents.mussel.port.others_firmware import OthersFirmware
 
         config = self.config
         return OthersFirmware(config.firmware, config.board, config.water.seed, config.reports.modem)
@@ -161,7 +161,7 @@ class Agent:
             from agents.mussel.logbook import Logbook
 
             return Logbook(self._agent_id, sensors, flash, *registers), None
-        from agents.mussel.peripherals import MeasuredWorld
+        from agents.mussel.port.peripherals import MeasuredWorld
 
         return None, MeasuredWorld(flash, body, sensors.read, *registers)
 

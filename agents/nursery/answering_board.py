@@ -26,7 +26,7 @@ _STATES = (State.ACTIVE, State.FLOATING)
 
 
 class AnsweringBoard:
-    """An `agents.mussel.firmware_process.Program` that answers as soon as the bench writes."""
+    """An `agents.mussel.port.firmware_process.Program` that answers as soon as the bench writes."""
 
     pid = 0
 

@@ -80,8 +80,8 @@ def warm_up_port(config: AgentConfig, codec: Codec) -> None:
     Without it each agent would import and specialise that code after the fork, in memory of its own.
     """
     # Imported here: most fleets have no firmware but ours.
-    from agents.mussel.firmware_process import FirmwareChild, FirmwareProcess
-    from agents.mussel.port_firmware import PortFirmware
+    from agents.mussel.port.firmware_process import FirmwareChild, FirmwareProcess
+    from agents.mussel.port.port_firmware import PortFirmware
     from agents.nursery.answering_board import AnsweringBoard
 
     def firmware(hardware: WorstCaseHardware) -> FirmwareLike:

@@ -56,8 +56,8 @@ from statistics import fmean
 
 from apad_bridge.assembly.estimator import schedules
 from apad_bridge.assembly.scenario_energy_model import drain_per_min_of
+from apad_bridge.scenario.blocks.mission_options import DockingProfile
 from apad_bridge.scenario.firmware_config import board_config, sinking_of, spread_of, takes_samples
-from apad_bridge.scenario.mission_options import DockingProfile
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.scenario.starts_table import Start

@@ -28,7 +28,7 @@ from apad_bridge.beliefs.twin_parameters import (
     UntoldParameters,
     WaterParameters,
 )
-from apad_bridge.scenario.estimator_options import TwinModel
+from apad_bridge.scenario.blocks.estimator_options import TwinModel
 from apad_bridge.scenario.schema import DriftMode, HearingMode, Positioning, Scenario
 from firmware_model.config import PATH_UNIT, BoardConfig, FullFirmware, timeslots_of
 from firmware_model.power.charge import FULL, MS_PER_HOUR, MS_PER_MIN, ChargeModel, Segments

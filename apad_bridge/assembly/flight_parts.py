@@ -21,8 +21,8 @@ from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.flight_mission import FlightMission, MissionRole
 from apad_bridge.mission.going_home import HomeStays
 from apad_bridge.mission.manual import ManualMission
-from apad_bridge.mission.plan_checks import Planning
-from apad_bridge.mission.planner import PlanRules
+from apad_bridge.mission.policy.plan_checks import Planning
+from apad_bridge.mission.policy.planner import PlanRules
 from apad_bridge.mission.sources import Allocation
 from apad_bridge.planning import registry
 from apad_bridge.planning.dispatch_rule import Horizon

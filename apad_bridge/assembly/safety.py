@@ -14,14 +14,14 @@ from dataclasses import dataclass
 from apad_bridge.assembly.stacks import adrift_ms, stacks
 from apad_bridge.events.guard_events import Reaction
 from apad_bridge.scenario.area.fence import fence_of
-from apad_bridge.scenario.guard_options import GuardOptions, WhenOutside, WhenUnwatched
+from apad_bridge.scenario.blocks.guard_options import GuardOptions, WhenOutside, WhenUnwatched
+from apad_bridge.scenario.blocks.mission_options import DockingProfile
 from apad_bridge.scenario.hull_in_flow import (
     LegForecast,
     fastest_drift_m_s,
     free_drift_m_s,
     surface_of,
 )
-from apad_bridge.scenario.mission_options import DockingProfile
 from apad_bridge.scenario.schema import APad, Scenario
 from apad_bridge.scenario.starts_table import Start
 from apad_bridge.vehicle.guards.frozen_position import NEVER_MS

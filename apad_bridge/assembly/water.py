@@ -11,7 +11,7 @@ from apad_bridge.acoustics.schedule import ASK_AGAIN_MS, ScheduleConfig
 from apad_bridge.assembly.estimator import readings_apart_ms
 from apad_bridge.beliefs.pings import PingForCharge, PingForPlace, PingSuspects
 from apad_bridge.beliefs.questions import candidate_below
-from apad_bridge.scenario.mission_options import Suspects
+from apad_bridge.scenario.blocks.mission_options import Suspects
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.water.water_options import Fields, Water
 from firmware_model.config import FullFirmware

@@ -93,7 +93,7 @@ class Belief:
     silent_timeslots: int = 0
     """Timeslots since the newest packet in which a packet was due and none was received.
 
-    Silence makes no aMussel suspect. `mission/pool.py` decides if a silent one is fetched.
+    Silence makes no aMussel suspect. `mission/policy/pool.py` decides if a silent one is fetched.
     """
     suspicion: Suspicion | None = None
     """None for an aMussel whose packets can all be true."""

@@ -1,4 +1,4 @@
-"""A twin's state of one aMussel, and its prediction in time.
+"""A twin's state of one aMussel, and its prediction in time, in which its uncertainty grows.
 
 The charges stand at an anchor: the last time at which they were measured, or a dock caught or released the aMussel. The
 charge spent since is kept apart (`Load`), so that time passes in closed form and frequent queries add no rounding.

@@ -15,7 +15,7 @@ from typing import Protocol
 
 from agents.nursery.protocol import is_of_our_user
 from apad_bridge.records.run_directory import RunDirectory
-from apad_bridge.scenario.text_file import write_atomically
+from apad_bridge.scenario.text.text_file import write_atomically
 from apad_bridge.supervisor.control_protocol import SOCKET_NAME, short_path
 from apad_bridge.supervisor.control_server import refused_line
 from apad_bridge.supervisor.line_server import LineServer

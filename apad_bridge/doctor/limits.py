@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from apad_bridge.doctor.finding import Finding, cannot_tell, fail, ok, warn
 from apad_bridge.scenario.area.fence import Fence
-from apad_bridge.scenario.guard_options import LOOK_MS, GuardOptions
+from apad_bridge.scenario.blocks.guard_options import LOOK_MS, GuardOptions
 
 
 # The clearance that a vehicle needs to come to rest inside its waters, and the speed that a clearance allows.

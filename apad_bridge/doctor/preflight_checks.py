@@ -32,8 +32,8 @@ from apad_bridge.doctor.network import Unreachable, call_for_reply, connect
 from apad_bridge.doctor.positions import PositionSample, check_gps, check_lag, check_loss, check_position
 from apad_bridge.ros_names.names import CLOCK, USE_SIM_TIME, below_apad, in_full, is_one_of_several, ours
 from apad_bridge.scenario.area.fence import fence_of
+from apad_bridge.scenario.blocks.guard_options import GuardOptions
 from apad_bridge.scenario.choices import Generation
-from apad_bridge.scenario.guard_options import GuardOptions
 from apad_bridge.scenario.hull_in_flow import fastest_drift_m_s, hardest_metre
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts_table import Start

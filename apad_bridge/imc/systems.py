@@ -18,7 +18,7 @@ from pathlib import Path
 from apad_bridge.imc import protocol as imc
 from apad_bridge.records.run_directory import RunDirectoryError
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.scenario.text_file import write_atomically
+from apad_bridge.scenario.text.text_file import write_atomically
 
 APADS, AMUSSELS = 0x2A00, 0x9A00
 _APADS_RANGE, _AMUSSELS_RANGE = 0x0200, 0x0600

@@ -8,11 +8,11 @@ from agents.time_scale import MissionMs
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.events.mission_events import Phase, StepGivenUp
 from apad_bridge.mission.docking.docking_routine import DockingRoutine, DockingStep, GivenUp, OutOfReach
-from apad_bridge.mission.docking.docking_tries import StepTries
 from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.phase_behaviour import PhaseAct, PhaseBehaviour
-from apad_bridge.mission.planner import Planner
-from apad_bridge.mission.reach import Reach
+from apad_bridge.mission.policy.docking_tries import StepTries
+from apad_bridge.mission.policy.planner import Planner
+from apad_bridge.mission.policy.reach import Reach
 from apad_bridge.mission.sources import BeliefSource
 
 ANOTHER_BOARD = "another board has its id now, and has not been heard"

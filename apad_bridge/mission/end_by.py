@@ -7,8 +7,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from agents.time_scale import MissionMs
+from apad_bridge.scenario.blocks.mission_options import Mission
 from apad_bridge.scenario.hull_in_flow import FlowNow, LegForecast
-from apad_bridge.scenario.mission_options import Mission
 
 Point = tuple[float, float]
 SLOWER = 0.8

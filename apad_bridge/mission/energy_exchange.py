@@ -15,7 +15,6 @@ from agents.time_scale import MissionMs
 from apad_bridge.events.mission_events import MissionEnd, MissionState, Phase, StandsDown, StepGivenUp, Stuck
 from apad_bridge.events.person_events import Steering
 from apad_bridge.events.run_events import EndReason
-from apad_bridge.mission.believed_dispatch import Docked, Due
 from apad_bridge.mission.collecting import ANOTHER_BOARD, Collecting
 from apad_bridge.mission.docking.docking_routine import DockingRoutine, Progress
 from apad_bridge.mission.docking.docking_search import NOT_FOUND
@@ -23,10 +22,11 @@ from apad_bridge.mission.going_home import NO_HOME, GoingHome, HomeStays
 from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.orders import MissionAction, SendCommand
 from apad_bridge.mission.phase_behaviour import PhaseAct, PhaseBehaviour
-from apad_bridge.mission.plan_checks import Planning, StrategyFailed, without_progress
-from apad_bridge.mission.planner import Planner, PlanRules
-from apad_bridge.mission.pool import floats
-from apad_bridge.mission.reach import Reach
+from apad_bridge.mission.policy.believed_dispatch import Docked, Due
+from apad_bridge.mission.policy.plan_checks import Planning, StrategyFailed, without_progress
+from apad_bridge.mission.policy.planner import Planner, PlanRules
+from apad_bridge.mission.policy.pool import floats
+from apad_bridge.mission.policy.reach import Reach
 from apad_bridge.mission.sink_reminders import SinkReminders
 from apad_bridge.mission.sources import BeliefSource
 from apad_bridge.mission.stand_down_rule import Breakdown

@@ -11,7 +11,7 @@ from apad_bridge.events.run_events import EndReason
 from apad_bridge.mission.end_by import EndBy
 from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.phase_behaviour import PhaseAct, PhaseBehaviour
-from apad_bridge.mission.planner import Planner
+from apad_bridge.mission.policy.planner import Planner
 from apad_bridge.scenario.schema import DockedAtHome, Home, Unavailable
 
 HOME_AGAIN_MS = 10_000

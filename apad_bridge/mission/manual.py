@@ -15,16 +15,16 @@ from agents.time_scale import MissionMs
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.input_ranges import FARTHEST_M
 from apad_bridge.events.mission_events import PRE_EMPTED, MissionEnd, MissionState, Phase, StepGivenUp
-from apad_bridge.mission.charged_enough import is_full
 from apad_bridge.mission.docking.docking_routine import DockingRoutine, GivenUp, OutOfReach, Progress
 from apad_bridge.mission.docking.docking_search import NOT_FOUND
-from apad_bridge.mission.home_places import HomePlaces
 from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.orders import MissionAction, SendCommand
+from apad_bridge.mission.policy.charged_enough import is_full
+from apad_bridge.mission.policy.home_places import HomePlaces
 from apad_bridge.mission.script_values import EventLog, Refused, ScriptEventKind, Status, dock_of
 from apad_bridge.mission.sink_reminders import SinkReminders
 from apad_bridge.mission.sources import PredictingBeliefSource
-from apad_bridge.scenario.mission_options import Mission
+from apad_bridge.scenario.blocks.mission_options import Mission
 from apad_bridge.vehicle.commands import DEFAULT_MANOEUVRE, CloseDock, GoTo, Hold, Manoeuvre, OpenDock
 from apad_bridge.vehicle.outcomes import (
     DockChanged,

@@ -19,7 +19,7 @@ from apad_bridge.events.mission_events import (
 )
 from apad_bridge.mission.orders import MissionAction, Order
 from apad_bridge.planning.solution import Step
-from apad_bridge.scenario.mission_options import Mission
+from apad_bridge.scenario.blocks.mission_options import Mission
 from apad_bridge.vehicle.commands import GoTo, Hold, Primitive
 from apad_bridge.vehicle.outcomes import DockChanged, Outcome, PrimitiveFailed, PrimitiveSucceeded
 

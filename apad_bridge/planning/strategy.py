@@ -1,4 +1,4 @@
-"""The interfaces of planning strategies: collection and redeployment, each one pure function.
+"""The interfaces of planning strategies, each one pure function, and the dock that each step of a plan gets.
 
 A strategy has no clock and no memory that matters: the same situation gives the same plan. The lower agent id breaks
 ties, and docks are filled in the order in which the situation lists them.

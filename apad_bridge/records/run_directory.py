@@ -25,7 +25,7 @@ from apad_bridge.scenario.loader import load, with_strategy_copies, with_values,
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import save_starts
 from apad_bridge.scenario.starts_table import ENDS_NAME, STARTS_NAME, Start
-from apad_bridge.scenario.text_file import write_atomically
+from apad_bridge.scenario.text.text_file import write_atomically
 from firmware_model.entry_points import parts_of_others
 
 RUNS = Path("runs")

@@ -10,7 +10,7 @@ from enum import IntEnum
 from apad_bridge.beliefs.modes import DOCKED, Mode
 from apad_bridge.ros_names.frames import UPRIGHT, Quaternion, Vector, ellipse_95, enu
 from apad_bridge.scenario.area.polygon import bounding_box
-from apad_bridge.scenario.mission_options import Mission
+from apad_bridge.scenario.blocks.mission_options import Mission
 from apad_bridge.scenario.schema import Area
 from firmware_model.power.charge import volts
 from firmware_model.state_groups import BEYOND_HELP, STRANDED

@@ -20,7 +20,7 @@ from typing import Any, get_args
 from pydantic import TypeAdapter
 
 from apad_bridge.runs.progress_status import RunStatus
-from apad_bridge.scenario.text_file import write_atomically
+from apad_bridge.scenario.text.text_file import write_atomically
 
 ORDERS_FILE = "squad.json"
 

@@ -19,7 +19,7 @@ from apad_bridge.records.run_directory import PRIVATE, RunDirectory
 from apad_bridge.runs.nurseries import FOLDER
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.scenario.text_file import write_atomically
+from apad_bridge.scenario.text.text_file import write_atomically
 
 
 def code_of(directory: RunDirectory, scenario: Scenario | None = None) -> list[str]:

@@ -9,20 +9,20 @@ from pathlib import Path
 from typing import TypeVar
 
 from agents.modem.frames import PAYLOAD_BYTES, ModemGeneration, duration_ms
-from agents.mussel.board_link import serial_line
+from agents.mussel.port.board_link import serial_line
 from agents.time_scale import TimeScale
 from apad_bridge.planning.dispatch_rule import FullWhen
 from apad_bridge.scenario.another_apad import ASSIGNMENT_PERIOD_S
 from apad_bridge.scenario.area.chart import chart_of
 from apad_bridge.scenario.area.fence import Fence, fence_of
 from apad_bridge.scenario.area.local_frame import LocalFrame
+from apad_bridge.scenario.blocks.estimator_options import EstimatorKind
+from apad_bridge.scenario.blocks.full_firmware_options import FullFirmwareOptions, SleepCycle
+from apad_bridge.scenario.blocks.guard_options import GuardOptions
+from apad_bridge.scenario.blocks.mission_options import Suspects
 from apad_bridge.scenario.choices import Hosting
-from apad_bridge.scenario.estimator_options import EstimatorKind
 from apad_bridge.scenario.firmware_config import can_fill, grains_of_milliwatts
-from apad_bridge.scenario.full_firmware_options import FullFirmwareOptions, SleepCycle
-from apad_bridge.scenario.guard_options import GuardOptions
 from apad_bridge.scenario.lab_interface.lab_names import load_names
-from apad_bridge.scenario.mission_options import Suspects
 from apad_bridge.scenario.schema import (
     LIMITS,
     DriftMode,

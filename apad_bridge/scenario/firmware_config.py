@@ -10,9 +10,8 @@ from typing import Any
 
 from agents.fleet_config import Spread
 from agents.modem.frames import ModemGeneration, duration_ms
-from apad_bridge.scenario.board_options import BoardOptions
-from apad_bridge.scenario.errors import ScenarioError
-from apad_bridge.scenario.full_firmware_options import (
+from apad_bridge.scenario.blocks.board_options import BoardOptions
+from apad_bridge.scenario.blocks.full_firmware_options import (
     BoardPower,
     FullFirmwareOptions,
     LastResortOptions,
@@ -20,6 +19,7 @@ from apad_bridge.scenario.full_firmware_options import (
     SleepCycle,
     TimekeepingOptions,
 )
+from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.schema import Scenario
 from firmware_model import config
 from firmware_model.packets import ShortStatus

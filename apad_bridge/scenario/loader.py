@@ -19,7 +19,7 @@ import yaml
 from pydantic import TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
-from agents.mussel.board_link import SERIAL
+from agents.mussel.port.board_link import SERIAL
 from apad_bridge.planning.dispatch_rule import MAX_DOCKS
 from apad_bridge.planning.registry import InFile
 from apad_bridge.scenario.area.fence import check_size, corners_of
@@ -28,14 +28,14 @@ from apad_bridge.scenario.area.paper_charts import PAPER_CHARTS
 from apad_bridge.scenario.choices import PAPER_DOCKS
 from apad_bridge.scenario.cross_checks import contradictions
 from apad_bridge.scenario.errors import ScenarioError, in_ranges
-from apad_bridge.scenario.key_mistakes import abbreviated, explain
 from apad_bridge.scenario.profiles import with_profiles
 from apad_bridge.scenario.quantities import FILE, VALUES
 from apad_bridge.scenario.run_options import OPTIONS_NAME
 from apad_bridge.scenario.schema import Origin, Scenario
 from apad_bridge.scenario.starts_table import read_ids, table_of
-from apad_bridge.scenario.text_file import write_atomically
-from apad_bridge.scenario.yaml_text import parse_yaml, yaml_of
+from apad_bridge.scenario.text.key_mistakes import abbreviated, explain
+from apad_bridge.scenario.text.text_file import write_atomically
+from apad_bridge.scenario.text.yaml_text import parse_yaml, yaml_of
 from firmware_model.sampling.sensors import BROUGHT
 
 _SCENARIO = TypeAdapter(Scenario)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from apad_bridge.scenario.errors import ScenarioError
-from apad_bridge.scenario.text_file import write_atomically
+from apad_bridge.scenario.text.text_file import write_atomically
 
 OPTIONS_NAME = "run.json"
 

@@ -20,12 +20,12 @@ from agents.water.bounds import NotNegative
 from apad_bridge.planning.dispatch_rule import MAX_DOCKS
 from apad_bridge.scenario.another_apad import AnotherAPad, Sharing
 from apad_bridge.scenario.area.fence import check_corners, check_size
-from apad_bridge.scenario.board_options import BoardOptions
+from apad_bridge.scenario.blocks.board_options import BoardOptions
+from apad_bridge.scenario.blocks.estimator_options import Beliefs
+from apad_bridge.scenario.blocks.guard_options import GuardOptions
+from apad_bridge.scenario.blocks.mission_options import Mission
 from apad_bridge.scenario.choices import PAPER_DOCKS, Generation, Hosting
-from apad_bridge.scenario.estimator_options import Beliefs
 from apad_bridge.scenario.faults import OF_A, OF_B, Fault
-from apad_bridge.scenario.guard_options import GuardOptions
-from apad_bridge.scenario.mission_options import Mission
 from apad_bridge.scenario.quantities import (
     VALUES,
     VALUES_OR_FILE,

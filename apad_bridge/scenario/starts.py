@@ -20,7 +20,7 @@ from apad_bridge.scenario.area.polygon import Point, bounding_box, contains
 from apad_bridge.scenario.errors import ScenarioError, in_ranges
 from apad_bridge.scenario.schema import Area, Origin, RandomStart, Scenario
 from apad_bridge.scenario.starts_table import Start, read_table, table_of
-from apad_bridge.scenario.text_file import write_atomically
+from apad_bridge.scenario.text.text_file import write_atomically
 
 _KEY = Struct("<QQQ")
 _DIGEST = Struct("<QQ")

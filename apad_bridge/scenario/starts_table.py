@@ -18,7 +18,7 @@ from pathlib import Path
 from agents.water.csv_table import number_of
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.errors import ScenarioError
-from apad_bridge.scenario.text_file import text_of
+from apad_bridge.scenario.text.text_file import text_of
 from firmware_model.packets.wire import MAX_AGENT_ID
 
 STARTS_NAME = "starts.csv"

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from apad_bridge.mission.manual import ManualMission
-from apad_bridge.mission.plan_checks import StrategyFailed, checked_plan, plan_event
-from apad_bridge.mission.pool import ChargingPool
+from apad_bridge.mission.policy.plan_checks import StrategyFailed, checked_plan, plan_event
+from apad_bridge.mission.policy.pool import ChargingPool
+from apad_bridge.mission.policy.situation import placeholder_belief, situation_of
 from apad_bridge.mission.script_values import Refused, dock_of
-from apad_bridge.mission.situation import placeholder_belief, situation_of
 from apad_bridge.planning import registry
 from apad_bridge.planning.candidates import Situation
 from apad_bridge.planning.costs import CostBreakdown, cost_of

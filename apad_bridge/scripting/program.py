@@ -25,7 +25,7 @@ from apad_bridge.planning.registry import Trust
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.errors import UserError
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.scenario.text_file import text_of
+from apad_bridge.scenario.text.text_file import text_of
 from apad_bridge.scripting.api import Api
 from apad_bridge.scripting.rendezvous import (
     AS_FAST_AS_POSSIBLE,

@@ -36,11 +36,11 @@ from apad_bridge.beliefs.questions import (
     sure_at_ms,
 )
 from apad_bridge.mission.manual import ManualMission
-from apad_bridge.mission.pool import ChargingPool
+from apad_bridge.mission.policy.pool import ChargingPool
 from apad_bridge.mission.script_values import Agent, Location, Refused, dock_of
 from apad_bridge.scenario.area.local_frame import LocalFrame
+from apad_bridge.scenario.blocks.mission_options import Mission
 from apad_bridge.scenario.errors import in_ranges
-from apad_bridge.scenario.mission_options import Mission
 from apad_bridge.scripting.rendezvous import Do, Rendezvous, Wait
 
 # Checks the arguments of a script's API calls before anything is done, by their annotations.

@@ -42,12 +42,12 @@ from apad_bridge.runs.in_memory import MemoryRecorder, mission_figures, open_loc
 from apad_bridge.runs.several.lockstep import Exchange, LockstepRunner, MemberFlight
 from apad_bridge.runs.start_state import find_resume_point, with_apad_as_seen
 from apad_bridge.runs.supervisor_lock import supervisor_of
+from apad_bridge.scenario.blocks.mission_options import Strategies
 from apad_bridge.scenario.errors import ScenarioError, UserError
 from apad_bridge.scenario.firmware_config import takes_samples
 from apad_bridge.scenario.flight_readiness import check_code
 from apad_bridge.scenario.hull_in_flow import surface_of
 from apad_bridge.scenario.loader import with_values
-from apad_bridge.scenario.mission_options import Strategies
 from apad_bridge.scenario.run_options import RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of

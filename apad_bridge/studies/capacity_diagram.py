@@ -21,7 +21,7 @@ from apad_bridge.assembly.capacity_bounds import Bounds
 from apad_bridge.planning.registry import Trust
 from apad_bridge.scenario.loader import SHIPPED, with_values
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.scenario.text_file import write_atomically
+from apad_bridge.scenario.text.text_file import write_atomically
 from apad_bridge.studies.findings import Findings, table_of
 from apad_bridge.studies.models import Model, fly
 from apad_bridge.studies.runner import Row

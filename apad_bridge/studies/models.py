@@ -6,7 +6,7 @@ from enum import StrEnum
 
 from agents.mussel.outputs import Truth
 from apad_bridge.events.run_events import EndReason
-from apad_bridge.mission.plan_checks import StrategyFailed
+from apad_bridge.mission.policy.plan_checks import StrategyFailed
 from apad_bridge.planning.registry import Trust
 from apad_bridge.runs.in_memory import MemoryRecorder, open_flight
 from apad_bridge.scenario.schema import Scenario

@@ -21,7 +21,7 @@ from typing import IO, Any
 import msgpack
 
 from agents.hosting import started
-from apad_bridge.mission.plan_checks import StrategyFailed
+from apad_bridge.mission.policy.plan_checks import StrategyFailed
 from apad_bridge.records.line_file import LineFile, read_lines
 from apad_bridge.records.run_directory import PRIVATE
 from apad_bridge.scenario.errors import UserError

@@ -27,8 +27,8 @@ from apad_bridge.scenario.flight_readiness import check_code
 from apad_bridge.scenario.loader import file_of, from_data, load, put, resolve, write_with_files
 from apad_bridge.scenario.quantities import FileName, frozen
 from apad_bridge.scenario.schema import RandomStart, Scenario
-from apad_bridge.scenario.text_file import write_atomically
-from apad_bridge.scenario.yaml_text import yaml_of
+from apad_bridge.scenario.text.text_file import write_atomically
+from apad_bridge.scenario.text.yaml_text import yaml_of
 from apad_bridge.studies.event_driven import model_gap
 from apad_bridge.studies.mission_figures import COLUMNS
 from apad_bridge.studies.models import Model

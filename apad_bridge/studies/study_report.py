@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from apad_bridge.assembly.capacity_bounds import Bounds, bounds_of
-from apad_bridge.scenario.text_file import replacing, write_atomically
+from apad_bridge.scenario.text.text_file import replacing, write_atomically
 from apad_bridge.studies.mission_figures import COLUMNS
 from apad_bridge.studies.runner import Row
 from apad_bridge.studies.specification import Setting, StudyPlan

@@ -10,7 +10,7 @@ from agents.time_scale import MissionMs
 from apad_bridge.acoustics.serial.lines import SerialLines
 from apad_bridge.events.event import Event
 from apad_bridge.events.mission_events import MissionEnd
-from apad_bridge.mission.plan_checks import Planning, without_progress
+from apad_bridge.mission.policy.plan_checks import Planning, without_progress
 from apad_bridge.mission.stand_down_rule import NeverStandsDown, StandDownRule
 from apad_bridge.supervisor.clock import Pace
 from apad_bridge.supervisor.forecast import Forecast

@@ -17,12 +17,12 @@ from statistics import median
 from agents.time_scale import MissionMs
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.events.mission_events import MissionState, Phase
-from apad_bridge.mission.pool import can_be_fetched
-from apad_bridge.mission.situation import situation_of
+from apad_bridge.mission.policy.pool import can_be_fetched
+from apad_bridge.mission.policy.situation import situation_of
 from apad_bridge.planning.energy_model import EnergyModel
 from apad_bridge.planning.projection import LEG_S, Projection
 from apad_bridge.planning.solution import StepKind
-from apad_bridge.scenario.mission_options import Mission
+from apad_bridge.scenario.blocks.mission_options import Mission
 from firmware_model.state_groups import DOCKED
 
 _LOOK_MS = 5_000

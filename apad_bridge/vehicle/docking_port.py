@@ -24,7 +24,7 @@ from enum import Enum, auto
 
 from apad_bridge.beliefs.input_ranges import out_of_range
 from apad_bridge.events.mission_events import PRE_EMPTED
-from apad_bridge.scenario.mission_options import ArmUse, Docking, DockingProfile
+from apad_bridge.scenario.blocks.mission_options import ArmUse, Docking, DockingProfile
 from apad_bridge.vehicle.capabilities import Capabilities, of_simulated_apad
 from apad_bridge.vehicle.commands import (
     Arrived,

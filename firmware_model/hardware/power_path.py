@@ -1,4 +1,4 @@
-"""The power path between chargers, both batteries and the board, and the levels at which it changes."""
+"""The power path between chargers, batteries and the board, the levels at which it changes, and a board's readings."""
 
 from __future__ import annotations
 

@@ -1,5 +1,7 @@
 """The battery monitor's readings, which differ from the charge, and the board's conclusions from them.
 
+`power_path.py` decides if a board reports these or its charge.
+
 A load lowers the voltage for as long as it lasts, a charger lifts it, and a reading has noise. The monitor samples at whole
 multiples of its period; a load that changes at a sample's own time changes after the sample. A level counts once every
 sample over `settle_ms` was beyond it: so the sag of a transmission, or a charger's touch for a moment, has no effect.

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from agents.mussel.port_firmware import PortFirmware, link_to
+from agents.mussel.port.port_firmware import PortFirmware, link_to
 from firmware_model.bench import Bench
 from firmware_model.board import MakeFirmware
 from firmware_model.config import BoardConfig

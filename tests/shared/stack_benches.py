@@ -18,9 +18,9 @@ from wire_observer import FENCE, SIDE_M, TICK_MS, Observer, Place
 
 from apad_bridge.assembly.safety import safety_of
 from apad_bridge.assembly.stacks import stack_of
+from apad_bridge.scenario.blocks.guard_options import GuardOptions
 from apad_bridge.scenario.choices import Generation
 from apad_bridge.scenario.faults import Fault as VehicleFault
-from apad_bridge.scenario.guard_options import GuardOptions
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle.commands import (

@@ -14,7 +14,7 @@ from typing import Any
 from apad_bridge.analysis.export.mcap import write_mcap, write_ros2_mcap
 from apad_bridge.analysis.export.tables import SeriesTable, tables_of
 from apad_bridge.records.run_directory import RunDirectory
-from apad_bridge.scenario.text_file import replacing
+from apad_bridge.scenario.text.text_file import replacing
 
 _LONGEST_NAME = 63
 """Characters of a name in MATLAB."""

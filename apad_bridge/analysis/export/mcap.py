@@ -16,7 +16,7 @@ from apad_bridge.analysis.export.tables import closed_bags
 from apad_bridge.records.bag_samples import add_definition, messages_in, open_bag, refused
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.sample_file import read_samples
-from apad_bridge.scenario.text_file import replacing
+from apad_bridge.scenario.text.text_file import replacing
 
 SAMPLES_TOPIC = "/musselbed/samples"
 

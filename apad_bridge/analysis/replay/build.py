@@ -20,7 +20,7 @@ from apad_bridge.records.run_state import RunState
 from apad_bridge.records.sample_file import read_samples
 from apad_bridge.scenario.run_options import RunOptions
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.scenario.text_file import write_atomically
+from apad_bridge.scenario.text.text_file import write_atomically
 
 SCRIPTS = ("colours.js", "plots.js", "map.js", "details.js", "stops.js", "view.js", "page.js", "live.js")
 """The page's own, in the order in which it has them."""

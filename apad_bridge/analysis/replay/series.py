@@ -26,8 +26,8 @@ from apad_bridge.records.uptime import AgentUptime
 from apad_bridge.scenario.area.chart import chart_of
 from apad_bridge.scenario.area.fence import fence_of
 from apad_bridge.scenario.firmware_config import sinking_of, takes_samples
-from apad_bridge.scenario.key_mistakes import unit_of
 from apad_bridge.scenario.schema import Area, Scenario
+from apad_bridge.scenario.text.key_mistakes import unit_of
 from apad_bridge.vehicle.guards.stops import StopRecord
 from firmware_model.power.charge import fraction
 from firmware_model.power.rails import Rail

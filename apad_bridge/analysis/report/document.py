@@ -17,7 +17,7 @@ from apad_bridge.analysis.belief_scores.scores import Score
 from apad_bridge.analysis.energy.energy import AgentEnergy, summed
 from apad_bridge.analysis.report import report_figures
 from apad_bridge.analysis.report.contents import RunReport
-from apad_bridge.scenario.text_file import write_atomically
+from apad_bridge.scenario.text.text_file import write_atomically
 
 PAGE = "report.html"
 _RUNS_SIDE_BY_SIDE = 4

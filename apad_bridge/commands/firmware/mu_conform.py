@@ -14,8 +14,8 @@ from xml.etree import ElementTree
 from rich.progress import track
 from rich.table import Table
 
-from agents.mussel.agent_rig import STIMULI as WHOLE_STIMULI
 from agents.mussel.firmware_failure import FirmwareFailed
+from agents.mussel.port.agent_rig import STIMULI as WHOLE_STIMULI
 from apad_bridge.commands.firmware.mu_program import (
     AT_THE_EDGE,
     BOARDS,
@@ -29,8 +29,8 @@ from apad_bridge.commands.help_text import ending
 from apad_bridge.runs.exits import Exit
 from apad_bridge.runs.rich_console import Console
 from apad_bridge.scenario.errors import UserError
-from apad_bridge.scenario.text_file import text_of, write_atomically
-from apad_bridge.scenario.yaml_text import yaml_of
+from apad_bridge.scenario.text.text_file import text_of, write_atomically
+from apad_bridge.scenario.text.yaml_text import yaml_of
 from firmware_model.bench.conformance import (
     Case,
     CaseResult,

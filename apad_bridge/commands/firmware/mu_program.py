@@ -7,10 +7,10 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from agents.mussel.agent_rig import AgentRig
-from agents.mussel.bench_firmware import firmware_of
-from agents.mussel.board_link import SERIAL, serial_line
 from agents.mussel.firmware_failure import FirmwareFailed
+from agents.mussel.port.agent_rig import AgentRig
+from agents.mussel.port.bench_firmware import firmware_of
+from agents.mussel.port.board_link import SERIAL, serial_line
 from apad_bridge.runs.exits import Exit
 from apad_bridge.scenario.errors import UserError
 from firmware_model.bench import Bench

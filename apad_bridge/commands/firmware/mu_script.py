@@ -16,9 +16,9 @@ from pydantic.dataclasses import dataclass
 
 from agents.water.bounds import NotNegative
 from apad_bridge.scenario.errors import UserError
-from apad_bridge.scenario.key_mistakes import abbreviated, explain
 from apad_bridge.scenario.quantities import Fraction, Positive
-from apad_bridge.scenario.yaml_text import yaml_of
+from apad_bridge.scenario.text.key_mistakes import abbreviated, explain
+from apad_bridge.scenario.text.yaml_text import yaml_of
 from firmware_model.actions import Dropped, LogSample
 from firmware_model.bench import Bench
 from firmware_model.bench.rigs import COMMANDS

@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from agents.mussel.board_link import serial_line
+from agents.mussel.port.board_link import serial_line
 from apad_bridge.assembly.safety import unreachable_starts
 from apad_bridge.doctor.finding import CheckStatus
 from apad_bridge.ros.system.route import somebodys_master

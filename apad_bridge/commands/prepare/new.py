@@ -14,7 +14,7 @@ from typing import Any
 from apad_bridge.commands.help_text import ending
 from apad_bridge.runs.exits import Exit
 from apad_bridge.scenario.errors import UserError
-from apad_bridge.scenario.text_file import write_atomically
+from apad_bridge.scenario.text.text_file import write_atomically
 
 _SCENARIO = """\
 # Metres north and east of the origin, and seconds of the mission. Every key: docs/reference/scenario-keys.md
@@ -162,7 +162,7 @@ def _copied(like: Path, file: Path) -> tuple[str, dict[Path, Path]]:
     UserError if another file has a copy's name. ScenarioError for a scenario that cannot be flown.
     """
     from apad_bridge.scenario.loader import file_of, files_named, load
-    from apad_bridge.scenario.text_file import read_text
+    from apad_bridge.scenario.text.text_file import read_text
 
     load(like)  # it tells each mistake
     source = file_of(like)

@@ -24,7 +24,7 @@ from apad_bridge.scenario.errors import UserError
 from apad_bridge.scenario.run_options import BenchPart, RunOptions
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts_table import Start
-from apad_bridge.scenario.text_file import write_atomically
+from apad_bridge.scenario.text.text_file import write_atomically
 
 PROVEN_FOR = timedelta(hours=24)
 """A proof of a former preflight counts for so long."""

@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from agents.water.csv_table import number_of
 from apad_bridge.scenario.errors import UserError
-from apad_bridge.scenario.text_file import text_of
+from apad_bridge.scenario.text.text_file import text_of
 
 Floats = npt.NDArray[np.float64]
 

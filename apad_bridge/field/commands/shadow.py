@@ -64,7 +64,7 @@ def add_parser(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     from apad_bridge.field.shadow.shadow import Shadow
-    from apad_bridge.mission.plan_checks import StrategyFailed
+    from apad_bridge.mission.policy.plan_checks import StrategyFailed
     from apad_bridge.scenario.flight_readiness import check_code
     from apad_bridge.scenario.loader import load, with_overrides
 

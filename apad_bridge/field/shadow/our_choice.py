@@ -12,11 +12,11 @@ from apad_bridge.beliefs.fleet_beliefs import FleetBeliefs
 from apad_bridge.events.mission_events import MissionState
 from apad_bridge.field.field_log.log_facts import Place
 from apad_bridge.field.shadow.compared import WAIT, TheirMove
-from apad_bridge.mission.believed_dispatch import BelievedDispatch, fullest_first
-from apad_bridge.mission.charging_watch import ChargingWatch
-from apad_bridge.mission.plan_checks import checked_plan
-from apad_bridge.mission.pool import ChargingPool
-from apad_bridge.mission.situation import placeholder_belief, situation_of
+from apad_bridge.mission.policy.believed_dispatch import BelievedDispatch, fullest_first
+from apad_bridge.mission.policy.charging_watch import ChargingWatch
+from apad_bridge.mission.policy.plan_checks import checked_plan
+from apad_bridge.mission.policy.pool import ChargingPool
+from apad_bridge.mission.policy.situation import placeholder_belief, situation_of
 from apad_bridge.planning import registry
 from apad_bridge.planning.candidates import Situation
 from apad_bridge.planning.exchange_of_places import tour

@@ -37,7 +37,7 @@ from apad_bridge.field.shadow.compared import (
 )
 from apad_bridge.field.shadow.our_choice import Moment, OurChoice
 from apad_bridge.field.shadow.shadow_beliefs import ShadowBeliefs
-from apad_bridge.mission.home_places import with_exchanged_homes, with_new_homes
+from apad_bridge.mission.policy.home_places import with_exchanged_homes, with_new_homes
 from apad_bridge.planning.registry import Trust
 from apad_bridge.planning.solution import StepKind
 from apad_bridge.scenario.schema import Scenario

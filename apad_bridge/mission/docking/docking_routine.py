@@ -17,14 +17,14 @@ from agents.time_scale import MissionMs
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.events.mission_events import AMusselReleased
 from apad_bridge.events.vehicle_events import DocksDisagree
-from apad_bridge.mission.charged_enough import is_charged
 from apad_bridge.mission.docking.dock_witnesses import doubt
 from apad_bridge.mission.docking.docking_search import SEARCH_S, DockingSearch
 from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.orders import PermitSurfacing, SendCommand
-from apad_bridge.mission.pool import floats, is_surfacing_or_floating
+from apad_bridge.mission.policy.charged_enough import is_charged
+from apad_bridge.mission.policy.pool import floats, is_surfacing_or_floating
 from apad_bridge.mission.sources import BeliefSource
-from apad_bridge.scenario.mission_options import Mission
+from apad_bridge.scenario.blocks.mission_options import Mission
 from apad_bridge.vehicle.commands import DEFAULT_MANOEUVRE, CloseDock, GoTo, Manoeuvre, OpenDock
 from apad_bridge.vehicle.outcomes import NothingCaught, PrimitiveEnded, PrimitiveFailed, PrimitiveSucceeded
 from firmware_model.packets import Kind

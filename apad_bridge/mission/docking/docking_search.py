@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 from agents.time_scale import MissionMs
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.scenario.mission_options import Mission
+from apad_bridge.scenario.blocks.mission_options import Mission
 from apad_bridge.vehicle.commands import CloseDock
 
 _DRIFT_MS = 60_000

@@ -11,7 +11,7 @@ from apad_bridge.beliefs.belief import Belief
 from apad_bridge.ros.gateway.standard_messages import shown
 from apad_bridge.ros.system.ros_time import stamp
 from apad_bridge.ros_names.shown_fleet import condition_of
-from apad_bridge.scenario.mission_options import Mission
+from apad_bridge.scenario.blocks.mission_options import Mission
 from apad_bridge.supervisor.supervisor import Supervisor
 
 

@@ -32,9 +32,9 @@ from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.ros.types.live_types import live_services, unreadable_topics
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_apad
+from apad_bridge.scenario.blocks.mission_options import DockingProfile
 from apad_bridge.scenario.lab_interface.fields import has, write
 from apad_bridge.scenario.lab_interface.lab_messages import DockReport
-from apad_bridge.scenario.mission_options import DockingProfile
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle.commands import (
     GoalOfOthers,

@@ -1,4 +1,5 @@
-"""Turns the definitions shipped here into Python messages, with Debian's genpy and genaction and without catkin.
+"""Turns the definitions shipped here into Python messages, with Debian's genpy, which computes each md5, and genaction,
+without catkin.
 
 `python -m apad_bridge.ros.types.generate DEST` writes one folder per package. DEST serves as an entry of PYTHONPATH and,
 because each folder also holds a package.xml and the texts, of ROS_PACKAGE_PATH, so that rostopic, rosmsg and rosbag know

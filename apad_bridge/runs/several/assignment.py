@@ -16,7 +16,7 @@ from math import fsum
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.modes import LIKELY, SUBMERGED, Mode
 from apad_bridge.events.mission_events import MissionState, Phase
-from apad_bridge.mission.pool import floats
+from apad_bridge.mission.policy.pool import floats
 from apad_bridge.planning.fleet_shares import Point, allocate
 from apad_bridge.runs.parent_protocol import APadView
 from apad_bridge.supervisor.supervisor import Supervisor

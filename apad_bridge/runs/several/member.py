@@ -25,7 +25,7 @@ from apad_bridge.runs.parent_protocol import (
 )
 from apad_bridge.runs.several.assignment import view_of
 from apad_bridge.runs.several.lockstep import ASSIGNMENT_PERIOD_MS
-from apad_bridge.scenario.mission_options import DockingProfile
+from apad_bridge.scenario.blocks.mission_options import DockingProfile
 from apad_bridge.scenario.run_options import RunOptions
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.context import FlightContext, Watcher

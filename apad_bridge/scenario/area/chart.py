@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 from apad_bridge.scenario.area.local_frame import LocalFrame, OriginLike
 from apad_bridge.scenario.area.paper_charts import PAPER_CHARTS
 from apad_bridge.scenario.area.polygon import Point
-from apad_bridge.scenario.text_file import read_text
+from apad_bridge.scenario.text.text_file import read_text
 from firmware_model.entry_points import in_one_line
 
 _NESTING = {"LineString": 0, "MultiLineString": 1, "Polygon": 1, "MultiPolygon": 2}

@@ -15,7 +15,7 @@ from typing import Any, Protocol
 
 from apad_bridge.scenario.area.local_frame import LocalFrame, OriginLike
 from apad_bridge.scenario.area.polygon import Point, area_m2, is_simple
-from apad_bridge.scenario.text_file import read_text
+from apad_bridge.scenario.text.text_file import read_text
 from firmware_model.entry_points import in_one_line
 
 Corners = tuple[Point, ...]

@@ -22,11 +22,11 @@ from pydantic import BeforeValidator, ConfigDict, StringConstraints, TypeAdapter
 from pydantic.dataclasses import dataclass
 
 from agents.packet_medium import Medium
-from apad_bridge.scenario.key_mistakes import explain
 from apad_bridge.scenario.lab_interface.fields import path_steps, read
 from apad_bridge.scenario.lab_interface.lab_messages import MessageKind
-from apad_bridge.scenario.text_file import read_text
-from apad_bridge.scenario.yaml_text import parse_yaml
+from apad_bridge.scenario.text.key_mistakes import explain
+from apad_bridge.scenario.text.text_file import read_text
+from apad_bridge.scenario.text.yaml_text import parse_yaml
 
 frozen = dataclass(frozen=True, kw_only=True, config=ConfigDict(extra="forbid", allow_inf_nan=False))
 Topic = Annotated[str, StringConstraints(pattern=r"^/?[A-Za-z{][A-Za-z0-9_{}/]*$")]

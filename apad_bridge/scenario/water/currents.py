@@ -9,7 +9,7 @@ from pathlib import Path
 
 from agents.water.water_current import WaterCurrent, parse_water_current
 from apad_bridge.scenario.area.local_frame import LocalFrame
-from apad_bridge.scenario.text_file import read_text
+from apad_bridge.scenario.text.text_file import read_text
 
 _SUFFIXES = (".nc", ".nc4", ".cdf")
 

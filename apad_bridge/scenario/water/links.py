@@ -7,7 +7,7 @@ from pathlib import Path
 from agents.time_scale import TimeScale
 from agents.water.sea_events import APAD
 from agents.water.topology import Topology, parse_topology
-from apad_bridge.scenario.text_file import read_text
+from apad_bridge.scenario.text.text_file import read_text
 
 APAD_NAME = "apad"
 """The name of the aPad in a file of links."""

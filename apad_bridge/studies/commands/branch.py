@@ -13,7 +13,7 @@ from apad_bridge.commands.trust import add_trust_argument, trust_of_run
 from apad_bridge.runs.progress import WorkProgress
 from apad_bridge.runs.rich_console import Console, print_result, table_of
 from apad_bridge.scenario.errors import UserError
-from apad_bridge.scenario.yaml_text import parse_yaml
+from apad_bridge.scenario.text.yaml_text import parse_yaml
 
 if TYPE_CHECKING:
     from apad_bridge.studies.branching import Branches

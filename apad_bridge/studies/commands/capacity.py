@@ -89,7 +89,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _flown(scenario: Scenario, trust: Trust | None) -> list[SizedFlights]:
-    from apad_bridge.mission.plan_checks import StrategyFailed
+    from apad_bridge.mission.policy.plan_checks import StrategyFailed
     from apad_bridge.scenario.flight_readiness import check_code
     from apad_bridge.studies.capacity_diagram import diagram_of
     from apad_bridge.studies.event_driven import model_gap

@@ -10,8 +10,8 @@ import math
 from collections import Counter, deque
 
 from apad_bridge.beliefs.input_ranges import out_of_range
+from apad_bridge.scenario.blocks.mission_options import Docking
 from apad_bridge.scenario.lab_interface.lab_messages import DockReport
-from apad_bridge.scenario.mission_options import Docking
 from apad_bridge.vehicle.commands import (
     CloseDock,
     GoalOfOthers,

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from apad_bridge.scenario.mission_options import Servo
+from apad_bridge.scenario.blocks.mission_options import Servo
 from apad_bridge.vehicle.commands import CloseDock, GoTo, Hold, OpenDock, PoseReported, VehicleCommand
 from apad_bridge.vehicle.generation_b.messages import (
     DockingOrder,

@@ -10,8 +10,8 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
 
+from apad_bridge.scenario.blocks.mission_options import Docking, DockingProfile
 from apad_bridge.scenario.lab_interface.lab_messages import DockReport
-from apad_bridge.scenario.mission_options import Docking, DockingProfile
 from apad_bridge.vehicle.commands import (
     Arrived,
     CloseDock,

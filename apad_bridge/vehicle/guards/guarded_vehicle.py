@@ -19,7 +19,7 @@ from apad_bridge.events.guard_events import (
     SentBackIn,
     StopKind,
 )
-from apad_bridge.scenario.guard_options import LOOK_MS
+from apad_bridge.scenario.blocks.guard_options import LOOK_MS
 from apad_bridge.vehicle.commands import (
     Arrived,
     BatteryReported,

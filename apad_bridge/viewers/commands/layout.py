@@ -13,7 +13,7 @@ from apad_bridge.runs.exits import Exit
 from apad_bridge.scenario.errors import UserError
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.starts import starts_of
-from apad_bridge.scenario.text_file import write_atomically
+from apad_bridge.scenario.text.text_file import write_atomically
 from apad_bridge.viewers.layouts.kinds import KINDS
 from apad_bridge.viewers.layouts.layout_content import layout_fleet
 

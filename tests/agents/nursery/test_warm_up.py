@@ -12,9 +12,9 @@ from seas import FLEET
 
 from agents.fleet_config import FleetConfig
 from agents.mussel.agent import Agent
-from agents.mussel.firmware_process import FirmwareProcess
 from agents.mussel.outputs import Truth
-from agents.mussel.port_firmware import PortFirmware
+from agents.mussel.port.firmware_process import FirmwareProcess
+from agents.mussel.port.port_firmware import PortFirmware
 from agents.nursery import warm_up
 from agents.nursery.answering_board import AnsweringBoard
 from firmware_model.actions import Dropped, RunBuoyancy, SendBytes, StateReported

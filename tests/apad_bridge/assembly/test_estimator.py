@@ -16,7 +16,7 @@ from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.beliefs.twin_parameters import TwinParameters
 from apad_bridge.records.samples import TruthExtrapolator
 from apad_bridge.runs.in_memory import open_flight
-from apad_bridge.scenario.estimator_options import Beliefs, EstimatorKind, TwinModel
+from apad_bridge.scenario.blocks.estimator_options import Beliefs, EstimatorKind, TwinModel
 from apad_bridge.scenario.firmware_config import board_config
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario

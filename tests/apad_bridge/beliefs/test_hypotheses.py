@@ -18,7 +18,7 @@ from apad_bridge.beliefs.packet_weighing import HypothesisWeigher, Reading
 from apad_bridge.beliefs.twin import Twin
 from apad_bridge.beliefs.twin_parameters import UNKNOWN
 from apad_bridge.beliefs.twin_state import TwinState
-from apad_bridge.scenario.estimator_options import Beliefs, EstimatorKind, TwinModel
+from apad_bridge.scenario.blocks.estimator_options import Beliefs, EstimatorKind, TwinModel
 from apad_bridge.scenario.loader import load
 from firmware_model.packets import StatusPacket
 from firmware_model.states import State

@@ -11,7 +11,7 @@ import pytest
 
 from apad_bridge.commands.help_text import mission_seconds
 from apad_bridge.commands.look import explain
-from apad_bridge.mission.plan_checks import plan_event
+from apad_bridge.mission.policy.plan_checks import plan_event
 from apad_bridge.planning import registry
 from apad_bridge.planning.candidates import Candidate, Situation
 from apad_bridge.planning.costs import CostScales

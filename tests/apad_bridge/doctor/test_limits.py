@@ -10,7 +10,7 @@ from apad_bridge.doctor.limits import (
     check_limits,
 )
 from apad_bridge.scenario.area.fence import Fence
-from apad_bridge.scenario.guard_options import GuardOptions
+from apad_bridge.scenario.blocks.guard_options import GuardOptions
 
 MEASURED = GuardOptions(
     clearance_m=8.0, position_error_m=0.5, hull_m=0.7, coasting_m=4.2, coasting_speed_m_s=0.6

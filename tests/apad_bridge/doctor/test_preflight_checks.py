@@ -40,8 +40,8 @@ from apad_bridge.doctor.preflight_checks import (
     check_watchdog,
 )
 from apad_bridge.scenario.area.fence import Fence
+from apad_bridge.scenario.blocks.guard_options import GuardOptions
 from apad_bridge.scenario.choices import Generation
-from apad_bridge.scenario.guard_options import GuardOptions
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.starts_table import Start
 

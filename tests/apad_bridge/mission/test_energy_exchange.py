@@ -25,14 +25,14 @@ from apad_bridge.mission.end_by import KnownEnd
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.going_home import NO_HOME, HomeStays
 from apad_bridge.mission.orders import Order, PermitSurfacing, SendCommand
-from apad_bridge.mission.planner import PlanRules
+from apad_bridge.mission.policy.planner import PlanRules
 from apad_bridge.planning import registry
 from apad_bridge.planning.dispatch_rule import Dispatch, Places
 from apad_bridge.planning.solution import Solution, Step, StepKind
 from apad_bridge.planning.strategy import CollectionStrategy
+from apad_bridge.scenario.blocks.mission_options import Mission as MissionConfig
+from apad_bridge.scenario.blocks.mission_options import Suspects
 from apad_bridge.scenario.loader import load
-from apad_bridge.scenario.mission_options import Mission as MissionConfig
-from apad_bridge.scenario.mission_options import Suspects
 from apad_bridge.scenario.schema import DockedAtHome, Home, Unavailable
 from apad_bridge.vehicle.commands import CloseDock, GoTo, Hold, OpenDock, Primitive
 from apad_bridge.vehicle.outcomes import (

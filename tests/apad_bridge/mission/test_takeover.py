@@ -25,7 +25,7 @@ from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.flight_mission import FlightMission
 from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.orders import Order, SendCommand
-from apad_bridge.mission.planner import PlanRules
+from apad_bridge.mission.policy.planner import PlanRules
 from apad_bridge.mission.script_values import Refused, Status
 from apad_bridge.planning import registry
 from apad_bridge.planning.solution import Step, StepKind

@@ -13,7 +13,7 @@ from apad_bridge.planning.solution import Solution, Step, StepKind
 from apad_bridge.planning.strategies.by_route import BestOfPool, Blend, Exact
 from apad_bridge.planning.strategies.paper_strategies import Greedy
 from apad_bridge.planning.strategy import CollectionStrategy
-from apad_bridge.scenario.mission_options import Costs
+from apad_bridge.scenario.blocks.mission_options import Costs
 
 # The aPad at (1, 1); agent 1 lies 5 m away, agent 2 another 13 m (5-12-13) from there. Homes lie elsewhere.
 SITUATION = Situation(

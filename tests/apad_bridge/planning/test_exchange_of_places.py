@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from apad_bridge.mission.home_places import with_exchanged_homes
+from apad_bridge.mission.policy.home_places import with_exchanged_homes
 from apad_bridge.planning.candidates import Candidate, Situation
 from apad_bridge.planning.dispatch_rule import ServiceRules
 from apad_bridge.planning.exchange_of_places import (

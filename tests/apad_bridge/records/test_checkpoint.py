@@ -28,7 +28,7 @@ from apad_bridge.beliefs.measurement import (
 )
 from apad_bridge.records import checkpoint
 from apad_bridge.records.checkpoint import Checkpoint, NoCheckpoint, restore
-from apad_bridge.scenario.estimator_options import Beliefs, EstimatorKind, TwinModel
+from apad_bridge.scenario.blocks.estimator_options import Beliefs, EstimatorKind, TwinModel
 from apad_bridge.scenario.loader import load
 from firmware_model.packets import ShortStatus, StatusPacket
 from firmware_model.states import State

@@ -24,8 +24,8 @@ from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.runs.progress import FlightProgress
 from apad_bridge.runs.progress_status import RunStatus
 from apad_bridge.runs.several.lockstep import fly_in_step
+from apad_bridge.scenario.blocks.guard_options import GuardOptions
 from apad_bridge.scenario.choices import Hosting
-from apad_bridge.scenario.guard_options import GuardOptions
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.forecast import Forecast

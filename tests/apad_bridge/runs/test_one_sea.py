@@ -13,9 +13,9 @@ from apad_bridge.assembly import flight_parts
 from apad_bridge.assembly.safety import LegEnergy, safety_of
 from apad_bridge.records.failure_counts import FailureCounts
 from apad_bridge.runs.in_memory import MemoryRecorder, open_flight
+from apad_bridge.scenario.blocks.guard_options import GuardOptions
 from apad_bridge.scenario.cross_checks import contradictions
 from apad_bridge.scenario.flight_readiness import warnings
-from apad_bridge.scenario.guard_options import GuardOptions
 from apad_bridge.scenario.hull_in_flow import fastest_drift_m_s
 from apad_bridge.scenario.schema import DriftMode, Scenario
 from apad_bridge.scenario.starts import starts_of

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from apad_bridge.doctor.limits import StoppingRoom, stopping_room
-from apad_bridge.scenario.guard_options import GuardOptions
+from apad_bridge.scenario.blocks.guard_options import GuardOptions
 from apad_bridge.scenario.loader import load
 
 SCENARIOS = Path(__file__).parents[3] / "launch_scripts" / "scenarios"

@@ -16,7 +16,6 @@ import pytest
 import yaml
 from scenario_files import POOL_FILE, SCENARIO_FILES, WHOLE_FILE
 
-from apad_bridge.scenario import text_file
 from apad_bridge.scenario.area.fence import fence_of
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.errors import ScenarioError
@@ -25,7 +24,8 @@ from apad_bridge.scenario.flight_readiness import check_code, problems_with_real
 from apad_bridge.scenario.loader import from_data, load, resolve, with_overrides
 from apad_bridge.scenario.schema import RandomStart
 from apad_bridge.scenario.starts import starts_of
-from apad_bridge.scenario.yaml_text import parse_yaml
+from apad_bridge.scenario.text import text_file
+from apad_bridge.scenario.text.yaml_text import parse_yaml
 
 SCENARIOS = Path(__file__).parents[3] / "launch_scripts" / "scenarios"
 POOL = POOL_FILE.read_text()

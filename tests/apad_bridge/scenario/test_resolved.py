@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenario_files import POOL_FILE, SCENARIO_FILES
 
+from apad_bridge.scenario.blocks.mission_options import DockingProfile
 from apad_bridge.scenario.loader import from_data, load, resolve, write_resolved
-from apad_bridge.scenario.mission_options import DockingProfile
 from apad_bridge.scenario.schema import Scenario
 
 POOL = load(POOL_FILE)

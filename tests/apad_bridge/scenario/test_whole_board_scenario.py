@@ -14,8 +14,8 @@ from scenario_files import POOL_FILE, SCENARIO_FILES, WHOLE_FILE
 from agents.fleet_config import FleetConfig
 from apad_bridge.assembly import fleet_parts
 from apad_bridge.assembly.flight_config import flight_config
+from apad_bridge.scenario.blocks.full_firmware_options import ModuleLoads
 from apad_bridge.scenario.errors import ScenarioError
-from apad_bridge.scenario.full_firmware_options import ModuleLoads
 from apad_bridge.scenario.loader import from_data, load, resolve, with_overrides, write_resolved
 from apad_bridge.scenario.schema import Scenario
 from firmware_model import table_one

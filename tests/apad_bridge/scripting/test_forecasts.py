@@ -10,7 +10,7 @@ import pytest
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.mission.script_values import Refused
-from apad_bridge.scenario.estimator_options import Beliefs, EstimatorKind, TwinModel
+from apad_bridge.scenario.blocks.estimator_options import Beliefs, EstimatorKind, TwinModel
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scripting.api import Api
 from tests.apad_bridge.scripting.test_api import flies, flown

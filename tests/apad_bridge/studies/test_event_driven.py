@@ -24,7 +24,7 @@ from apad_bridge.events.event import Event
 from apad_bridge.events.mission_events import Phase, PlanMade, StepGivenUp
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.orders import Order
-from apad_bridge.mission.plan_checks import StrategyFailed
+from apad_bridge.mission.policy.plan_checks import StrategyFailed
 from apad_bridge.planning.dispatch_rule import Horizon
 from apad_bridge.runs.in_memory import open_lockstep
 from apad_bridge.scenario.loader import from_data, load, resolve

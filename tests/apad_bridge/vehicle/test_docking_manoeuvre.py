@@ -3,8 +3,8 @@
 import pytest
 from scenario_files import POOL_FILE
 
+from apad_bridge.scenario.blocks.mission_options import Servo
 from apad_bridge.scenario.loader import load
-from apad_bridge.scenario.mission_options import Servo
 from apad_bridge.vehicle.commands import DEFAULT_MANOEUVRE, CloseDock, DockClosed, Manoeuvre, OpenDock
 from apad_bridge.vehicle.docking_port import DockingPort
 from apad_bridge.vehicle.generation_b.messages import DockingOrder

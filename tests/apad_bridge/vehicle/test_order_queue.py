@@ -18,8 +18,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from apad_bridge.scenario.blocks.mission_options import Docking, DockingProfile
 from apad_bridge.scenario.choices import Generation
-from apad_bridge.scenario.mission_options import Docking, DockingProfile
 from apad_bridge.vehicle.commands import GoTo, Hold, PoseReported, Stop
 from apad_bridge.vehicle.generation_a.core import GenerationACore
 from apad_bridge.vehicle.generation_a.docks import ReportedDocks

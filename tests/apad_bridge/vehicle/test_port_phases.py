@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from apad_bridge.scenario.mission_options import Docking, DockingProfile
+from apad_bridge.scenario.blocks.mission_options import Docking, DockingProfile
 from apad_bridge.vehicle.commands import (
     Arrived,
     CloseDock,

@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 from apad_bridge.assembly.stacks import stack_of
+from apad_bridge.scenario.blocks.mission_options import ArmUse, Docking, DockingProfile
 from apad_bridge.scenario.choices import Generation
-from apad_bridge.scenario.mission_options import ArmUse, Docking, DockingProfile
 from apad_bridge.vehicle.capabilities import of_simulated_apad
 from apad_bridge.vehicle.commands import (
     Arrived,

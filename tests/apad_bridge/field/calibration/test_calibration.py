@@ -23,7 +23,7 @@ from apad_bridge.field.field_log.vehicle_log import vehicle_log
 from apad_bridge.records.bag import RecordedMessage
 from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.loader import load, write_resolved
-from apad_bridge.scenario.yaml_text import parse_yaml
+from apad_bridge.scenario.text.yaml_text import parse_yaml
 from apad_bridge.vehicle.generation_a.messages import GO_TO, GoalOrder
 from apad_bridge.world.apad.kinematics import Pose
 from apad_bridge.world.generation_a.simulated_messages import (

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from stack_benches import cleared, fed
 
-from apad_bridge.scenario.mission_options import Docking, DockingProfile, Servo
+from apad_bridge.scenario.blocks.mission_options import Docking, DockingProfile, Servo
 from apad_bridge.vehicle.commands import (
     Arrived,
     BatteryReported,

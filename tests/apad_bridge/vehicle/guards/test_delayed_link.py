@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 from stack_benches import Bench, real_limits
 
+from apad_bridge.scenario.blocks.guard_options import GuardOptions
 from apad_bridge.scenario.choices import Generation
-from apad_bridge.scenario.guard_options import GuardOptions
 from apad_bridge.vehicle.commands import PoseReported
 from apad_bridge.vehicle.outcomes import DockChanged, PrimitiveFailed, PrimitiveSucceeded
 from apad_bridge.vehicle.stack_messages import BatteryReceived

@@ -9,8 +9,8 @@ from stack_benches import real_limits, scenario
 
 from apad_bridge.assembly.safety import safety_of
 from apad_bridge.events.guard_events import GuardReacted, StopChanged, WatchdogReported
+from apad_bridge.scenario.blocks.guard_options import WhenUnwatched
 from apad_bridge.scenario.choices import Generation
-from apad_bridge.scenario.guard_options import WhenUnwatched
 from apad_bridge.vehicle.commands import GoTo, Hold, PoseReported
 from apad_bridge.vehicle.guards.guarded_vehicle import GuardedVehicle
 from apad_bridge.vehicle.guards.watchdog_watch import WatchdogWatch

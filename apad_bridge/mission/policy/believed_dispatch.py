@@ -8,8 +8,8 @@ from functools import cached_property
 from math import inf
 
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.mission.charged_enough import counted_charge, is_charged, is_full, makes_room
-from apad_bridge.mission.charging_watch import ChargingWatch
+from apad_bridge.mission.policy.charged_enough import counted_charge, is_charged, is_full, makes_room
+from apad_bridge.mission.policy.charging_watch import ChargingWatch
 from apad_bridge.planning.dispatch_rule import DispatchRule, ServiceRules
 from apad_bridge.planning.exchange_of_places import is_worth_it
 

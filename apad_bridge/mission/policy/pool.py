@@ -11,7 +11,7 @@ from agents.time_scale import MissionMs
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.modes import DOCKED, LIKELY, Mode
 from apad_bridge.mission.sources import BeliefSource
-from apad_bridge.scenario.mission_options import Mission, Suspects
+from apad_bridge.scenario.blocks.mission_options import Mission, Suspects
 from firmware_model.state_groups import BEYOND_HELP, TO_BE_FETCHED
 from firmware_model.states import State
 

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Mapping
 
 from agents.time_scale import MissionMs
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.mission.charged_enough import counted_charge, is_full
-from apad_bridge.scenario.mission_options import Mission
+from apad_bridge.mission.policy.charged_enough import counted_charge, is_full
+from apad_bridge.scenario.blocks.mission_options import Mission
 
 
 class ChargingWatch:

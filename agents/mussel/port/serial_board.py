@@ -10,8 +10,8 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 
-from agents.mussel.board_link import TURN_TIMEOUT_S, FrameToBoard
 from agents.mussel.firmware_failure import FirmwareFailed
+from agents.mussel.port.board_link import TURN_TIMEOUT_S, FrameToBoard
 from agents.serial_port import BytesRead, Lost, Opened, SerialPort
 from firmware_model.port_frames import (
     OUT_OF_COUNT,

@@ -15,7 +15,7 @@ from typing import Any
 import yaml
 
 from apad_bridge.scenario.errors import ScenarioError
-from apad_bridge.scenario.text_file import text_of
+from apad_bridge.scenario.text.text_file import text_of
 
 MOST_VALUES = 100_000
 """A scenario with twenty thousand listed ids has fewer."""

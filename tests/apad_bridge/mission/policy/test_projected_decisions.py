@@ -15,14 +15,14 @@ from apad_bridge.assembly.scenario_energy_model import energy_model
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.events.mission_events import MissionState, Phase
 from apad_bridge.mission.energy_exchange import EnergyExchange
-from apad_bridge.mission.planner import PlanRules
+from apad_bridge.mission.policy.planner import PlanRules
 from apad_bridge.planning import registry
 from apad_bridge.planning.candidates import Candidate, Situation
 from apad_bridge.planning.dispatch_rule import Dispatch, Places
 from apad_bridge.planning.projection import Projection
 from apad_bridge.planning.solution import StepKind
+from apad_bridge.scenario.blocks.mission_options import Mission
 from apad_bridge.scenario.loader import load
-from apad_bridge.scenario.mission_options import Mission
 from firmware_model.states import State
 
 POOL = load(POOL_FILE)

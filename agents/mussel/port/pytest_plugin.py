@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from agents.mussel.bench_firmware import firmware_of
+from agents.mussel.port.bench_firmware import firmware_of
 from firmware_model.board import MakeFirmware
 from firmware_model.config import BoardConfig
 

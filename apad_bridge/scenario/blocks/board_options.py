@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from apad_bridge.scenario.full_firmware_options import FullFirmwareOptions
+from apad_bridge.scenario.blocks.full_firmware_options import FullFirmwareOptions
 from apad_bridge.scenario.quantities import (
     ChargeSegments,
     Fraction,

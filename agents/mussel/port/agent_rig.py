@@ -10,11 +10,11 @@ from typing import Any
 from agents.fleet_config import FleetConfig, resting_on_bottom
 from agents.modem.frames import ModemGeneration
 from agents.mussel.agent import Agent, AgentConfig
-from agents.mussel.board_link import BENCH_TIMEOUT_S
 from agents.mussel.board_parts import BoardPart
 from agents.mussel.body import BodyConfig
-from agents.mussel.others_firmware import OthersFirmware
 from agents.mussel.outputs import Output, SoundSent, StimulusDropped, WifiSent
+from agents.mussel.port.board_link import BENCH_TIMEOUT_S
+from agents.mussel.port.others_firmware import OthersFirmware
 from agents.mussel.reporter import ReportConfig
 from agents.mussel.stimuli import (
     AgentStimulus,

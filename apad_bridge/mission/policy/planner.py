@@ -11,23 +11,35 @@ from dataclasses import dataclass
 from agents.time_scale import MissionMs
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.events.mission_events import MissionState
-from apad_bridge.mission.believed_dispatch import NOTHING_DUE, BelievedDispatch, Docked, Due, fullest_first
-from apad_bridge.mission.charging_watch import ChargingWatch
-from apad_bridge.mission.docking.docking_tries import ServiceTries
 from apad_bridge.mission.end_by import KnownEnd
-from apad_bridge.mission.home_places import HomePlaces
 from apad_bridge.mission.order_book import OrderBook
-from apad_bridge.mission.plan_checks import Planning, checked_plan, is_refused, plan_event, without_progress
-from apad_bridge.mission.pool import ChargingPool
-from apad_bridge.mission.reach import Reach
-from apad_bridge.mission.situation import placeholder_belief, situation_of
+from apad_bridge.mission.policy.believed_dispatch import (
+    NOTHING_DUE,
+    BelievedDispatch,
+    Docked,
+    Due,
+    fullest_first,
+)
+from apad_bridge.mission.policy.charging_watch import ChargingWatch
+from apad_bridge.mission.policy.docking_tries import ServiceTries
+from apad_bridge.mission.policy.home_places import HomePlaces
+from apad_bridge.mission.policy.plan_checks import (
+    Planning,
+    checked_plan,
+    is_refused,
+    plan_event,
+    without_progress,
+)
+from apad_bridge.mission.policy.pool import ChargingPool
+from apad_bridge.mission.policy.reach import Reach
+from apad_bridge.mission.policy.situation import placeholder_belief, situation_of
 from apad_bridge.mission.sources import BeliefSource
 from apad_bridge.planning.candidates import Situation
 from apad_bridge.planning.energy_model import EnergyModel
 from apad_bridge.planning.exchange_of_places import exchanges, tour
 from apad_bridge.planning.solution import Solution, StepKind
 from apad_bridge.planning.strategy import CollectionStrategy, RedeploymentStrategy
-from apad_bridge.scenario.mission_options import Mission
+from apad_bridge.scenario.blocks.mission_options import Mission
 from firmware_model.state_groups import BEYOND_HELP
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable
 
-from agents.mussel.board_link import BoardLink, FrameToBoard
 from agents.mussel.firmware_failure import FirmwareFailed
-from agents.mussel.peripherals import Address, ClockRegister, MeasuredWorld, Peripherals
-from agents.mussel.port_firmware import PortFirmware
+from agents.mussel.port.board_link import BoardLink, FrameToBoard
+from agents.mussel.port.peripherals import Address, ClockRegister, MeasuredWorld, Peripherals
+from agents.mussel.port.port_firmware import PortFirmware
 from firmware_model.actions import Action, Buoyancy, Dropped, FeedFrom, SendBytes, StateReported
 from firmware_model.config import BoardConfig, FullFirmware, LastResort, numbers_for_port
 from firmware_model.hardware.whole import WholeBoardHardware

@@ -6,12 +6,12 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from agents.modem.frames import ModemGeneration
-from agents.mussel.board_link import TURN_TIMEOUT_S, BoardLink
 from agents.mussel.body import Body
-from agents.mussel.peripherals import MeasuredWorld
-from agents.mussel.port_firmware import PortFirmware, link_to
-from agents.mussel.state_doubts import StateDoubts
-from agents.mussel.whole_port_firmware import WholePortFirmware
+from agents.mussel.port.board_link import TURN_TIMEOUT_S, BoardLink
+from agents.mussel.port.peripherals import MeasuredWorld
+from agents.mussel.port.port_firmware import PortFirmware, link_to
+from agents.mussel.port.state_doubts import StateDoubts
+from agents.mussel.port.whole_port_firmware import WholePortFirmware
 from firmware_model.actions import Action
 from firmware_model.board import Board, MakeFirmware
 from firmware_model.config import BoardConfig

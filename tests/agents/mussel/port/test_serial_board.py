@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 from serial_rigs import Cable, SerialRig, compiled_for_serial
 
-from agents.mussel.board_link import serial_line
 from agents.mussel.firmware_failure import FirmwareFailed
-from agents.mussel.port_firmware import PortFirmware
-from agents.mussel.serial_board import SerialBoard
+from agents.mussel.port.board_link import serial_line
+from agents.mussel.port.port_firmware import PortFirmware
+from agents.mussel.port.serial_board import SerialBoard
 from firmware_model.actions import Action, Dropped, RunBuoyancy, SendBytes
 from firmware_model.bench import Bench
 from firmware_model.packets import Kind

@@ -13,7 +13,7 @@ from firmware_model.actions import SendStatus, StateChanged
 from firmware_model.bench.pytest_plugin import make_bench
 from firmware_model.states import State
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[4]
 INSTALLED = ("no:musselbed", "no:musselbed_programs")
 
 
@@ -26,7 +26,7 @@ def run_pytest(folder: Path, text: str, *more: str) -> subprocess.CompletedProce
     )
     plugins = (
         "firmware_model.bench.pytest_plugin",
-        "agents.mussel.pytest_plugin",
+        "agents.mussel.port.pytest_plugin",
         "no:cacheprovider",
         *INSTALLED,
     )

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from apad_bridge.events.mission_events import LeftAlone
 from apad_bridge.mission.order_book import OrderBook
-from apad_bridge.scenario.mission_options import Mission
+from apad_bridge.scenario.blocks.mission_options import Mission
 
 LEGS_PER_STEP = 3
 """A step is given up when its aMussel floats out of reach after so many go-tos."""

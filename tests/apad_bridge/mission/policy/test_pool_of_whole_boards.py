@@ -10,14 +10,14 @@ from scenario_files import WHOLE_FILE
 
 from apad_bridge.beliefs.belief import Belief, Suspicion
 from apad_bridge.events.mission_events import MissionState
-from apad_bridge.mission.believed_dispatch import BelievedDispatch
-from apad_bridge.mission.charging_watch import ChargingWatch
-from apad_bridge.mission.pool import ChargingPool
+from apad_bridge.mission.policy.believed_dispatch import BelievedDispatch
+from apad_bridge.mission.policy.charging_watch import ChargingWatch
+from apad_bridge.mission.policy.pool import ChargingPool
+from apad_bridge.mission.policy.situation import situation_of
 from apad_bridge.mission.sink_reminders import SinkReminders
-from apad_bridge.mission.situation import situation_of
 from apad_bridge.planning.dispatch_rule import Dispatch, FullWhen
+from apad_bridge.scenario.blocks.mission_options import Mission, Suspects
 from apad_bridge.scenario.loader import load
-from apad_bridge.scenario.mission_options import Mission, Suspects
 from firmware_model.packets import Reported
 from firmware_model.states import TABLE, State, Trigger
 

@@ -13,14 +13,14 @@ from hypothesis import strategies as st
 from native_boards import NATIVE, compiled, compiled_with, script
 
 from agents.fleet_config import resting_on_bottom
-from agents.mussel import whole_port_firmware
 from agents.mussel.agent import Agent, AgentConfig
 from agents.mussel.board_parts import BoardPart
 from agents.mussel.body import Body
 from agents.mussel.failing_flash import FailingFlash
 from agents.mussel.firmware_failure import FirmwareFailed, PowerLost
 from agents.mussel.outputs import Output, StimulusDropped, Truth, WifiSent
-from agents.mussel.peripherals import Address, MeasuredWorld, Peripherals
+from agents.mussel.port import whole_port_firmware
+from agents.mussel.port.peripherals import Address, MeasuredWorld, Peripherals
 from agents.mussel.stimuli import (
     AgentStimulus,
     CoilSlipped,

@@ -13,8 +13,8 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from agents.hosting.link_protocol import readable
-from agents.mussel.board_link import FrameToBoard
 from agents.mussel.firmware_failure import FirmwareFailed
+from agents.mussel.port.board_link import FrameToBoard
 from firmware_model.control_characters import shown
 from firmware_model.port_frames import BadFrame, Frame, FrameReader, ToBoard, counter_at
 

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from native_boards import bench, compiled, script
 
 from agents.mussel.firmware_failure import FirmwareFailed
-from agents.mussel.firmware_process import _is_long
-from agents.mussel.port_firmware import PortFirmware
+from agents.mussel.port.firmware_process import _is_long
+from agents.mussel.port.port_firmware import PortFirmware
 from firmware_model.actions import Action, StateChanged, StateReported
 from firmware_model.bench import Bench
 from firmware_model.packets import Beacon, CommandPacket, Kind, StatusPacket

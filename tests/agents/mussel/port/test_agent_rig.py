@@ -9,7 +9,7 @@ from unittest.mock import Mock
 
 import pytest
 
-from agents.mussel.agent_rig import AgentRig
+from agents.mussel.port.agent_rig import AgentRig
 from firmware_model.actions import Action
 from firmware_model.base_firmware import Firmware
 from firmware_model.bench.conformance import (

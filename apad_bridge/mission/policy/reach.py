@@ -5,11 +5,11 @@ from __future__ import annotations
 from agents.time_scale import MissionMs
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.events.mission_events import BeyondReach, InReach
-from apad_bridge.mission.home_places import HomePlaces
 from apad_bridge.mission.order_book import OrderBook
+from apad_bridge.mission.policy.home_places import HomePlaces
 from apad_bridge.mission.sources import BeliefSource
+from apad_bridge.scenario.blocks.mission_options import Mission
 from apad_bridge.scenario.hull_in_flow import FlowNow, LegForecast
-from apad_bridge.scenario.mission_options import Mission
 
 
 class Reach:

@@ -11,8 +11,8 @@ import struct
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from agents.mussel.board_link import TURN_TIMEOUT_S, BoardLink, FrameToBoard, serial_line
 from agents.mussel.firmware_failure import FirmwareFailed
+from agents.mussel.port.board_link import TURN_TIMEOUT_S, BoardLink, FrameToBoard, serial_line
 from firmware_model.actions import Action, Buoyancy, Dropped, SendBytes, StateReported
 from firmware_model.config import BoardConfig
 from firmware_model.hardware.worst_case import WorstCaseHardware
@@ -46,10 +46,10 @@ def link_to(command: Sequence[str], timeout_s: float = TURN_TIMEOUT_S) -> BoardL
     """A link to a program and its arguments, or to a real board on the serial line that `serial_line` reads from it."""
     # Imported here: a fleet of programs needs no pyserial, and one of real boards no processes.
     if (line := serial_line(command[0])) is None:
-        from agents.mussel.firmware_process import FirmwareChild, FirmwareProcess
+        from agents.mussel.port.firmware_process import FirmwareChild, FirmwareProcess
 
         return FirmwareProcess(FirmwareChild(command), timeout_s)
-    from agents.mussel.serial_board import SerialBoard
+    from agents.mussel.port.serial_board import SerialBoard
 
     return SerialBoard(*line, timeout_s)
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from agents.mussel.board_link import BENCH_TIMEOUT_S
-from agents.mussel.others_firmware import OthersFirmware
-from agents.mussel.peripherals import MeasuredWorld
+from agents.mussel.port.board_link import BENCH_TIMEOUT_S
+from agents.mussel.port.others_firmware import OthersFirmware
+from agents.mussel.port.peripherals import MeasuredWorld
 from firmware_model.board import MakeFirmware
 from firmware_model.config import BoardConfig
 from firmware_model.hardware.whole import WholeBoardHardware
