@@ -27,10 +27,10 @@ size_t seal(uint8_t *packet, uint8_t *end) {
     return (size_t)(end - packet);
 }
 
-static void put_status(uint8_t **at, uint8_t kind) {
+static void put_status(uint8_t **at, uint8_t version, uint8_t kind) {
     struct hal_charges charges = hal_charges();
     struct hal_place place = hal_place();
-    put_bytes(at, 2, 1);
+    put_bytes(at, version, 1);
     put_bytes(at, kind, 1);
     put_bytes(at, hal_config()->id, 2);
     put_bytes(at, sequence++, 2);
@@ -64,7 +64,7 @@ void report_by_sound(void) {
         return;
     }
     uint32_t waiting = log_state.next - log_waiting_from();
-    put_status(&at, 13);
+    put_status(&at, 2, 13);
     put_bytes(&at, waiting < UINT16_MAX ? waiting : UINT16_MAX, 2);
     hal_send_sound(packet, seal(packet, at));
 }
@@ -72,7 +72,7 @@ void report_by_sound(void) {
 static size_t wifi_status(uint8_t *packet) {
     uint8_t *at = packet;
     bool overwrote = log_state.oldest > log_state.acknowledged;
-    put_status(&at, 14);
+    put_status(&at, 2, 14);
     put_bytes(&at, log_state.acknowledged, 4);
     put_bytes(&at, log_state.oldest, 4);
     put_bytes(&at, overwrote ? log_state.oldest - log_state.acknowledged : 0, 4);

@@ -197,6 +197,16 @@ def test_steps_and_drift_are_found_from_common_messages(
         assert found.at(place, time_s) == pytest.approx(expected, abs=0.15)
 
 
+@pytest.mark.parametrize("drift", [40e-6, -40e-6])
+def test_a_drift_is_followed_over_a_day(drift: float) -> None:
+    """A crystal's 40 in a million make 3.5 s."""
+    times_s = np.arange(0.0, 86_400.0, 60.0)
+    offsets_s = 2.0 + drift * times_s
+    found = clock_offset(range(len(times_s)), times_s, offsets_s)
+    assert found.steps_s == []
+    assert [found.at(n, it) for n, it in enumerate(times_s)] == pytest.approx(offsets_s, abs=0.01)
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_bursts_of_late_messages_are_no_steps_of_a_clock(seed: int) -> None:
     """A link that loses packets: each way stands still ten times a minute for up to 6 s, and then gives all at once."""
