@@ -8,7 +8,7 @@ calls and a script fly the aPad from beginning to end.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Protocol
 
@@ -18,7 +18,7 @@ from apad_bridge.events.mission_events import MissionEnd, MissionState, Phase
 from apad_bridge.events.person_events import Overridden, Steering
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.manual import ManualMission
-from apad_bridge.mission.orders import AllowMotion, MissionAction, Order
+from apad_bridge.mission.orders import AllowMotion, MissionAction, Order, StopVehicle
 from apad_bridge.mission.script_values import Refused, Status
 from apad_bridge.vehicle.commands import GoTo
 from apad_bridge.vehicle.guards.stops import StopsEnded
@@ -171,7 +171,7 @@ class FlightMission:
         party and from a stop, too. A stop stays in force: whoever takes the aPad over has not seen that the water is clear.
         """
         if by is Steering.PERSON:
-            self.order(AllowMotion(by, ends=StopsEnded.NONE))
+            self.order(AllowMotion(by, None, ends=StopsEnded.NONE))
         if self.by_hand is not None:
             if by is Steering.PERSON:
                 self._steering = by
@@ -196,18 +196,31 @@ class FlightMission:
         """Acts as `ManualMission.go_to_target`, also while the plan flies."""
         return (self.by_hand or self._by_hand(self.state)).go_to_target(north_m, east_m, speed_m_s)
 
-    def go_to(self, north_m: float, east_m: float, speed_m_s: float | None = None) -> None:
+    def go_to(
+        self,
+        north_m: float,
+        east_m: float,
+        speed_m_s: float | None = None,
+        *,
+        word: Sequence[MissionAction] = (),
+    ) -> None:
         """A person's go-to. It takes the aPad over where the plan flies it, and then replaces an order that was stopped.
 
-        Where no mission plans, a script may wait for the stopped order, which goes on first.
+        Where no mission plans, a script may wait for the stopped order, which goes on first. `word` goes out before the
+        order, and not if the order is refused.
         """
         self.go_to_target(north_m, east_m, speed_m_s)
-        self._taken_over().go_to(north_m, east_m, speed_m_s)
+        self._order_by_hand(lambda it: it.go_to(north_m, east_m, speed_m_s), word)
 
-    def hold(self, north_m: float, east_m: float) -> None:
+    def hold(self, north_m: float, east_m: float, *, word: Sequence[MissionAction] = ()) -> None:
         """A person's order to hold position at a point; it takes the aPad over as `go_to` does."""
         self.go_to_target(north_m, east_m)
-        self._taken_over().hold(north_m, east_m)
+        self._order_by_hand(lambda it: it.hold(north_m, east_m), word)
+
+    @property
+    def is_being_stopped(self) -> bool:
+        """A person's stop was ordered in this tick, and goes out at its end."""
+        return any(isinstance(it, StopVehicle) for it in self._orders)
 
     def give_back(self, allowed: AllowMotion | None = None) -> str:
         """Refused while a docking is under way. The mission then tries aMussels again that it had left alone.
@@ -216,7 +229,7 @@ class FlightMission:
         """
         if allowed is not None:
             return self._give_back(allowed)
-        told = self._give_back(AllowMotion(Steering.PERSON, ends=StopsEnded.NONE))
+        told = self._give_back(AllowMotion(Steering.PERSON, None, ends=StopsEnded.NONE))
         return told or (self._awaits_person and f"the mission waits: {self._awaits_person}")
 
     def _give_back(self, allowed: AllowMotion) -> str:
@@ -271,6 +284,11 @@ class FlightMission:
             self._give_back(allowed)
         else:
             self.order(allowed)
+
+    def _order_by_hand(self, give: Callable[[ManualMission], None], word: Sequence[MissionAction]) -> None:
+        begin = len(self._orders)
+        give(self._taken_over())
+        self._orders[begin:begin] = word
 
     def _taken_over(self) -> ManualMission:
         if self.by_hand is None:

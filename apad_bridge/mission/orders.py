@@ -66,12 +66,14 @@ class AllowMotion(VehicleOrder):
     """A person lets the vehicle move again, whatever stopped it."""
 
     by: str
+    stop: int | None
+    """The number of the stop that was in force when the person said so, the only one that may end; None for none."""
     pilot_left: bool = False
     """The person says that no pilot steers any more, whatever the pilot's flag says."""
     ends: StopsEnded = StopsEnded.ANY
 
     def give(self, vehicle: GuardedVehicle, now_ms: int) -> None:
-        vehicle.allow_motion(self.by, now_ms, pilot_left=self.pilot_left, ends=self.ends)
+        vehicle.allow_motion(self.by, self.stop, now_ms, pilot_left=self.pilot_left, ends=self.ends)
 
 
 @dataclass(frozen=True, slots=True)

@@ -97,6 +97,8 @@ def _carried_out(
         return _stop(request, calls, gate, _STANDS_S if stands else TICK_S)
 
     def told(mission: FlightMission) -> Answer:
+        if request.act in _MOVES and mission.is_being_stopped:
+            raise Refused("a stop was ordered at this very moment: nothing moves by a word that came with it")
         message = _IN_TICK[request.act](request, mission, gate) or ""
         return Answer(True, message, steers="" if request.act in (Act.ABORT, Act.REMARK) else mission.steers)
 
@@ -197,7 +199,7 @@ def _continue(request: Request, mission: FlightMission, gate: Gate) -> str:
     is_held = bool(gate.awaits_person or gate.pilot)
     if request.act is Act.CONTINUE and not (is_held or mission.waits):
         raise Refused(f"{NOTHING_STOPPED}; {mission.steers}")
-    allowed = AllowMotion(request.by, pilot_left=request.pilot_left)
+    allowed = AllowMotion(request.by, _number_in_force(gate), pilot_left=request.pilot_left)
     if request.act is Act.GIVE_BACK:
         told = mission.give_back(allowed)
     else:
@@ -238,12 +240,19 @@ def _move(request: Request, mission: FlightMission, gate: Gate) -> None:
     if (refusal := gate.refusal(command, mission.now_ms, is_persons=True)) is not None:
         gate.note_refused(command, refusal)
         raise Refused(f"refused: {refusal.reason}")
-    mission.order(AllowMotion(request.by, ends=StopsEnded.PERSONS_HOLD))
-    mission.emit(PersonOrdered(request.act.value, request.by, north_m=north_m, east_m=east_m))
+    word = (
+        AllowMotion(request.by, _number_in_force(gate), ends=StopsEnded.PERSONS_HOLD),
+        PersonOrdered(request.act.value, request.by, north_m=north_m, east_m=east_m),
+    )
     if request.act is Act.GO_TO:
-        mission.go_to(north_m, east_m, request.speed_m_s)
+        mission.go_to(north_m, east_m, request.speed_m_s, word=word)
     else:
-        mission.hold(north_m, east_m)
+        mission.hold(north_m, east_m, word=word)
+
+
+def _number_in_force(gate: Gate) -> int | None:
+    stop = gate.stops.in_force
+    return None if stop is None else stop.number
 
 
 _IN_TICK: dict[Act, Callable[[Request, FlightMission, Gate], str | None]] = {
@@ -256,6 +265,8 @@ _IN_TICK: dict[Act, Callable[[Request, FlightMission, Gate], str | None]] = {
     Act.HOLD: _move,
 }
 """The acts that the supervisor's thread carries out within its next tick. Each may return what a person has to know."""
+_MOVES = _IN_TICK.keys() - {Act.ABORT, Act.REMARK}
+"""The acts after which the aPad may move."""
 
 
 @contextmanager

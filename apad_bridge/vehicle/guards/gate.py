@@ -174,6 +174,8 @@ class Gate:
             return (0.0, 0.0), self.pilot or situation.position_fault
         if not situation.outside:
             return situation.place_m, "the aPad is inside the fence"
+        if (stop := self.stops.in_force) is not None and stop.stills_arms:
+            return situation.place_m, f"{stop.text()}: bring it back by joystick"
         if not self._obeys_speed:
             return situation.place_m, "this aPad obeys no speed: bring it back by joystick"
         return self._waters.way_back(situation.place_m, WAY_BACK_M)

@@ -169,20 +169,27 @@ class GuardedVehicle:
         self._begin_stop(kind, by, reason, now_ms, is_persons=True, stills_arms=hands)
 
     def allow_motion(
-        self, by: str, now_ms: int, *, pilot_left: bool = False, ends: StopsEnded = StopsEnded.ANY
+        self,
+        by: str,
+        stop: int | None,
+        now_ms: int,
+        *,
+        pilot_left: bool = False,
+        ends: StopsEnded = StopsEnded.ANY,
     ) -> None:
-        """A person lets the vehicle move again, as far as no other stop is in force than `ends` names.
+        """A person lets the vehicle move again, if none but stop number `stop` is in force, and `ends` names its kind.
 
-        From then on its position is believed.
+        From then on its position is believed, and a danger that is still there is a new one.
         """
         if pilot_left:
             self._link.command(self.gate.take_from_pilot(self._take_id()), now_ms)
         self.gate.forget_others()
-        if not self._stops.may_end(ends):
+        if not self._stops.may_end(stop, ends):
             return
         self._enforcer.note_continued()
         self._stops.end(by, now_ms)
         self.gate.watch.believe()
+        self._safety.monitor.begin_anew()
 
     def go_back_in(self, by: str, lookout: str, now_ms: int) -> None:
         """Goes straight back inside the fence on a person's word, with a lookout, and then holds."""

@@ -57,6 +57,11 @@ class MonitorCheck(Protocol):
     def reaction(self) -> Reaction:
         return Reaction.HOLD
 
+    @property
+    def is_accepted(self) -> bool:
+        """A person who continues accepts the cause for as long as it lasts."""
+        return False
+
     def look(self, situation: VehicleSituation, under_way: UnderWay | None, now_ms: int) -> str:
         """The reason to react; empty for none."""
 
@@ -221,6 +226,7 @@ class IsWatched(MonitorCheck):
     """The vehicle's own watchdog watches. Without it an aPad on its way goes on when the link or the bench dies."""
 
     cause: Cause = Cause.WATCHDOG
+    is_accepted: bool = True
 
     def look(self, situation: VehicleSituation, under_way: UnderWay | None, now_ms: int) -> str:
         return situation.watchdog_fault
@@ -232,6 +238,12 @@ class Monitor:
     def __init__(self, checks: Sequence[MonitorCheck]) -> None:
         self.checks = tuple(checks)
         self._present: set[Cause] = set()
+        self._due_again: set[Cause] = set()
+        """The present causes to which nobody has reacted since a person let the vehicle move again."""
+
+    def begin_anew(self) -> None:
+        """A person lets the vehicle move again: a cause that lasts begins anew, unless the person accepts it."""
+        self._due_again = self._present - {it.cause for it in self.checks if it.is_accepted}
 
     def look(
         self, situation: VehicleSituation, under_way: UnderWay | None, now_ms: int
@@ -242,8 +254,11 @@ class Monitor:
             if situation.position_fault and check.cause is not Cause.POSITION:
                 continue  # what is wrong with the vehicle's place cannot be judged
             reason = check.look(situation, under_way, now_ms)
-            if bool(reason) is (check.cause in self._present):
+            if bool(reason) is (check.cause in self._present) and not (
+                reason and check.cause in self._due_again
+            ):
                 continue
-            self._present ^= {check.cause}
+            self._due_again.discard(check.cause)
+            (self._present.add if reason else self._present.discard)(check.cause)
             changes.append(MonitorFinding(check.cause, check.reaction, reason) if reason else check.cause)
         return changes

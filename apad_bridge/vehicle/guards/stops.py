@@ -183,8 +183,9 @@ class Stops:
         """The id of the way back inside the fence, which a person allowed while the stop is in force."""
         self._command_id: int | None = None
         """The command by which the stop in force went out last."""
-        self._restored_number: int | None = None
-        """The number of the stop that a former supervisor left in force."""
+        self._needs_word: int | None = None
+        """The number of the stop in force if the word to continue alone ends it, although it is a person's HOLD: a former
+        supervisor left it, or it came in the place of a stop that such a word alone ends."""
         self._is_reported = False
         """The operator was told that the vehicle has not taken it, in this mode."""
         self._awaited_ms: int | None = None
@@ -201,9 +202,12 @@ class Stops:
 
     @property
     def is_persons_hold(self) -> bool:
-        """The stop in force is a person's HOLD, which another word of a person ends; one that outlived a crash is none."""
+        """The stop in force is a person's HOLD, which another word of a person ends.
+
+        One that outlived a crash is none, and neither is one that a person ordered while a guard's stop was in force.
+        """
         stop = self.in_force
-        if stop is None or stop.stills_arms or stop.number == self._restored_number:
+        if stop is None or stop.stills_arms or stop.number == self._needs_word:
             return False
         return stop.is_persons and stop.kind is StopKind.HOLD
 
@@ -215,11 +219,13 @@ class Stops:
             return False
         return (stop.rest_ms if stop.kind is StopKind.HOLD else stop.obeyed_ms) is not None
 
-    def may_end(self, ends: StopsEnded) -> bool:
-        """True where no stop is in force, or one that a word of this kind ends."""
-        if self.in_force is None or ends is StopsEnded.ANY:
+    def may_end(self, number: int | None, ends: StopsEnded) -> bool:
+        """True where no stop is in force, or the one of this number, and a word of this kind ends it."""
+        if self.in_force is None:
             return True
-        return ends is StopsEnded.PERSONS_HOLD and self.is_persons_hold
+        if self.in_force.number != number:
+            return False
+        return ends is StopsEnded.ANY or (ends is StopsEnded.PERSONS_HOLD and self.is_persons_hold)
 
     def begin(
         self,
@@ -233,6 +239,8 @@ class Stops:
     ) -> None:
         """A new stop is ordered, and is in force. It stills the arms if the one before it did."""
         stills = stills_arms or (self.in_force is not None and self.in_force.stills_arms)
+        if self.in_force is not None and not self.is_persons_hold:
+            self._needs_word = self._state.next_number
         self._latch.turn()
         self._command_id, self._is_reported = None, False
         stop = StopRecord(
@@ -327,7 +335,7 @@ class Stops:
     def restore(self, restored: StopsState) -> None:
         """Takes over the stops of the run's former supervisor."""
         self._state = restored
-        self._restored_number = None if restored.in_force is None else restored.in_force.number
+        self._needs_word = None if restored.in_force is None else restored.in_force.number
         self._latch.turn()
 
     def _emit(self, stop: StopRecord, state: StopState, now_ms: int, reason: str = "") -> None:

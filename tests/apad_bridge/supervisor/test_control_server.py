@@ -21,6 +21,9 @@ from journals import facts_of
 from apad_bridge.commands import main
 from apad_bridge.events.mission_events import Phase
 from apad_bridge.events.person_orders import Act
+from apad_bridge.mission.call_queue import CallQueue
+from apad_bridge.mission.flight_mission import FlightMission
+from apad_bridge.mission.orders import StopVehicle
 from apad_bridge.mission.script_values import Status
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor import control_server
@@ -33,7 +36,7 @@ from apad_bridge.supervisor.control_protocol import (
     ask,
     short_path,
 )
-from apad_bridge.supervisor.control_server import control_offered
+from apad_bridge.supervisor.control_server import carry_out, control_offered
 from apad_bridge.vehicle.link_errors import PeerFailed
 
 
@@ -236,6 +239,55 @@ def test_a_stop_needs_no_position_and_hands_still_the_arms(pool: Scenario, run_d
         assert flying.answered(lambda: main.main(["hands", str(run_dir)])) == 0
     assert [(it["mode"], it["state"]) for it in flying.events("stop")][-1] == ("off", "obeyed")
     assert flying.gate.stops.in_force is not None and flying.gate.stops.in_force.stills_arms
+
+
+class AtOnce(CallQueue):
+    """Runs a call within the tick under way."""
+
+    def __init__(self, mission: FlightMission) -> None:
+        super().__init__()
+        self.mission = mission
+
+    def call_mission(self, act: Callable[[FlightMission], Any], timeout_s: float = 0.0, **_: Any) -> Any:
+        return act(self.mission)
+
+
+MOVES = {
+    "continue": Request(Act.CONTINUE, "Anna", stop=1),
+    "give back": Request(Act.GIVE_BACK, "Anna"),
+    "go-to": Request(Act.GO_TO, "Anna", goal_m=(14.0, 5.0)),
+    "hold": Request(Act.HOLD, "Anna", goal_m=(14.0, 5.0)),
+}
+
+
+@pytest.mark.parametrize("order", MOVES.values(), ids=MOVES)
+def test_nobody_moves_the_apad_by_a_word_of_the_tick_in_which_another_has_hands_at_the_docks(
+    pool: Scenario, order: Request
+) -> None:
+    flying, answers = Flying(pool), list[Answer]()
+    flying.seconds(5)
+    assert flying.answered(lambda: carry_out(Request(Act.STOP, "Anna"), flying.calls, flying.gate)).accepted
+
+    def in_one_tick(mission: FlightMission) -> None:
+        mission.order(StopVehicle("Bo", hands=True))
+        answers.append(carry_out(order, AtOnce(mission), flying.gate))
+
+    flying.call_mission(in_one_tick)
+    flying.seconds(1)
+    assert not answers[0].accepted and "at this very moment" in answers[0].message
+    assert (stop := flying.gate.stops.in_force) is not None and (stop.number, stop.stills_arms) == (2, True)
+
+
+def test_a_go_to_that_is_refused_ends_no_stop(pool: Scenario) -> None:
+    """No mission plans: the order that the stop has paused goes on first."""
+    flying = Flying.by_calls(pool)
+    flying.seconds(3)
+    flying.call(lambda manual: manual.go_to(20.0, 12.0))
+    flying.seconds(3)
+    flying.answered(lambda: carry_out(Request(Act.STOP, "Anna"), flying.calls, flying.gate))
+    answer = flying.answered(lambda: carry_out(MOVES["go-to"], flying.calls, flying.gate))
+    assert not answer.accepted and "continue first" in answer.message
+    assert flying.gate.stops.in_force is not None
 
 
 @pytest.mark.parametrize("act", Act)

@@ -167,6 +167,11 @@ class Guarded:
         self.note()
         return self.wire.out
 
+    def continues(self, by: str = "Anna", **how: Any) -> None:
+        """A person's word, after the stop that is in force now."""
+        stop = self.gate.stops.in_force
+        self.vehicle.allow_motion(by, None if stop is None else stop.number, self.now_ms, **how)
+
     def shown(self, act: Act) -> str:
         """What shows of an act: orders on the wire, primitives that failed, and the journal's lines of guards and stops."""
         self.wire.out = []
@@ -233,7 +238,8 @@ def stop(*, off: bool = False, hands: bool = False) -> Act:
 
 
 def continues(**how: Any) -> Act:
-    return lambda it: it.vehicle.allow_motion("Anna", it.now_ms, **how)
+    """A person's word, after the stop that is in force then."""
+    return lambda it: it.continues("Anna", **how)
 
 
 def why_not(number: int | None = None) -> Act:
@@ -569,6 +575,49 @@ SCENES: dict[str, tuple[dict[str, Any], list[tuple[Act, str]]]] = {
 def test_what_goes_out_and_what_is_told(how: dict[str, Any], steps: list[tuple[Act, str]]) -> None:
     bench = Guarded(**how)
     assert [bench.shown(act) for act, _ in steps] == [shown for _, shown in steps]
+
+
+def test_a_word_ends_no_stop_that_came_after_it() -> None:
+    bench = Guarded(is_real=True)
+    bench.stop()
+    bench.stop(hands=True)
+    bench.vehicle.allow_motion("Anna", 1, bench.now_ms)
+    assert (stop := bench.gate.stops.in_force) is not None and (stop.number, stop.stills_arms) == (2, True)
+    bench.vehicle.allow_motion("Anna", 2, bench.now_ms)
+    assert bench.gate.stops.in_force is None
+
+
+def test_a_persons_stop_in_the_place_of_a_guards_hold_needs_the_word_to_continue() -> None:
+    bench = Guarded(is_real=True, most_m_s=0.5)
+    for north_m in (5.0, 5.9, 6.8, 7.7, 8.6):
+        bench.at(north_m, 5.0)
+    assert (stop := bench.gate.stops.in_force) is not None and not stop.is_persons
+    bench.stop()
+    bench.continues(ends=StopsEnded.PERSONS_HOLD)
+    assert bench.gate.stops.in_force is not None
+    bench.continues()
+    assert bench.gate.stops.in_force is None
+
+
+def test_a_danger_that_lasts_over_a_persons_word_is_a_new_one() -> None:
+    """A hull runs for the fence at 0.8 m/s, is stopped, and a person continues while it still runs."""
+    bench, north_m = Guarded(is_real=True), 5.0
+    while bench.gate.stops.in_force is None:
+        bench.at(north_m := north_m + 0.8, 5.0)
+    bench.continues()
+    bench.at(north_m + 0.8, 5.0)
+    assert bench.gate.stops.in_force is not None and not bench.gate.situation(bench.now_ms).outside
+
+
+def test_nobody_is_sent_back_in_while_hands_are_at_the_docks() -> None:
+    bench = Guarded(is_real=True)
+    for n in range(28):
+        bench.at(5.0, 5.0 - n / 4)
+    bench.stop(hands=True)
+    bench.at(5.0, -2.0, ticks=3)
+    bench.wire.out = []
+    bench.vehicle.go_back_in("Bo", "Cleo", bench.now_ms)
+    assert bench.wire.out == [] and "hands at the docks" in bench.gate.way_back(bench.now_ms)[1]
 
 
 def test_the_way_back_in_crosses_no_keep_out_zone() -> None:

@@ -99,7 +99,7 @@ def test_where_the_scenario_wants_it_the_aPad_holds_until_a_person_continues() -
     assert (reacted.cause, reacted.reaction) == ("watchdog", "hold")
     assert "guard: watchdog" in flight.vehicle.gate.awaits_person
     # A person who continues without it has decided so: it is not held again for the same loss.
-    flight.vehicle.allow_motion("Anna", flight.now_ms)
+    flight.vehicle.allow_motion("Anna", 1, flight.now_ms)
     flight.seconds(30, None)
     assert not flight.vehicle.gate.awaits_person
 
