@@ -8,6 +8,7 @@ anything.
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import astuple
 
 from agents.coordinator import AgentDied
@@ -43,6 +44,7 @@ from apad_bridge.mission.facts import (
     Ping,
     RangeHeard,
     Send,
+    SupervisorAction,
 )
 from apad_bridge.mission.orders import StopVehicle, VehicleOrder
 from apad_bridge.supervisor.clock import StopSign
@@ -183,8 +185,19 @@ class Flight:
         A mechanism answers within the tick in which it is commanded, so that docking takes the scenario's time and not a
         tick more.
         """
+        actions = iter(self.supervisor.advance(now_ms))
+        try:
+            return self._carry_out(actions, now_ms)
+        except Exception:
+            # A person's stop must not be lost because the journal could not take a line before it.
+            for action in actions:
+                if isinstance(action, StopVehicle):
+                    action.give(self._vehicle, now_ms)
+            raise
+
+    def _carry_out(self, actions: Iterator[SupervisorAction], now_ms: MissionMs) -> bool:
         mechanism_commanded = False
-        for action in self.supervisor.advance(now_ms):
+        for action in actions:
             match action:
                 case Event():
                     self._recorder.event(now_ms, action)

@@ -5,7 +5,7 @@
 #define A_PAGE (HAL_PAGE_BYTES / RECORD)
 #define AT_ONCE 18u
 #define PACKETS_AT_ONCE 4u
-#define CHUNK 42u /* records that are read at once */
+#define CHUNK (1000u / RECORD) /* records that are read at once: an answer of the port has 1024 bytes at most */
 #define UNKNOWN UINT32_MAX
 
 struct log_state log_state;

@@ -19,12 +19,16 @@ from hypothesis import strategies as st
 from journals import facts_of
 
 from apad_bridge.commands import main
+from apad_bridge.events.guard_events import StopKind
 from apad_bridge.events.mission_events import Phase
+from apad_bridge.events.person_events import PersonOrdered
 from apad_bridge.events.person_orders import Act
+from apad_bridge.events.run_events import EndReason
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.flight_mission import FlightMission
 from apad_bridge.mission.orders import StopVehicle
 from apad_bridge.mission.script_values import Status
+from apad_bridge.records.recorder import RecordsFailed
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor import control_server
 from apad_bridge.supervisor.clock import FlightSpeed
@@ -276,6 +280,22 @@ def test_nobody_moves_the_apad_by_a_word_of_the_tick_in_which_another_has_hands_
     flying.seconds(1)
     assert not answers[0].accepted and "at this very moment" in answers[0].message
     assert (stop := flying.gate.stops.in_force) is not None and (stop.number, stop.stills_arms) == (2, True)
+
+
+def test_a_stop_reaches_the_vehicle_in_the_tick_in_which_the_disk_is_full(
+    flying: Flying, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(now_ms: int, event: object) -> None:
+        raise RecordsFailed("full", EndReason.DISK_FULL)
+
+    def in_this_tick(mission: FlightMission) -> None:
+        mission.emit(PersonOrdered("motors off", "Anna"))
+        mission.order(StopVehicle("Anna", off=True))
+        monkeypatch.setattr(flying.flight._recorder, "event", full)
+
+    with pytest.raises(RecordsFailed):
+        flying.call_mission(in_this_tick)
+    assert (stop := flying.gate.stops.in_force) is not None and stop.kind is StopKind.OFF
 
 
 def test_a_go_to_that_is_refused_ends_no_stop(pool: Scenario) -> None:
