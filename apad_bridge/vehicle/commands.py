@@ -252,13 +252,15 @@ class PilotReported:
 class GoalOfOthers:
     """Another client's go-to, where the stack shows it. Guards judge it like our own.
 
-    A goal whose message was not heard has no place: nobody here can tell where it leads.
+    A goal whose message was not heard, or names a place of no water, has no place: nobody here can tell where it leads.
     """
 
     at_ms: int
     client: str
     north_m: float | None
     east_m: float | None
+    fault: str = ""
+    """Why the place that the message names cannot be used; empty for a good one, and for a message that was not heard."""
 
 
 VehicleFact = (

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Generic, Protocol, TypeVar
 
 from apad_bridge.beliefs.input_ranges import out_of_range
-from apad_bridge.vehicle.commands import BatteryReported, PoseReported
+from apad_bridge.vehicle.commands import BatteryReported, GoalOfOthers, PoseReported
 from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.stack_messages import BatteryReceived, StateRefReceived
 from apad_bridge.vehicle.vehicle_link import LinkFact
@@ -82,6 +82,15 @@ class Readings:
         fraction = min(1.0, max(0.0, message.percent / 100))
         voltage_v = self._empty_v + fraction * (self._full_v - self._empty_v)
         self._battery = BatteryReported(message.at_ms, voltage_v, fraction)
+
+    def usable_goal(self, goal: GoalOfOthers, topic: str) -> GoalOfOthers:
+        """The goal that was heard on `topic`. A place that cannot be used is counted, and taken out: the order stands."""
+        if goal.north_m is None or goal.east_m is None:
+            return goal
+        if (reason := out_of_range(north_m=goal.north_m, east_m=goal.east_m)) is None:
+            return goal
+        self.dropped[f"{topic}: {reason}"] += 1
+        return replace(goal, north_m=None, east_m=None, fault=reason)
 
     def take(self, gate: Gate) -> list[LinkFact]:
         """The newest readings since the last call, which the gate observes; its watch looks at each pose."""

@@ -208,15 +208,19 @@ class LinkToA(SimulatedLink):
 
     def others_go(self, north_m: float, east_m: float) -> None:
         """Another client sends the vehicle there."""
-        self._others += 1
-        key = f"/joystick-{self._others}-1.0"
-        seen = GoalSeen(self._now_ms, key, GO_TO, north_m, east_m, "/joystick")
-        self._tell(seen, self._now_ms)
+        key = self.show_goal(north_m, east_m)
         self._active.append(key)
         self._receive(
             self.vehicle.receive(GoalOrder(key, GO_TO, north_m, east_m, ""), self._now_ms),
             self._now_ms,
         )
+
+    def show_goal(self, north_m: float, east_m: float) -> str:
+        """Another client's goal is on its way to the server. Returns its key."""
+        self._others += 1
+        key = f"/joystick-{self._others}-1.0"
+        self._tell(GoalSeen(self._now_ms, key, GO_TO, north_m, east_m, "/joystick"), self._now_ms)
+        return key
 
     def _switch_off(self, now_ms: int) -> None:
         if (off := self.core.take_off_order()) is None or self.is_lost:
@@ -292,8 +296,12 @@ class LinkToB(SimulatedLink):
     def others_go(self, north_m: float, east_m: float) -> None:
         """Another client sends the vehicle there."""
         if self.shows_goals:
-            self._tell(GoalOfOthers(self._now_ms, "/commander", north_m, east_m), self._now_ms)
+            self.show_goal(north_m, east_m)
         self._receive(self.vehicle.receive(GoTo(0, north_m, east_m, 0.5, 0.5), self._now_ms), self._now_ms)
+
+    def show_goal(self, north_m: float, east_m: float) -> None:
+        """Another client's goal is on its way to the server."""
+        self._tell(GoalOfOthers(self._now_ms, "/commander", north_m, east_m), self._now_ms)
 
     def set_pilot(self, *, steers: bool) -> None:
         self.observer.pilot_steers = steers

@@ -338,9 +338,12 @@ class GenerationACore:
     def _see_goal(self, goal: GoalSeen) -> None:
         """Takes a goal on its way to the server; another client's go-to is for the guards to judge."""
         self._server.see(goal)
-        is_others = goal.kind == GO_TO and not self._takes_back and not self._server.is_ours(goal.key)
-        if is_others and out_of_range(north_m=goal.north_m, east_m=goal.east_m) is None:
-            self._facts.append(GoalOfOthers(goal.at_ms, goal.client, goal.north_m, goal.east_m))
+        if goal.kind != GO_TO or self._server.is_ours(goal.key):
+            return
+        others = GoalOfOthers(goal.at_ms, goal.client, goal.north_m, goal.east_m)
+        others = self.readings.usable_goal(others, "action_server/goal")
+        if not self._takes_back:
+            self._facts.append(others)
 
     def _receive_held_position(self, message: HeldPositionReceived) -> None:
         if (reason := out_of_range(north_m=message.north_m, east_m=message.east_m)) is not None:

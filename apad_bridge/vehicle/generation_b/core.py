@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections import Counter, deque
 
-from apad_bridge.beliefs.input_ranges import out_of_range
 from apad_bridge.scenario.blocks.mission_options import Docking
 from apad_bridge.scenario.lab_interface.lab_messages import DockReport
 from apad_bridge.vehicle.commands import (
@@ -121,20 +120,23 @@ class GenerationBCore:
                 self._tasks.receive_status(docking, status, at_ms)
             case ManualReceived(at_ms, steers):
                 self._tasks.receive_pilot(steers, at_ms)
-            case GoalOfOthers(_, _, north_m, east_m) if north_m is not None and east_m is not None:
-                self._see_goal(message, (north_m, east_m))
+            case GoalOfOthers():
+                self._see_goal(self.readings.usable_goal(message, "go2point/goal"))
             case ArmReceived(at_ms, dock_index):
                 self._tasks.receive_arm(dock_index, at_ms)
 
-    def _see_goal(self, goal: GoalOfOthers, place_m: tuple[float, float]) -> None:
+    def _see_goal(self, goal: GoalOfOthers) -> None:
         """Takes a goal on its way to the vehicle's server; another client's is for the guards to judge.
 
         A client that sends the vehicle to a place of ours sends it where the gate has let us go.
         """
-        if (reason := out_of_range(north_m=place_m[0], east_m=place_m[1])) is not None:
-            self.readings.dropped[f"go2point/goal: {reason}"] += 1
-        elif not self._takes_back and all(math.dist(place_m, it) > SAME_PLACE_M for it in self._own_goals_m):
+        if not self._takes_back and not self._is_own_place(goal.north_m, goal.east_m):
             self._tasks.receive_others_goal(goal)
+
+    def _is_own_place(self, north_m: float | None, east_m: float | None) -> bool:
+        if north_m is None or east_m is None:
+            return False
+        return any(math.dist((north_m, east_m), it) <= SAME_PLACE_M for it in self._own_goals_m)
 
     def receive_dock_report(self, report: DockReport) -> None:
         """Takes a report that a dock closed or opened, by id or else by dock and place. Known states change nothing."""

@@ -42,7 +42,7 @@ from apad_bridge.vehicle.commands import (
     VehicleCommand,
 )
 from apad_bridge.vehicle.guards.gate import PILOT_STEERS, Refusal, Safety
-from apad_bridge.vehicle.guards.guarded_orders import Point, goal_of, is_meant_as_stop, may_hold
+from apad_bridge.vehicle.guards.guarded_orders import goal_of, is_meant_as_stop, may_hold
 from apad_bridge.vehicle.guards.monitor import MonitorFinding, UnderWay
 from apad_bridge.vehicle.guards.stop_enforcer import StopEnforcer
 from apad_bridge.vehicle.guards.stops import StopsEnded
@@ -224,9 +224,8 @@ class GuardedVehicle:
                 self._wish(ReleaseByName(self._take_id(), dock_index, agent_id), now_ms)
             case CommandedByOthers(_, client):
                 self._others_command(client, now_ms)
-            case GoalOfOthers(_, client, north_m, east_m):
-                goal_m = None if north_m is None or east_m is None else (north_m, east_m)
-                self._judge_others(client, goal_m, now_ms)
+            case GoalOfOthers():
+                self._judge_others(fact, now_ms)
             case PilotReported() if not self.gate.pilot and self._safety.needs_person:
                 # A pilot who lets go has not said that the mission may go on.
                 self.gate.note_others(PILOT_HAD_IT)
@@ -251,19 +250,23 @@ class GuardedVehicle:
         elif stop is None:
             self.gate.note_others(f"{who} commands the aPad: continue, take it over, or give it back")
 
-    def _judge_others(self, client: str, goal_m: Point | None, now_ms: int) -> None:
+    def _judge_others(self, goal: GoalOfOthers, now_ms: int) -> None:
         """Ends another client's go-to that a guard would refuse us, or of which nobody can tell where it leads."""
         situation = self.gate.situation(now_ms)
         if self.gate.pilot or situation.place_m is None or situation.position_fault:
             return
-        if goal_m is None:
-            if self._safety.needs_person:
-                reason = f"{client or 'another client'} sent a goal that was not heard: nobody can tell where it leads"
-                self._react(MonitorFinding(Cause.OTHERS, Reaction.HOLD, reason), now_ms)
+        who = goal.client or "another client"
+        if goal.fault:
+            reason = f"{who} ordered a go-to to a place that cannot be used: {goal.fault}"
+        elif goal.north_m is None or goal.east_m is None:
+            if not self._safety.needs_person:
+                return
+            reason = f"{who} sent a goal that was not heard: nobody can tell where it leads"
+        elif fault := self._safety.waters.fault_of_way(situation.place_m, (goal.north_m, goal.east_m)):
+            reason = f"{who} ordered a go-to that leaves the waters: {fault}"
+        else:
             return
-        if fault := self._safety.waters.fault_of_way(situation.place_m, goal_m):
-            reason = f"{client or 'another client'} ordered a go-to that leaves the waters: {fault}"
-            self._react(MonitorFinding(Cause.OTHERS, Reaction.HOLD, reason), now_ms)
+        self._react(MonitorFinding(Cause.OTHERS, Reaction.HOLD, reason), now_ms)
 
     def _leave_to_pilot(self, now_ms: int) -> None:
         """Fails the order under way: the pilot ends every order of ours."""

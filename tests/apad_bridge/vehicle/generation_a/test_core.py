@@ -15,6 +15,7 @@ from apad_bridge.vehicle.commands import (
     BatteryReported,
     CloseDock,
     CommandAccepted,
+    CommandedByOthers,
     CommandFailed,
     DockClosed,
     DockOpened,
@@ -556,3 +557,14 @@ def test_another_s_goal_is_told_once_and_has_its_place_where_it_was_heard(seen_m
         assert other == GoalOfOthers(seen_ms, "/neptus", 9.0, 8.0)
     else:
         assert (other.client, other.north_m) == ("/neptus", None) and 1_500 <= other.at_ms <= 2_000
+
+
+@pytest.mark.parametrize("north_m", [51_000.0, math.nan])
+def test_another_s_goal_to_no_place_of_any_water_is_told_once_and_counted(north_m: float) -> None:
+    core = GenerationACore(ReportedDocks(range(1, 10)), (10.5, 16.0), "run", takes_back=False)
+    seen = GoalSeen(800, "/neptus-7-3.0", GO_TO, north_m, 8.0, "/neptus")
+    runs = GoalStatusEntry(seen.key, GoalCode.ACTIVE)
+    told = played(core, statuses(700), seen, GoalStatusReceived(1_000, (runs,), whole=True), 3_000)
+    why = "north_m is outside -50000 to 50000"
+    assert told == [GoalOfOthers(800, "/neptus", None, None, why), CommandedByOthers(1_000, "/neptus")]
+    assert core.dropped == {f"action_server/goal: {why}": 1}

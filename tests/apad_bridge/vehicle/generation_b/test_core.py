@@ -274,13 +274,18 @@ STORIES: dict[str, tuple[Callable[[], Apad], list[Any], list[LinkFact | str], li
         [OURS],
     ),
     **{
-        f"a goal at {north_m:g} m is counted": (
+        f"a goal at {north_m:g} m is another's like any other, without its place, and counted": (
             REAL,
-            [GoalOfOthers(1_000, "/planner", north_m, 0.0)],
-            ["go2point/goal: north_m is outside -50000 to 50000"],
-            [],
+            [(0, THERE), GoalOfOthers(1_000, "/planner", north_m, 6.0), goes(9_000, DONE)],
+            [
+                CommandFailed(1_000, THERE.command_id, REPLACED),
+                GoalOfOthers(1_000, "/planner", None, None, "north_m is outside -50000 to 50000"),
+                CommandedByOthers(1_000, "/planner"),
+                "go2point/goal: north_m is outside -50000 to 50000",
+            ],
+            [OURS],
         )
-        for north_m in (math.nan, math.inf, 1e12)
+        for north_m in (math.nan, math.inf, 51_000.0)
     },
     "a go-to of ours that a hold pre-empts is nobody else's": (Apad, [*holding(900), 20_000], [], [HELD]),
     "a docking of another's during a hold is let go on": (

@@ -554,6 +554,10 @@ SCENES: dict[str, tuple[dict[str, Any], list[tuple[Act, str]]]] = {
             ),
         ],
     ),
+    "a goal to no place of any water is ended, for a simulated vehicle too": (
+        {},
+        [(hears(GoalOfOthers, "/planner", None, None, "no number"), "Hold (5, 5); guard: another client")],
+    ),
     "a goal that nobody heard is no matter for a simulated vehicle": (
         {},
         [(hears(GoalOfOthers, "/planner", None, None), "")],
@@ -896,6 +900,22 @@ def test_anothers_goal_that_the_vehicle_does_not_show_is_held_before_the_fence()
     bench.run(100)
     pose = bench.link.pose
     assert max(pose.north_m, pose.east_m) < SIDE_M and bench.link.is_at_rest
+
+
+@pytest.mark.parametrize("north_m", [60_000.0, math.nan])
+@pytest.mark.parametrize("generation", [Generation.A, Generation.B])
+def test_anothers_goal_to_no_place_of_any_water_is_ended_by_a_hold(
+    generation: Generation, north_m: float
+) -> None:
+    """Degrees or millimetres for metres, or no number."""
+    bench = Bench(generation)
+    bench.go(40.0, 40.0)
+    bench.run(4)
+    bench.link.show_goal(north_m, 8.0)
+    bench.run(1)
+    observer = bench.observer
+    assert observer.held_m is not None and observer.goal_m == observer.held_m
+    assert "ordered a go-to to a place that cannot be used" in bench.vehicle.gate.awaits_person
 
 
 @pytest.mark.parametrize("generation", [Generation.A, Generation.B])
