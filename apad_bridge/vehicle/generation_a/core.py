@@ -348,7 +348,8 @@ class GenerationACore:
     def _receive_held_position(self, message: HeldPositionReceived) -> None:
         if (reason := out_of_range(north_m=message.north_m, east_m=message.east_m)) is not None:
             self.docks.dropped[f"position_static: {reason}"] += 1
-            return
+            if not message.released:  # whoever ordered a release, its place says nothing more
+                return
         self._apply_dock_facts(self.docks.receive(message))
 
     def _apply_dock_facts(self, facts: list[LinkFact]) -> None:

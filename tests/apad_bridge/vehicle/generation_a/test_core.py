@@ -314,6 +314,10 @@ STORIES: dict[str, tuple[list[Any], list[LinkFact | str]]] = {
         )
         for bad in (math.nan, 1e308)
     },
+    "a release whose place cannot be opens the dock, and the place is counted": (
+        [shown(0, 7), HeldPositionReceived(1_000, 7, 0.0, math.nan, True)],
+        [*docked(0, 7), *released(1_000, 7), "position_static: east_m is outside -50000 to 50000"],
+    ),
     "messages of an unknown aMussel disturb nothing": (
         [shown(0, 99)],
         ["position_static of an aMussel that is not of this fleet"],
