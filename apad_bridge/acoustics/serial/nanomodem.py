@@ -429,8 +429,8 @@ class AnswerReader:
         del self._bytes[: end + 2]
         return Line(taken[:end])
 
-    def _message(self, taken: bytes, head: re.Match[bytes]) -> ReceivedData | None:
-        """The message, once its end is there. Its quality and a time may follow its data."""
+    def _message(self, taken: bytes, head: re.Match[bytes]) -> ReceivedData | Line | None:
+        """The message, once its end is there, or the answer behind a torn one. A quality and a time may follow its data."""
         size = int(head[2])
         rest = taken[head.end() + size :]
         at = 0
@@ -445,12 +445,8 @@ class AnswerReader:
         # There are enough bytes for the longest message but no end of it, so they are no message.
         if len(rest) >= 8 + 15 + 2:
             self._drop(1)
-            return self._next_message()
+            return self._next()
         return None
-
-    def _next_message(self) -> ReceivedData | None:
-        found = self._next()
-        return found if isinstance(found, ReceivedData) else None
 
     def _skip_noise(self) -> None:
         """Answers begin with `#`, `$` or `E`."""

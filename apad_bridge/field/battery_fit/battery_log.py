@@ -66,9 +66,9 @@ class BatteryLog:
 
 def read_log(path: Path, log_format: LogFormat) -> BatteryLog:
     """Reads a CSV file (comma, semicolon or tab; with or without a line of names). LogError names the file's line."""
-    if not (rows := list(_rows(text_of(path, "utf-8-sig")))):
-        raise LogError(f"{path}: holds no rows")
     try:
+        if not (rows := list(_rows(text_of(path, "utf-8-sig")))):
+            raise LogError("holds no rows")
         return _log(path, rows, log_format)
     except LogError as error:
         raise LogError(f"{path}: {error}") from None
@@ -79,13 +79,22 @@ def _rows(text: str) -> Iterator[tuple[int, list[str]]]:
     lines = text.splitlines()
     first = next((line for line in lines if line.strip()), "")
     delimiter = next((mark for mark in ";\t" if mark in first), ",")
-    for number, cells in enumerate(csv.reader(lines, delimiter=delimiter), 1):
+    for number, cells in enumerate(_cells_of(lines, delimiter), 1):
         if any(cell.strip() for cell in cells) and not cells[0].startswith("#"):
             # A comma is a decimal sign unless it separates the cells.
             yield (
                 number,
                 [cell.strip() if delimiter == "," else cell.strip().replace(",", ".") for cell in cells],
             )
+
+
+def _cells_of(lines: list[str], delimiter: str) -> Iterator[list[str]]:
+    """The cells of each line by itself: a quotation mark that is not closed must not take in the lines behind it."""
+    for number, line in enumerate(lines, 1):
+        try:
+            yield next(csv.reader([line], delimiter=delimiter, strict=True), [])
+        except csv.Error as error:
+            raise LogError(f"line {number}: {error}: is a quotation mark not closed?") from None
 
 
 def _log(path: Path, rows: list[tuple[int, list[str]]], log_format: LogFormat) -> BatteryLog:

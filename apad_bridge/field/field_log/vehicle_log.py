@@ -28,6 +28,8 @@ from apad_bridge.field.field_log.log_facts import (
 Floats = npt.NDArray[np.float64]
 _SAME_S = 1.5
 """A supervisor's order and the vehicle's begin lie within a tick and a message."""
+_JUMP_S = 60.0
+"""No way delays a message by so much: a stamp that is off by more is of a clock that was set."""
 LogFact = TypeVar("LogFact", Posed, BatteryReading, Held, WorkBegan, WorkEnded)
 
 
@@ -130,12 +132,16 @@ def _better(found: list[LogFact]) -> list[LogFact]:
 
 
 def _track(poses: list[Posed]) -> Track:
-    """By the messages' own stamps, which no network delays, moved to the recorder's clock as a whole."""
+    """By the messages' own stamps, which no network delays, moved to the recorder's clock as a whole.
+
+    A message whose stamp has jumped from the others' counts when it was recorded.
+    """
     at_s = np.array([it.at_s for it in poses])
     sent_s = np.array([np.nan if it.sent_s is None else it.sent_s for it in poses])
     if len(poses) and np.isfinite(sent_s).all():
-        at_s = sent_s + np.median(at_s - sent_s)
-    # A clock that was set back, or a message that came twice, must not turn time back.
+        moved_s = sent_s + np.median(at_s - sent_s)
+        at_s = np.where(np.abs(moved_s - at_s) < _JUMP_S, moved_s, at_s)
+    # A message that came twice, or late, must not turn time back.
     order = np.flatnonzero(np.diff(np.maximum.accumulate(at_s), prepend=-np.inf) > 0)
     places = np.array([it.place_m for it in poses], dtype=float).reshape(-1, 2)
     return Track(at_s[order], places[order, 0], places[order, 1])

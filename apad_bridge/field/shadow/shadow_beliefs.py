@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import dist, fsum, sqrt
+from math import dist, fsum, isnan, sqrt
 
 from agents.time_scale import MissionMs
 from apad_bridge.assembly.flight_config import flight_config
@@ -12,7 +12,7 @@ from apad_bridge.field.shadow.compared import Accuracy
 from apad_bridge.scenario.firmware_config import codec_of
 from apad_bridge.scenario.schema import Scenario
 from firmware_model.packets import ShortStatus, StatusPacket
-from firmware_model.states import State
+from firmware_model.states import STATE_OF, State
 
 _TOPIC_PERIOD_MS = 1000
 """An aMussel's own topics come at 10 Hz: as its packets would, they count once a second."""
@@ -84,15 +84,17 @@ class ShadowBeliefs:
         )
 
     def of_others(self, report: BeliefsReport, now_ms: MissionMs) -> list[StatusPacket]:
-        """A supervisor's fresh belief is what the packet said; nothing else of it counts here."""
+        """A supervisor's fresh belief is what the packet said; nothing else of it counts here, and no row without sense."""
         believed: list[StatusPacket] = []
         for row in report.rows:
             self._believed.add(row.id)
-            if row.id in self._sends or row.age_s > _FRESH_S:
+            if row.id in self._sends or not abs(row.age_s) <= _FRESH_S:
+                continue
+            if row.state not in STATE_OF or isnan(row.charge + row.secondary):
                 continue
             stamp_ms = round(self._scale.agent_time(report.mission_ms - 1000 * float(row.age_s)))
             charge, secondary = (min(1.0, max(0.0, float(it))) for it in (row.charge, row.secondary))
-            place_m, state = (row.north, row.east), State(row.state)
+            place_m, state = (row.north, row.east), STATE_OF[row.state]
             status = StatusPacket(
                 row.id, 0, state, charge, secondary, *place_m, depth_m=0.0, agent_ms=stamp_ms
             )

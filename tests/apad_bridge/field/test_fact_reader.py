@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Callable
 
-from apad_bridge.field.field_log.log_facts import BatteryReading, PacketLogged
+import pytest
+
+from apad_bridge.field.field_log.log_facts import BatteryReading, PacketLogged, Posed, Witness
 from apad_bridge.field.field_log.reader import FactReader
+from apad_bridge.field.field_log.vehicle_log import vehicle_log
 from apad_bridge.records.bag import RecordedConnection, RecordedMessage
 
 TEXT, NUMBER, NAMED_OTHERWISE = (
@@ -54,3 +58,17 @@ def test_a_range_to_a_real_amussel_is_no_packet_of_it() -> None:
     reader = FactReader("the log", "apad1")
     assert reader.read(heard(b"range")) == []
     assert reader.read(heard(b"sound")) == [PacketLogged(1.0, 7, "sound", b"29.6")]
+
+
+@pytest.mark.parametrize(
+    "wrong_s",
+    [
+        pytest.param(lambda n: 3600.0 if n == 50 else 0.0, id="one stamp is an hour ahead"),
+        pytest.param(lambda n: -3600.0 if n >= 300 else 0.0, id="the clock is set back by an hour"),
+    ],
+)
+def test_a_clock_that_jumps_costs_the_track_nothing(wrong_s: Callable[[int], float]) -> None:
+    poses = [Posed(n / 10, Witness.VEHICLE, n / 10 + wrong_s(n), (n / 20, 0.0)) for n in range(1000)]
+    track = vehicle_log("a bag", poses).track
+    assert len(track) > 990
+    assert list(track.times_s) == pytest.approx([20 * it / 10 for it in track.north_m], abs=0.01)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 from unittest.mock import ANY
 
@@ -17,6 +19,7 @@ from apad_bridge.commands import main
 from apad_bridge.field.field_log.log_facts import (
     AmusselCharged,
     AmusselPlaced,
+    BeliefsReport,
     Held,
     LoggedFact,
     PacketLogged,
@@ -291,3 +294,17 @@ def test_twins_foretell_the_charge_of_silent_amussels_and_give_an_interval() -> 
     first, second = (packet(at_s, scenario.fleet.ids[0], 0.9, 5.0, scenario) for at_s in (0.0, 120.0))
     accuracy = decided([at(0.0), first, at(120.0), second], scenario=scenario).accuracy
     assert accuracy.packets == 1 and accuracy.inside in (0.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [{"age_s": math.nan}, {"age_s": -math.inf}, {"state": 99}, {"charge": math.nan}, {"north": math.nan}],
+    ids=lambda it: str(it),
+)
+def test_a_senseless_belief_of_others_does_not_end_the_shadow(bad: dict[str, float]) -> None:
+    """Anybody may publish on the graph beside which it listens."""
+    good = {"id": 1, "age_s": 0.0, "charge": 0.5, "secondary": 1.0, "north": 0.0, "east": 0.0, "state": 2}
+    shadow = Shadow(load(POOL_FILE))
+    shadow.take(BeliefsReport(1.0, 1000, (SimpleNamespace(**good | bad),)))
+    shadow.end()
+    assert not shadow.decisions

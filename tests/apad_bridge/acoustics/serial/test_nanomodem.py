@@ -382,6 +382,12 @@ def test_answers_are_counted_however_they_are_cut(
     assert reader.skipped_bytes == 0
 
 
+def test_answers_behind_a_torn_message_are_read() -> None:
+    """A unicast lost its end. The acceptance of our own packet and three whole messages follow."""
+    found = AnswerReader().take(b"#U05ab" + b"$B05\r\n" + 3 * b"#B00705hello\r\n")
+    assert Line(b"$B05") in found and found.count(ReceivedData(7, b"hello")) == 3
+
+
 def test_noise_between_answers_is_skipped_and_counted() -> None:
     reader = AnswerReader()
     answers = reader.take(b"\x00\xffboot" + IDENTITY + b"noise\r\n#TO\r\n")

@@ -87,3 +87,10 @@ def test_a_file_that_is_not_there_or_no_text_is_said(tmp_path: Path) -> None:
     (tmp_path / "x.csv").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(UserError, match="is not UTF-8 text"):
         read_log(tmp_path / "x.csv", LogFormat())
+
+
+def test_a_quotation_mark_that_is_not_closed_is_one_line(tmp_path: Path) -> None:
+    log = tmp_path / "log.csv"
+    log.write_text('time_s,voltage_v\n0,"4.2\n' + "60,4.1\n" * 20)
+    with pytest.raises(LogError, match=r"log\.csv: line 2: .*quotation mark"):
+        read_log(log, LogFormat())
