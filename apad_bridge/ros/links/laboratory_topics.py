@@ -9,6 +9,7 @@ import rospy
 
 from apad_bridge.ros.system.inbox import Listening
 from apad_bridge.ros.system.ros_time import stamp
+from apad_bridge.ros.types.any_listener import node_of
 from apad_bridge.ros.types.any_message import AnyMessages, UnknownType, class_of
 from apad_bridge.ros.types.workspace_services import text_folders
 from apad_bridge.scenario.lab_interface.fields import read, write
@@ -48,7 +49,7 @@ class LaboratorySubscribers(Listening[tuple[Subscription, int | None, Any]]):
             try:
                 message = self._interpret(subscription, agent_id, self._messages.decode(raw), now_ms)
             except (AttributeError, IndexError, TypeError, ValueError, KeyError) as error:
-                self._inbox.refuse(subscription.topic, raw._connection_header["callerid"], str(error))
+                self._inbox.refuse(subscription.topic, node_of(raw), str(error))
                 continue
             if message is not None:
                 messages.append(message)

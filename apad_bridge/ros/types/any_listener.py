@@ -55,14 +55,14 @@ class AnyListener:
                 message._connection_header = raw._connection_header
                 take(message, *arguments)
             except genpy.DeserializationError:
-                self._refuse(topic, _node_of(raw), "bytes that are not of its definition")
+                self._refuse(topic, node_of(raw), "bytes that are not of its definition")
             except (ValueError, AttributeError, KeyError, TypeError) as error:
-                self._refuse(topic, _node_of(raw), str(error))
+                self._refuse(topic, node_of(raw), str(error))
             except Exception as error:  # rospy would only log it, for each message
-                self._refuse(topic, _node_of(raw), f"its reader fails: {in_one_line(error)}")
+                self._refuse(topic, node_of(raw), f"its reader fails: {in_one_line(error)}")
 
         return receive
 
 
-def _node_of(raw: Any) -> str:
+def node_of(raw: Any) -> str:
     return str((raw._connection_header or {}).get("callerid", "an unnamed node"))

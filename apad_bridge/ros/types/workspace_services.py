@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import genmsg
-import genpy.dynamic
 from genmsg.gentools import compute_full_text, compute_md5
 from genmsg.msg_loader import load_depends, load_srv_from_file
 from rospkg.rospack import list_by_path  # type: ignore[import-untyped]
 
+from apad_bridge.ros.types.any_message import class_by_text
 from apad_bridge.ros.types.generate import SYSTEM_DEFINITIONS
 from apad_bridge.ros.types.messages import DEFINITIONS
 from apad_bridge.scenario.lab_interface.fields import has
@@ -80,7 +80,7 @@ def _service(kind: str, text: Path, messages: dict[str, list[str]]) -> Any:
     specification = load_srv_from_file(context, str(text), kind)
     load_depends(context, specification, messages)
     classes = [
-        genpy.dynamic.generate_dynamic(part.full_name, compute_full_text(context, part))[part.full_name]
+        class_by_text(part.full_name, compute_full_text(context, part))
         for part in (specification.request, specification.response)
     ]
     name = kind.split("/")[1]

@@ -179,6 +179,40 @@ def test_a_laboratorys_message_of_another_type_is_dropped_counted_and_told_once(
     subscribers.close()
 
 
+@pytest.mark.parametrize(
+    ("kind", "text", "node"),
+    [
+        ("x/Y", "x/Y a", "/stranger"),
+        ("", "int32 a", "/stranger"),
+        ("x/Y\n", "int32 a", "/stranger"),
+        ("x/Y", "int32 = 1", "/stranger"),
+        ("x/Y", f"x/Z a\n{'=' * 80}\nMSG: x/Z()\nint32 a\n", "/stranger"),
+        ("x/Y", "foo bar baz", None),
+    ],
+    ids=[
+        "in itself",
+        "nameless",
+        "with a line's end",
+        "with a nameless constant",
+        "of a part with brackets",
+        "nonsense of nobody",
+    ],
+)
+def test_a_laboratorys_definition_that_is_none_is_dropped_and_counted(
+    kind: str, text: str, node: str | None
+) -> None:
+    heard = Subscription(what=MessageKind.CLEAR, topic="/clear", id=Number(field="a"))
+    subscribers = LaboratorySubscribers(Names(hear=(heard,)), "apad1", [4])
+    raw = on_the_wire(Int32(data=4))
+    raw._connection_header = {"type": kind, "md5sum": "0", "message_definition": text}
+    raw._connection_header |= {} if node is None else {"callerid": node}
+    for _ in range(2):
+        subscribers._subscribers[0].callback(raw, (heard, None))
+    assert subscribers.take(0) == [] and subscribers.dropped.total() == 2
+    assert [it.node for it in subscribers.take_events()] == [node or "an unnamed node"]
+    subscribers.close()
+
+
 def test_a_reader_that_fails_is_told_once_and_not_by_rospy_alone(subscribed: Inboxed) -> None:
     subscribers, inbox = subscribed
 
