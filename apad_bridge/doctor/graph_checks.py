@@ -73,9 +73,14 @@ class Graph:
     @classmethod
     def read(cls, uri: str) -> Graph:
         """Raises Unreachable if the master does not answer."""
-        state = call(uri, "getSystemState")
-        publishers, subscribers, services = ({name: list(nodes) for name, nodes in part} for part in state)
-        return cls(uri, publishers, subscribers, services, dict(call(uri, "getTopicTypes")))
+        state, types = call(uri, "getSystemState"), call(uri, "getTopicTypes")
+        try:
+            publishers, subscribers, services = (
+                {name: list(nodes) for name, nodes in part} for part in state
+            )
+            return cls(uri, publishers, subscribers, services, dict(types))
+        except (TypeError, ValueError) as error:
+            raise Unreachable(f"{uri} tells no graph: {error}") from error
 
     @classmethod
     def read_within(cls, uri: str, timeout_s: float) -> Graph:

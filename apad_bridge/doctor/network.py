@@ -117,6 +117,7 @@ def call(uri: str, method: str, *arguments: Any) -> Any:
 
 
 def call_for_reply(uri: str, method: str, *arguments: Any) -> tuple[int, str, Any]:
+    """Returns the [code, message, value] of a ROS XML-RPC call. Raises Unreachable with the reason."""
     connect(uri).close()
     transport = Timed(TIMEOUT_S)
 
@@ -134,7 +135,9 @@ def call_for_reply(uri: str, method: str, *arguments: Any) -> tuple[int, str, An
 
 
 class Timed(xmlrpc.client.Transport):
-    def __init__(self, timeout_s: float) -> None:
+    """Bounds each wait, except with None. An answer that is no XML-RPC raises ResponseError, whatever is wrong with it."""
+
+    def __init__(self, timeout_s: float | None) -> None:
         super().__init__()
         self._timeout_s = timeout_s
 
@@ -142,3 +145,13 @@ class Timed(xmlrpc.client.Transport):
         connection = super().make_connection(host)
         connection.timeout = self._timeout_s
         return connection
+
+    def parse_response(self, response: Any) -> Any:
+        try:
+            return super().parse_response(response)
+        except (OSError, HTTPException, xmlrpc.client.Error):
+            raise
+        except Exception as error:
+            # Whatever the bytes make the parser raise, as ExpatError of XML that is cut short.
+            response.close()  # what is unread would keep it open
+            raise xmlrpc.client.ResponseError(f"its answer is no XML-RPC: {error}") from error

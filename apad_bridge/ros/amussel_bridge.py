@@ -19,6 +19,7 @@ import rospy
 from agents.packet_medium import Medium
 from agents.time_scale import MissionMs
 from apad_bridge.beliefs.input_ranges import status_out_of_range
+from apad_bridge.doctor.network import Unreachable, call
 from apad_bridge.ros.gateway.claims import LEASE_S, PERIOD_S, TOPIC
 from apad_bridge.ros.links.packet_topics import PacketTopics
 from apad_bridge.ros.node_links import (
@@ -90,10 +91,10 @@ class AMusselBridge:
         """Puts the node on the graph. PeerFailed, in one line, where no master answers."""
         master_uri = rosgraph.get_master_uri()
         try:
-            rosgraph.Master("/musselbed_bridge").getPid()
+            call(master_uri, "getPid")
             # Nodes for other aMussels, with modems of their own, may stand beside this one.
             start_node(f"musselbed_bridge_{min(ids)}")
-        except (OSError, rosgraph.MasterException, rospy.ROSException) as error:
+        except (OSError, Unreachable, rospy.ROSException) as error:
             raise PeerFailed(f"no ROS master answers at {master_uri} ({error})") from error
         for link in links:
             link.begin()

@@ -12,6 +12,7 @@ import rospy
 
 from apad_bridge.assembly.safety import safety_of
 from apad_bridge.doctor.finding import CheckStatus
+from apad_bridge.doctor.network import Unreachable
 from apad_bridge.doctor.origin_check import check_origin
 from apad_bridge.events.event import Event
 from apad_bridge.events.mission_events import MissionEnd
@@ -119,7 +120,7 @@ def open_flight_context(
             stack.callback(relayed.close)
             if not isinstance(vehicle, ContactsLink):
                 vehicle.wait_until_ready(READY_S)
-        except (SecondFleet, GatewayFailed, VehicleNotReady) as error:
+        except (SecondFleet, GatewayFailed, Unreachable, VehicleNotReady) as error:
             raise PeerFailed(str(error)) from error
         capabilities = docks = None
         if not isinstance(vehicle, ContactsLink):

@@ -20,9 +20,9 @@ from dataclasses import dataclass, field, replace
 from enum import Enum, auto
 from http.client import HTTPException
 from pathlib import Path
-from xml.parsers.expat import ExpatError
 
 from agents.hosting.link_protocol import readable
+from apad_bridge.doctor.network import Timed
 from apad_bridge.events.person_orders import Act
 from apad_bridge.runs.children import Child
 from apad_bridge.scenario.errors import UserError
@@ -188,9 +188,9 @@ def _next(came: queue.SimpleQueue[_Came], timeout_s: float) -> _Came | None:
 
 def _ask(uri: str, came: queue.SimpleQueue[_Came]) -> None:
     try:
-        with xmlrpc.client.ServerProxy(uri) as master:
+        with xmlrpc.client.ServerProxy(uri, transport=Timed(None)) as master:
             master.getPid("/musselbed")
-    except (OSError, HTTPException, ExpatError, xmlrpc.client.Error):
+    except (OSError, HTTPException, xmlrpc.client.Error):
         came.put(_Came.NO_MASTER)
     else:
         came.put(_Came.ANSWER)

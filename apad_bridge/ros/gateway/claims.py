@@ -17,6 +17,7 @@ import genpy
 import rosgraph
 import rospy
 
+from apad_bridge.doctor.graph_checks import Graph
 from apad_bridge.events.fleet_events import Presence
 from apad_bridge.ros.gateway.fleet_guard import SecondFleet
 from apad_bridge.ros.types.messages import use_generated_messages
@@ -153,6 +154,5 @@ class ClaimBoard:
 
 
 def _publishers() -> set[str]:
-    resolved = rospy.resolve_name(TOPIC)
-    topics, _, _ = rosgraph.Master(rospy.get_name()).getSystemState()
-    return {node for topic, nodes in topics if topic == resolved for node in nodes}
+    graph = Graph.read(rosgraph.get_master_uri())
+    return set(graph.publishers.get(rospy.resolve_name(TOPIC), ()))

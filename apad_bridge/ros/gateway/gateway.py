@@ -28,6 +28,7 @@ import rospy
 from agents.hosting.descriptors import raise_descriptor_limit
 from agents.time_scale import MissionMs, TimeScale
 from apad_bridge.beliefs.belief import NUMBERS, Belief
+from apad_bridge.doctor.network import Unreachable
 from apad_bridge.events.event import Event
 from apad_bridge.events.sound_events import PacketPassed
 from apad_bridge.records.packet_lines import SoundRow, sound_rows
@@ -97,7 +98,7 @@ def open_gateway(
         refuse_second_fleet(rospy.resolve_name(node_name), [] if is_resumed else ids, master_uri)
         bound_calls()
         start_node(node_name, remappings, xmlrpc_port=xmlrpc_port, log_level=rospy.WARN)
-    except OSError as error:
+    except (OSError, Unreachable) as error:
         raise GatewayFailed(
             f"no ROS master answers at {master_uri} ({error}): is it running, and is ROS_MASTER_URI right?"
         ) from error

@@ -46,6 +46,7 @@ from apad_bridge.vehicle.order_queue import (
     Write,
 )
 from apad_bridge.vehicle.vehicle_link import Cleared
+from firmware_model.entry_points import in_one_line
 
 Answered = Callable[[Any, str | None, bool], None]
 """Takes the response, the reason if there is none, and whether a stop ended the order on its way."""
@@ -288,10 +289,16 @@ class OrderSender:
                 self._end(outgoing, None if is_acknowledged else LOST if is_gone else TOO_LATE)
 
     def _open_line(self, name: str, address: ServiceAddress) -> None:
+        result: socket.socket | str = ""
         try:
-            self._put(_Opened(name, address.open()))
+            result = address.open()
         except CallFailed as failed:
-            self._put(_Opened(name, str(failed)))
+            result = str(failed)
+        except BaseException as defect:  # else the line would be opening for ever, and no stop go out by it
+            result = in_one_line(defect)
+            raise
+        finally:
+            self._put(_Opened(name, result))
 
     def _write(self, outgoing: Outgoing) -> None:
         message = self._orders[outgoing].message

@@ -22,10 +22,10 @@ from rosgraph.network import (
     ROSHandshakeException,
     encode_ros_handshake_header,
     is_local_address,
-    read_ros_handshake_header,
 )
 
 from apad_bridge.doctor.network import Unreachable, call, connect
+from apad_bridge.ros.system.handshakes import read_handshake
 from apad_bridge.ros.system.lost_links import notice_end
 
 _AGAIN_S = 5.0
@@ -92,7 +92,7 @@ class SecondConnections:
                 again_s = math.inf
             else:
                 self._read(publisher, topic)
-        except (OSError, Unreachable, ROSHandshakeException, ValueError):
+        except (OSError, Unreachable, ROSHandshakeException):
             pass  # the first connection goes on alone
         finally:
             with self._lock:
@@ -101,8 +101,10 @@ class SecondConnections:
 
     def _read(self, publisher: str, topic: str) -> None:
         """Connects, and receives until the connection ends."""
-        _, host, port = call(publisher, "requestTopic", topic, [["TCPROS"]])
-        with connect(f"http://{host}:{port}") as sock:
+        offered = call(publisher, "requestTopic", topic, [["TCPROS"]])
+        if not isinstance(offered, list) or len(offered) != 3:
+            raise Unreachable(f"{publisher} offers no TCPROS")
+        with connect(f"http://{offered[1]}:{offered[2]}") as sock:
             header = {
                 "topic": topic,
                 "message_definition": rospy.AnyMsg._full_text,
@@ -113,7 +115,7 @@ class SecondConnections:
             }
             sock.sendall(encode_ros_handshake_header(header))
             begun = io.BytesIO()
-            header = read_ros_handshake_header(sock, begun, 4096)
+            header = read_handshake(sock, begun)
             with self._lock:
                 self._open[publisher] = sock
                 if self._is_closed:

@@ -17,10 +17,12 @@ from typing import Any
 import genpy
 import rosgraph
 import rospy
-from rosgraph.network import ROSHandshakeException, encode_ros_handshake_header, read_ros_handshake_header
+from rosgraph.network import ROSHandshakeException, encode_ros_handshake_header
 
 from apad_bridge.doctor.network import Unreachable, call, connect
+from apad_bridge.ros.system.handshakes import read_handshake
 from apad_bridge.ros.system.lost_links import end_when_unacknowledged
+from firmware_model.entry_points import in_one_line
 
 PATIENCE_S = 5.0
 """A question waits so long for its answer."""
@@ -59,8 +61,8 @@ class ServiceAddress:
                     }
                 )
             )
-            header = read_ros_handshake_header(sock, io.BytesIO(), 4096)
-        except (OSError, ROSHandshakeException, ValueError) as error:
+            header = read_handshake(sock, io.BytesIO())
+        except (OSError, ROSHandshakeException) as error:
             sock.close()
             raise CallFailed(f"its server does not take the connection: {error}") from None
         if "error" in header:
@@ -132,10 +134,16 @@ def ask_service(
     """Asks a service that moves nothing, in a thread, which runs `answered` with the response, or with the reason."""
 
     def ask() -> None:
+        response = why = None
         try:
-            answered(_asked(address, request), None)
+            response = _asked(address, request)
         except CallFailed as failed:
-            answered(None, f"{address.name}: {failed}")
+            why = str(failed)
+        except BaseException as defect:  # whoever asks still waits for an end
+            why = in_one_line(defect)
+            raise
+        finally:
+            answered(response, None if why is None else f"{address.name}: {why}")
 
     thread = threading.Thread(target=ask, name=f"question to {address.name}", daemon=True)
     thread.start()

@@ -15,6 +15,7 @@ from types import MappingProxyType
 
 from agents.hosting import started
 from agents.hosting.interrupts import held_back, let_in
+from apad_bridge.doctor.network import Timed
 from apad_bridge.ros.system.master import end_process, loopback_environment
 from apad_bridge.ros_names.names import USE_SIM_TIME
 
@@ -40,7 +41,7 @@ def start_apad_node(
     seconds, or when the node ended before; nothing is left running then.
     """
     try:
-        with xmlrpc.client.ServerProxy(master_uri) as master:
+        with xmlrpc.client.ServerProxy(master_uri, transport=Timed(ready_s)) as master:
             master.setParam("/musselbed", USE_SIM_TIME, True)
     except (OSError, HTTPException, xmlrpc.client.Error) as error:
         raise APadNodeFailed(f"no ROS master answers at {master_uri} ({error})") from None

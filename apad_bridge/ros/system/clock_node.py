@@ -23,6 +23,8 @@ from rosgraph_msgs.msg import Clock
 
 from agents.hosting import interrupts
 from agents.hosting.started import outlive_starter
+from apad_bridge.doctor.graph_checks import Graph
+from apad_bridge.doctor.network import Unreachable
 from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.ros.system.node import start_node
 from apad_bridge.ros.system.paced_clock import PATIENCE_S, PacedClock
@@ -95,8 +97,11 @@ def _say(text: str) -> None:
 def _join_graph() -> str | None:
     """Makes this process a node, or returns the reason why there can be none."""
     node = rospy.resolve_name(NODE)
-    publishers, _, _ = rosgraph.Master(node).getSystemState()
-    if others := {node for topic, nodes in publishers if topic == CLOCK for node in nodes} - {node}:
+    try:
+        graph = Graph.read(rosgraph.get_master_uri())
+    except Unreachable as error:
+        return str(error)
+    if others := set(graph.publishers.get(CLOCK, ())) - {node}:
         return f"/clock comes from {', '.join(sorted(others))} already: end it first"
     start_node(NODE)
     return None

@@ -81,6 +81,18 @@ def _create_listener(server: Any) -> Listener:
     return Listener(fileno=_create(server).detach())
 
 
+def read_handshake(sock: socket.socket, begun: io.BytesIO) -> dict[str, str]:
+    """The header that the other side sends; what came behind it is left in `begun`.
+
+    Raises ROSHandshakeException for bytes that are none, and OSError.
+    """
+    try:
+        header: dict[str, str] = read_ros_handshake_header(sock, begun, 4096)
+    except (struct.error, UnicodeDecodeError) as error:  # a length that is cut short, or no text
+        raise ROSHandshakeException(f"a handshake that cannot be read: {error}") from error
+    return header
+
+
 def deaf(answer_s: float = _ANSWER_S) -> str | None:
     """Asks our own node for a handshake, as any other node would; returns why it gives none, and None where it does."""
     address = tcpros_base.get_tcpros_server_address()
@@ -93,10 +105,10 @@ def deaf(answer_s: float = _ANSWER_S) -> str | None:
     try:
         with socket.create_connection(address, answer_s) as link:
             write_ros_handshake_header(link, header)
-            return None if read_ros_handshake_header(link, io.BytesIO(), 4096) else "an empty answer"
+            return None if read_handshake(link, io.BytesIO()) else "an empty answer"
     except OSError as error:
         return error.strerror or str(error)
-    except (ROSHandshakeException, struct.error):
+    except ROSHandshakeException:
         return "the connection ended without an answer"
 
 

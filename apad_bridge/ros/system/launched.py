@@ -16,6 +16,8 @@ from typing import Any
 
 import rosgraph
 
+from apad_bridge.doctor.network import Unreachable, call
+
 
 def options(parameters: Mapping[str, Any]) -> Iterator[str]:
     """Sorted by name, so that the same parameters make the same command line."""
@@ -32,8 +34,8 @@ def private_parameters(name: str) -> dict[str, Any]:
     """The parameters of the node of this name, in roslaunch's namespace; empty if it has none, or no master answers."""
     node = rosgraph.names.ns_join(os.environ.get("ROS_NAMESPACE", "/"), name)
     try:
-        found = rosgraph.Master(node).getParam(rosgraph.names.ns_join("/", node))
-    except (rosgraph.MasterException, OSError):
+        found = call(rosgraph.get_master_uri(), "getParam", rosgraph.names.ns_join("/", node))
+    except Unreachable:
         return {}
     return found if isinstance(found, dict) else {}
 

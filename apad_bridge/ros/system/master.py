@@ -17,7 +17,6 @@ from http.client import HTTPException
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
-from xml.parsers.expat import ExpatError
 
 from agents.hosting.interrupts import held_back, let_in
 from apad_bridge.doctor.network import Timed
@@ -141,7 +140,7 @@ def why_gone_of(home: Path, uri: str) -> str | None:
         code, _, pid = _ask_pid(uri, _ANSWER_S)
     except TimeoutError:
         return None
-    except (OSError, HTTPException, xmlrpc.client.Error, ExpatError, ValueError, TypeError) as error:
+    except (OSError, HTTPException, xmlrpc.client.Error, ValueError, TypeError) as error:
         return f"{gone} ({error})"
     try:
         words = Path(f"/proc/{int(pid)}/cmdline").read_text().split("\0") if code == 1 else []

@@ -73,6 +73,17 @@ def name_again(topic: str, kind: str) -> None:
         master.registerPublisher(rospy.get_name(), topic, kind, rospy.get_node_uri())
 
 
+def _answers(result: Any, count: int) -> list[Any]:
+    """The values of `count` calls that the master answers together. Raises Unreachable for anything else."""
+    try:
+        values = [value for _, _, value in result]
+    except (KeyError, TypeError, ValueError) as error:
+        raise Unreachable(f"its answer is none of a ROS master: {error}") from error
+    if len(values) != count:
+        raise Unreachable(f"it answers {len(values)} of {count} calls")
+    return values
+
+
 class MasterWatch:
     """The node is initialised before. One thread, which ends with `close`."""
 
@@ -189,9 +200,9 @@ class MasterWatch:
                 together = xmlrpc.client.MultiCall(master)
                 for method, arguments in batch:
                     getattr(together, method)(*arguments)
-                result: Any = together()
-                for (method, arguments), (_, _, publishers) in zip(batch, list(result), strict=True):
-                    if method == "registerSubscriber" and publishers:
+                answers = _answers(together(), len(batch))
+                for (method, arguments), publishers in zip(batch, answers, strict=True):
+                    if method == "registerSubscriber" and isinstance(publishers, list) and publishers:
                         managers[0].publisher_update(arguments[1], publishers)
                         named |= {(arguments[1], uri) for uri in publishers}
         self._lost &= named

@@ -10,11 +10,12 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from rosgraph.network import ROSHandshakeException, encode_ros_handshake_header, read_ros_handshake_header
+from rosgraph.network import ROSHandshakeException, encode_ros_handshake_header
 
 from apad_bridge.doctor.graph_checks import Graph
 from apad_bridge.doctor.live_apad import NotAnnounced
 from apad_bridge.doctor.network import CALLER, TIMEOUT_S, Unreachable, call, connect
+from apad_bridge.ros.system.handshakes import read_handshake
 
 _LENGTH = struct.Struct("<I")
 _HEADER = struct.Struct("<III")
@@ -187,5 +188,4 @@ def _publisher_of(graph: Graph, topic: str) -> str:
 
 def _handshake(connection: socket.socket, request: dict[str, str], rest: io.BytesIO) -> dict[str, str]:
     connection.sendall(encode_ros_handshake_header(request))
-    header: dict[str, str] = read_ros_handshake_header(connection, rest, 4096)
-    return header
+    return read_handshake(connection, rest)

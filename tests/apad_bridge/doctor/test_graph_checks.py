@@ -10,6 +10,7 @@ from typing import Any
 from xmlrpc.server import SimpleXMLRPCServer
 
 import pytest
+from xmlrpc_answers import CUT_SHORT, answering_with, whole
 
 from apad_bridge.doctor import graph_checks, network
 from apad_bridge.doctor.finding import CheckStatus
@@ -87,6 +88,22 @@ def test_a_master_that_cannot_be_asked_is_said(
     monkeypatch.setattr(network, "TIMEOUT_S", 0.2)
     with answering(getSystemState="hello") as no_master, pytest.raises(Unreachable, match=told):
         Graph.read({"closed": closed, "mute": mute, "no master": no_master}.get(uri, uri))
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        CUT_SHORT,
+        whole(True).replace(b"<boolean>1", b"<boolean>7"),
+        whole([1, "", ""]).replace(b"<string>", b"<string>\xff"),
+        whole([1, "", [7]]),
+        whole([1, "", [[], []]]),
+    ],
+    ids=["cut short", "no boolean", "no text", "no graph", "a part of a graph"],
+)
+def test_a_masters_answer_that_cannot_be_read_is_none(answer: bytes) -> None:
+    with answering_with(answer) as uri, pytest.raises(Unreachable, match=uri):
+        Graph.read(uri)
 
 
 def test_a_look_up_that_hangs_is_left_alone() -> None:

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import socket
+import threading
 from collections.abc import Iterator
+from contextlib import ExitStack
 from dataclasses import dataclass
 from queue import SimpleQueue
 from types import SimpleNamespace
 from typing import Any
-from unittest.mock import MagicMock
+from unittest.mock import MagicMock, Mock
 
 import pytest
 import rospy
 from std_srvs.srv import Trigger, TriggerRequest
 
-from apad_bridge.ros.links import order_sender
+from apad_bridge.ros.links import order_sender, service_calls
 from apad_bridge.ros.links.order_sender import LOST, OrderSender
 from apad_bridge.vehicle.order_queue import TOO_LATE, Rank
 
@@ -116,6 +118,50 @@ def test_a_server_whose_connection_ends_has_not_taken_the_stop(bench: Bench) -> 
     bench.off()
     assert bench.answer() == "nobody reads /apad/cancel"
     server.close()
+
+
+def headed(*fields: bytes) -> bytes:
+    """The handshake of a service."""
+    header = b"".join(len(it).to_bytes(4, "little") + it for it in fields)
+    return len(header).to_bytes(4, "little") + header
+
+
+@pytest.mark.parametrize(
+    ("torn", "defects"),
+    [([b"\6\0\0\0\1\0\0\0=x"], []), ([], [ZeroDivisionError])],
+    ids=["a handshake that is cut short", "a defect of ours, which is told"],
+)
+def test_a_stop_goes_out_though_its_line_could_not_be_opened_at_first(
+    monkeypatch: pytest.MonkeyPatch, torn: list[bytes], defects: list[type[Exception]]
+) -> None:
+    left, told = list(defects), SimpleQueue[Any]()
+
+    def look_up(*_: str) -> str:
+        if left:
+            raise left.pop()
+        host, port = server.getsockname()
+        return f"rosrpc://{host}:{port}"
+
+    monkeypatch.setattr(threading, "excepthook", lambda args: told.put(args.exc_type))
+    monkeypatch.setattr(rospy, "resolve_name", str)
+    monkeypatch.setattr(service_calls, "call", look_up)
+    sender, answers, cleared = OrderSender(lambda order: True), SimpleQueue[str | None](), Mock(under=0)
+    sender.add_service("off", "/apad/off", Trigger)
+    with ExitStack() as stack:
+        server = stack.enter_context(socket.create_server(("127.0.0.1", 0)))
+        server.settimeout(LONGEST_S)
+        stack.callback(sender.close)
+        sender.begin()
+        for head in (*torn, headed(b"callerid=/apad")):
+            link = stack.enter_context(server.accept()[0])
+            link.settimeout(LONGEST_S)
+            assert b"service=/apad/off" in link.recv(4096)
+            link.sendall(head)
+        sender.send("off", Rank.OFF, cleared, TriggerRequest(), lambda _, why, cut: answers.put(why))
+        assert link.recv(9) == bytes(4)
+        link.sendall(b"\1" + (5).to_bytes(4, "little") + bytes(5))
+        assert answers.get(timeout=LONGEST_S) is None
+    assert [told.get(timeout=LONGEST_S) for _ in defects] == defects and told.empty()
 
 
 class Dead(socket.socket):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import queue
 import socket
 import struct
@@ -11,8 +12,9 @@ from contextlib import ExitStack, suppress
 from types import SimpleNamespace
 
 import pytest
+from rosgraph.network import ROSHandshakeException
 
-from apad_bridge.ros.system.handshakes import LARGEST_BYTES, Handshakes
+from apad_bridge.ros.system.handshakes import LARGEST_BYTES, Handshakes, read_handshake
 
 HANDSHAKE_S, PATIENCE_S = 0.4, 60.0
 HEADER = b"\x08\x00\x00\x00topic=/a"
@@ -93,3 +95,13 @@ def test_one_that_leaves_before_it_said_a_word_disturbs_nobody(connect, handled)
     connect(WHOLE[:6]).close()
     connect(WHOLE)
     assert handled.get(timeout=PATIENCE_S) == WHOLE
+
+
+@pytest.mark.parametrize("header", [HEADER + b"x", b"\2\0\0\0=\xff"], ids=["cut short", "no text"])
+def test_an_answer_that_is_no_handshake_is_one_failure(header: bytes) -> None:
+    here, there = socket.socketpair()
+    with here, there:
+        here.settimeout(PATIENCE_S)
+        there.sendall(struct.pack("<I", len(header)) + header)
+        with pytest.raises(ROSHandshakeException):
+            read_handshake(here, io.BytesIO())

@@ -4,11 +4,17 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 from typing import Any
+from xmlrpc.client import MultiCall, ServerProxy
 
 import pytest
+from xmlrpc_answers import CUT_SHORT, answering_with, whole
 
+from apad_bridge.doctor.network import Unreachable
+from apad_bridge.events.graph_events import MasterGone
 from apad_bridge.ros.system import master_watch
-from apad_bridge.ros.system.master_watch import MasterWatch
+from apad_bridge.ros.system.master_watch import MasterWatch, _answers
+
+SOON_S = 10.0
 
 HEARD = (1, "http://far:1/", "i", "TCPROS", "/musselbed/heard", True, "")
 POSITION = (3, "http://far:1/", "i", "TCPROS", "/amussel3/position", True, "")
@@ -74,6 +80,22 @@ def test_what_is_lost_is_asked_for(
         look_for(graph, watch, seconds)
         found.append((graph.connections, seconds, graph.registered_s, graph.named_s))
     assert found == steps and watch.take() == []
+
+
+def test_an_answer_that_is_cut_short_is_a_master_that_is_gone() -> None:
+    with answering_with(CUT_SHORT) as uri:
+        watch = MasterWatch(uri, period_s=0.01)
+        assert [type(it) for it in watch._events.take(SOON_S)] == [MasterGone]
+        watch.close()
+
+
+@pytest.mark.parametrize("answer", [7, [], [7], [{}], [[7]], [[[1, ""]]], [[[1, "", []]]] * 2])
+def test_answers_to_calls_together_that_are_none_are_a_failure_of_the_master(answer: object) -> None:
+    with answering_with(whole(answer)) as uri, ServerProxy(uri) as master:
+        together = MultiCall(master)
+        together.registerPublisher("/musselbed/said")
+        with pytest.raises(Unreachable):
+            _answers(together(), 1)
 
 
 def test_a_connection_of_a_topic_that_was_left_is_not_asked_for(graph: Graph) -> None:
