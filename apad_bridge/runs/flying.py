@@ -165,6 +165,8 @@ def fly(
                 # Told at once, because a vehicle may take seconds to come to rest.
                 progress.print_message(str(failed))
                 # Without records, but in order: a vehicle holds its place, and a mission gives up its orders.
+                # An aMussel forgets what is acknowledged, and nothing more is written.
+                prepared.flight.supervisor.samples = NoSampleCollection()
                 prepared.flight.stop(MissionEnd(failed.reason))
                 prepared.flight.run()
                 raise

@@ -126,7 +126,7 @@ class SampleCollection:
 
 
 class NoSampleCollection:
-    """The collection of a supervisor whose samples another process keeps and acknowledges."""
+    """The collection of a supervisor that neither keeps nor acknowledges samples: another process does, or nobody can."""
 
     def __init__(self) -> None:
         self.gone: dict[int, frozenset[int]] = {}

@@ -6,6 +6,7 @@ import subprocess
 import sys
 from dataclasses import replace
 from errno import ENOENT
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +15,15 @@ from journals import lines_in
 from rosbags.rosbag1 import Reader
 from scenario_files import POOL_FILE
 
+from agents.packet_medium import Medium
+from agents.time_scale import MissionMs
 from apad_bridge.assembly.flight_config import FlightConfig, flight_config
 from apad_bridge.commands.outcome import exit_of, report
 from apad_bridge.events.mission_events import MissionEnd
 from apad_bridge.events.run_events import EndReason
 from apad_bridge.records.recorder import Recorder, RecordsFailed
 from apad_bridge.records.run_directory import RunDirectory
+from apad_bridge.records.sample_file import read_samples
 from apad_bridge.runs import exits
 from apad_bridge.runs.exits import Exit, peers_may_fail
 from apad_bridge.runs.flying import fly, in_process_context, journal_start, open_fleet
@@ -29,7 +33,17 @@ from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.clock import ClockLost, OnTimeReached, StopSign
 from apad_bridge.supervisor.context import FlightContext
+from apad_bridge.supervisor.packet_relay import (
+    PacketOrigin,
+    PacketRelay,
+    RelayedPacket,
+    RelayOutcome,
+    whole_flight,
+)
 from apad_bridge.vehicle.link_errors import PeerFailed
+from firmware_model.packets import LogAck, LogRecords, decode
+from firmware_model.packets.sample_record import SampleRecord
+from firmware_model.sampling.sensors import NO_COUNTS
 
 FAILED = MissionEnd(EndReason.STRATEGY_FAILED, "failure of strategy 'x': ValueError: no")
 
@@ -116,6 +130,32 @@ def test_a_directory_that_is_gone_is_told_at_the_next_tick_and_not_at_the_end(tm
     (told,) = [(now_ms, text) for now_ms, text in progress.told if "was deleted" in text]
     assert told[0] <= 21_000
     assert told[1].startswith(f"{out / 'journal.jsonl'} was deleted while the run flew: the run ends")
+
+
+def test_no_sample_is_acknowledged_after_the_records_have_failed(tmp_path: Path) -> None:
+    """A real aMussel uploads a sample a tick, and would forget those that nobody wrote."""
+    config, context, recorder = minute_in(tmp_path)
+    directory, real = RunDirectory(tmp_path), config.ids[0]
+    sequences, acknowledged = count(), list[int]()
+
+    def upload(now_ms: int) -> list[RelayedPacket]:
+        if now_ms == 20_000:
+            directory.journal.unlink(missing_ok=True)
+        record = SampleRecord(next(sequences), now_ms, NO_COUNTS, 0)
+        data = LogRecords.of(real, 0, record.sequence, 1, [record]).encode()
+        return [RelayedPacket(PacketOrigin.REMOTE_AMUSSEL, real, Medium.WIFI, data, MissionMs(now_ms))]
+
+    def publish(packet: RelayedPacket) -> None:
+        if isinstance(sent := decode(packet.data), LogAck):
+            acknowledged.append(sent.next_sequence)
+
+    whole = whole_flight(lambda: frozenset(config.ids) - {real})
+    relay = PacketRelay(whole, [upload], {RelayOutcome.PUBLISH: publish})
+    with pytest.raises(RecordsFailed), FlightProgress("pool", 60_000, quiet=True) as progress:
+        fly(config, replace(context, relay=relay), recorder, progress)
+    recorder.close()
+    written = [it.sequence for it in read_samples(directory.samples)]
+    assert next(sequences) > len(written) and written == list(range(acknowledged[-1]))
 
 
 @pytest.mark.parametrize("is_quiet", [False, True])
