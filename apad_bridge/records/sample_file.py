@@ -84,7 +84,7 @@ class SampleFile:
                     self.kept.setdefault(sample.agent_id, set()).add(sample.sequence)
 
     def append(self, agent_id: int, samples: Iterable[PlacedSample]) -> None:
-        """Writes the samples that are not in the file yet; they are on disk when it returns."""
+        """Writes the samples that are not in the file yet; they are on disk when it returns. FileGone for a lost file."""
         kept = self.kept.setdefault(agent_id, set())
         new = [sample for sample in samples if sample.record.sequence not in kept]
         if not new:
@@ -96,6 +96,7 @@ class SampleFile:
             self._file.append(sample_line(agent_id, sample, self._scale))
         self._file.flush()
         self._file.sync()
+        self._file.refuse_gone()
         kept.update(sample.record.sequence for sample in new)
 
     def close(self) -> None:

@@ -404,6 +404,14 @@ def test_a_sample_that_could_not_be_written_is_not_kept(tmp_path, files_of_at_mo
     assert SampleFile(tmp_path / "samples.jsonl", TimeScale(30)).kept == {7: {3}}
 
 
+def test_a_sample_in_a_file_that_somebody_took_away_is_not_kept(recorder):
+    recorder.samples(7, [PlacedSample(SampleRecord(0, 60_000, (1, 2, 3, 4), 0), None)])
+    recorder._directory.samples.rename(recorder._directory.path / "taken.jsonl")
+    with pytest.raises(RecordsFailed, match=r"samples\.jsonl was moved to .*taken\.jsonl") as failed:
+        recorder.samples(7, [PlacedSample(SampleRecord(1, 60_000, (1, 2, 3, 4), 0), None)])
+    assert failed.value.reason is EndReason.RECORDS_GONE and recorder.samples_kept == {7: {0}}
+
+
 def test_a_sample_is_on_disk_before_it_is_kept(tmp_path, monkeypatch):
     synced = []
 
