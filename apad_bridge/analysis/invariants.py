@@ -22,6 +22,7 @@ from apad_bridge.events.fleet_events import BeliefChanged, FaultBegan, FaultEnde
 from apad_bridge.events.mission_events import DockSwitched, LegBegan
 from apad_bridge.events.run_events import RunBegan, RunResumed
 from apad_bridge.events.vehicle_events import APadMoved
+from apad_bridge.mission.facts import Board
 from apad_bridge.records.journal import Entry, read_journal
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.records.sample_file import read_samples
@@ -99,8 +100,8 @@ class Invariants:
         shown.append(entry)
         return [Broken(rule, reason, tuple(shown)) for rule, reason in self._rules(*entry)]
 
-    def end(self, summary: Mapping[str, Any], kept: Mapping[int, Counter[int]]) -> list[Broken]:
-        """The rules of a whole run. `kept` counts the lines of samples.jsonl, by aMussel and sequence number."""
+    def end(self, summary: Mapping[str, Any], kept: Mapping[Board, Counter[int]]) -> list[Broken]:
+        """The rules of a whole run. `kept` counts the lines of samples.jsonl, by board and sequence number."""
         return [Broken(rule, reason, ()) for rule, reason in self._last_rules(summary, kept)]
 
     def _rules(self, at_ms: int, event: Event) -> Iterator[tuple[str, str]]:
@@ -277,7 +278,7 @@ class Invariants:
         self._apad_m = (at_ms, *here)
 
     def _last_rules(
-        self, summary: Mapping[str, Any], kept: Mapping[int, Counter[int]]
+        self, summary: Mapping[str, Any], kept: Mapping[Board, Counter[int]]
     ) -> Iterator[tuple[str, str]]:
         cost_m, planned_m = summary["cost_m"], summary["planned_m"]
         if cost_m > self._way_m * (1 + WAY_FRACTION) + WAY_M:
@@ -287,11 +288,11 @@ class Invariants:
                 "the planned way is that of the legs",
                 f"{planned_m:.2f} m, and the legs are {self._legs_m:.2f} m",
             )
-        for agent_id, counts in sorted(kept.items()):
+        for (agent_id, real_since_ms), counts in kept.items():
             if doubled := sorted(sequence for sequence, count in counts.items() if count > 1):
                 yield "a sample is kept once", f"aMussel {agent_id}: {doubled[:10]}"
             truth = self._truths.get(agent_id)
-            if truth is not None and max(counts) >= truth.physical.samples:
+            if real_since_ms is None and truth is not None and max(counts) >= truth.physical.samples:
                 yield (
                     "a sample is taken before it is kept",
                     f"aMussel {agent_id}: {max(counts)} of {truth.physical.samples}",
@@ -336,9 +337,9 @@ def check_run(directory: RunDirectory) -> list[Broken]:
     return broken
 
 
-def kept_samples(path: Path) -> dict[int, Counter[int]]:
-    """Number of lines of samples.jsonl for each sequence number, by aMussel; empty without such a file."""
-    kept: dict[int, Counter[int]] = {}
-    for agent_id, sequence, _ in read_samples(path):
-        kept.setdefault(agent_id, Counter())[sequence] += 1
+def kept_samples(path: Path) -> dict[Board, Counter[int]]:
+    """Number of lines of samples.jsonl for each sequence number, by board; empty without such a file."""
+    kept: dict[Board, Counter[int]] = {}
+    for sample in read_samples(path):
+        kept.setdefault(sample.board, Counter())[sample.sequence] += 1
     return kept

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from agents.packet_medium import Medium
 from agents.time_scale import AgentMs, MissionMs
 from apad_bridge.events.event import Event
+from apad_bridge.events.fleet_events import Presence, PresenceChanged
 from apad_bridge.events.mission_events import MissionEnd
 from apad_bridge.mission.orders import VehicleOrder
 from apad_bridge.vehicle.commands import VehicleCommand, VehicleFact
@@ -72,6 +74,19 @@ class Ping:
 
     agent_id: int
     not_before_ms: AgentMs = _AT_ONCE
+
+
+class Board(NamedTuple):
+    """A board with a log of its own: each counts its samples from 0, and several take an aMussel's id in turn."""
+
+    agent_id: int
+    real_since_ms: int | None = None
+    """The mission time at which the id was taken from a simulated aMussel; None for the simulated one's board."""
+
+    @classmethod
+    def after(cls, change: PresenceChanged, at_ms: int) -> Board:
+        """The board that samples under this id come from after the change, until the next one."""
+        return cls(change.id, None if change.is_ is Presence.SIMULATED else at_ms)
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from agents.time_scale import TimeScale
-from apad_bridge.mission.facts import PlacedSample
+from apad_bridge.mission.facts import Board, PlacedSample
 from apad_bridge.records.line_file import Line, LineFile, LineTail, read_lines
 from firmware_model.sampling.flash import PAGE_BYTES, PAGES, Ring
 from firmware_model.sampling.sensors import SENSORS, values
@@ -25,6 +25,10 @@ class KeptSample(NamedTuple):
     agent_id: int
     sequence: int
     columns: Mapping[str, Any]
+
+    @property
+    def board(self) -> Board:
+        return Board(self.agent_id, self.columns.get("real_since_ms"))
 
 
 class SampleTail:
@@ -58,6 +62,8 @@ def _sample_in(line: Line | None) -> KeptSample | None:
     """None for a damaged line."""
     if line is None or type(line.get("id")) is not int or type(line.get("sequence")) is not int:
         return None
+    if type(line.get("real_since_ms", 0)) is not int:
+        return None
     return KeptSample(line["id"], line["sequence"], line)
 
 
@@ -71,8 +77,8 @@ class SampleFile:
         self._path = path
         self._scale = scale
         self._file: LineFile | None = None
-        self.kept: dict[int, set[int]] = {}
-        """The sequence numbers in the file, by aMussel."""
+        self.kept: dict[Board, set[int]] = {}
+        """The sequence numbers in the file."""
         self.unreadable = 0
         """The number of damaged lines: their samples are accepted again, if the aMussels still have them."""
         if path.exists():
@@ -81,11 +87,11 @@ class SampleFile:
                 if (sample := _sample_in(line)) is None:
                     self.unreadable += 1
                 else:
-                    self.kept.setdefault(sample.agent_id, set()).add(sample.sequence)
+                    self.kept.setdefault(sample.board, set()).add(sample.sequence)
 
-    def append(self, agent_id: int, samples: Iterable[PlacedSample]) -> None:
+    def append(self, board: Board, samples: Iterable[PlacedSample]) -> None:
         """Writes the samples that are not in the file yet; they are on disk when it returns. FileGone for a lost file."""
-        kept = self.kept.setdefault(agent_id, set())
+        kept = self.kept.setdefault(board, set())
         new = [sample for sample in samples if sample.record.sequence not in kept]
         if not new:
             return
@@ -93,7 +99,7 @@ class SampleFile:
             self._file = LineFile(self._path)
             _sync_directory(self._path.parent)
         for sample in new:
-            self._file.append(sample_line(agent_id, sample, self._scale))
+            self._file.append(sample_line(board, sample, self._scale))
         self._file.flush()
         self._file.sync()
         self._file.refuse_gone()
@@ -114,17 +120,18 @@ def _sync_directory(path: Path) -> None:
         os.close(descriptor)
 
 
-def sample_line(agent_id: int, sample: PlacedSample, scale: TimeScale) -> Line:
+def sample_line(board: Board, sample: PlacedSample, scale: TimeScale) -> Line:
     """A sample's line: times, place, values in their units, raw counts, and the readings outside their sensor's range.
 
     `agent_ms` is the reading of the board's clock, and `mission_ms` its mission time if the clock was right.
-    The place is the supervisor's belief, and null where it had none.
+    The place is the supervisor's belief, and null where it had none. Only a real one that took the id has `real_since_ms`.
     """
     record = sample.record
     north_m, east_m = sample.place_m or (None, None)
     readings = zip(SENSORS, values(SENSORS, record.counts), strict=True)
     return {
-        "id": agent_id,
+        "id": board.agent_id,
+        **({} if board.real_since_ms is None else {"real_since_ms": board.real_since_ms}),
         "sequence": record.sequence,
         "agent_ms": record.agent_ms,
         "mission_ms": round(scale.mission_time(record.agent_ms)),
@@ -138,8 +145,8 @@ def sample_line(agent_id: int, sample: PlacedSample, scale: TimeScale) -> Line:
 
 def sample_figures(
     taken: Mapping[int, int],
-    kept: Mapping[int, Set[int]],
-    gone: Mapping[int, Set[int]],
+    kept: Mapping[Board, Set[int]],
+    gone: Mapping[Board, Set[int]],
     apart: Mapping[int, Sequence[range]] = MappingProxyType({}),
 ) -> dict[str, Any]:
     """The summary's counts of samples taken, uploaded, lost and waiting.
@@ -147,7 +154,7 @@ def sample_figures(
     `taken` comes from the truth. It is empty where there is no truth, and then only uploads and reported losses are known.
 
     `apart` has the sequences that a real aMussel's twin took, or an aMussel out of the water: they are not counted. Nor are
-    samples that a real aMussel uploaded under a simulated one's id, beyond those that the simulated one has taken.
+    samples that a real aMussel uploaded under a simulated one's id.
 
     A sample is one reading of all sensors, written into the log. A sample is lost if the log overwrote it before its
     upload, even if nobody knows of it, or if it became unreadable.
@@ -159,7 +166,7 @@ def sample_figures(
     total = uploaded = lost = 0
     for agent_id, count in taken.items():
         own = set(range(count)).difference(*apart.get(agent_id, ()))
-        uploads = own & kept.get(agent_id, nothing)
-        gone_samples = (own & gone.get(agent_id, nothing)) | (own & set(range(ring.oldest(count))))
+        uploads = own & kept.get(Board(agent_id), nothing)
+        gone_samples = (own & gone.get(Board(agent_id), nothing)) | (own & set(range(ring.oldest(count))))
         total, uploaded, lost = total + len(own), uploaded + len(uploads), lost + len(gone_samples - uploads)
     return dict(zip(SAMPLE_KEYS, (total, uploaded, lost, total - uploaded - lost), strict=True))

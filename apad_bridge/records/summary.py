@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from agents.time_scale import TimeScale
 from apad_bridge.events.mission_events import MissionEnd, StepGivenUp
 from apad_bridge.events.run_events import EndReason
+from apad_bridge.mission.facts import Board
 from apad_bridge.records import combining
 from apad_bridge.records.field_types import INTEGER, NUMBER, TEXT, LineField, Type
 
@@ -35,8 +36,8 @@ class Ending:
     """Counts of what was dropped, by reason."""
     first_cause: str | None = None
     """The first failure of a run in which something failed."""
-    samples_gone: Mapping[int, Set[int]] = field(default_factory=dict)
-    """The sequence numbers of samples that can no longer be uploaded, by aMussel."""
+    samples_gone: Mapping[Board, Set[int]] = field(default_factory=dict)
+    """The sequence numbers of samples that can no longer be uploaded."""
     latest_tick_s: float | None = None
     """The largest lateness of a tick, in seconds of the clock that it follows; None in virtual time."""
 

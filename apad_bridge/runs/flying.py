@@ -271,7 +271,7 @@ def _collection(
 ) -> SampleCollection | NoSampleCollection:
     if not context.keeps_samples:
         return NoSampleCollection()
-    return SampleCollection(config.ids, recorder.samples_kept)
+    return SampleCollection(config.ids, recorder.samples_kept, recorder.state.boards.values())
 
 
 def _ending(flight: Flight, resume_point: ResumePoint | None, latest_tick_s: float | None) -> Ending:

@@ -39,6 +39,7 @@ from apad_bridge.events.run_events import EndReason
 from apad_bridge.events.sound_events import LinksRead, ModemReported, RangeMeasured
 from apad_bridge.mission.facts import (
     AMusselHeard,
+    Board,
     EndRequested,
     KeepSamples,
     Ping,
@@ -345,6 +346,7 @@ class Flight:
                 self._recorder.event(now_ms, action)
                 if isinstance(action, PresenceChanged):
                     self.supervisor.mission.forget_home(action.id)
+                    self.supervisor.samples.change_board(Board.after(action, now_ms))
             else:
                 self._stimulate(*action, now_ms)
 

@@ -14,7 +14,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.mission.facts import PlacedSample
+from apad_bridge.mission.facts import Board, PlacedSample
 from firmware_model.packets import LogAck, LogRecords
 from firmware_model.state_groups import AT_WORK, DOCKED, STRANDED
 
@@ -39,6 +39,8 @@ class _Stay:
 class _Account:
     """Every sequence below `settled` is kept or gone; beyond it, the sequences in `kept_beyond` are kept."""
 
+    is_known: bool = True
+    """False until the first packet of a real one's board: what its log is rid of by then is no loss of this run."""
     settled: int = 0
     kept_beyond: set[int] = field(default_factory=set)
     gone: set[int] = field(default_factory=set)
@@ -64,28 +66,50 @@ class Taken:
 
 
 class SampleCollection:
-    """The samples of one fleet's aMussels; `kept` are the sequences that a former supervisor put on disk."""
+    """The samples of one fleet's aMussels, whose boards are the simulated ones' but for those in `boards`.
 
-    def __init__(self, agent_ids: Iterable[int], kept: Mapping[int, Iterable[int]] | None = None) -> None:
-        self._accounts = {agent_id: _Account() for agent_id in agent_ids}
+    `kept` are the sequences that a former supervisor put on disk.
+    """
+
+    def __init__(
+        self,
+        agent_ids: Iterable[int],
+        kept: Mapping[Board, Iterable[int]] | None = None,
+        boards: Iterable[Board] = (),
+    ) -> None:
+        self._accounts: dict[Board, _Account] = {}
+        self._now: dict[int, _Account] = {}
+        """The account of the board that has the id now."""
         self._received: set[int] = set()
-        for agent_id, sequences in (kept or {}).items():
-            account = self._accounts.setdefault(agent_id, _Account())
+        for board, sequences in (kept or {}).items():
+            account = self._account(board)
             account.kept_beyond.update(sequences)
             account.settle()
+        for board in (*map(Board, agent_ids), *boards):
+            self.change_board(board)
+
+    def change_board(self, board: Board) -> None:
+        """From now on the records under this id come from this board; it is told to forget its own alone."""
+        self._now[board.agent_id] = self._account(board)
+
+    def _account(self, board: Board) -> _Account:
+        return self._accounts.setdefault(board, _Account(is_known=board.real_since_ms is None))
 
     @property
-    def gone(self) -> dict[int, frozenset[int]]:
-        """The sequences that will never come, by aMussel."""
-        return {agent_id: frozenset(account.gone) for agent_id, account in self._accounts.items()}
+    def gone(self) -> dict[Board, frozenset[int]]:
+        """The sequences that will never come."""
+        return {board: frozenset(account.gone) for board, account in self._accounts.items()}
 
     def take(self, packet: LogRecords) -> Taken | str:
         """Returns the news in the packet; or the reason why it is dropped, without a change."""
-        if (account := self._accounts.get(packet.agent_id)) is None:
+        if (account := self._now.get(packet.agent_id)) is None:
             return "records of an unknown aMussel"
         end = packet.first + packet.covered
         if end > account.settled + _FURTHEST:
             return "records that an aMussel cannot have"
+        if not account.is_known:
+            account.is_known, account.settled = True, max(account.settled, packet.oldest)
+            account.settle()
         new = [record for record in packet.records if self._is_new(account, record.sequence)]
         account.gone.difference_update(record.sequence for record in new)
         account.kept_beyond.update(record.sequence for record in new if record.sequence >= account.settled)
@@ -103,7 +127,7 @@ class SampleCollection:
         Samples are placed by the same clock. An aMussel samples under water: its place at the surface counts only while
         none is believed under water.
         """
-        if (account := self._accounts.get(belief.agent_id)) is None:
+        if (account := self._now.get(belief.agent_id)) is None:
             return
         if belief.state in DOCKED:
             account.next_stay_ms = agent_ms
@@ -118,7 +142,7 @@ class SampleCollection:
     def acknowledgements(self) -> list[LogAck]:
         """One for each aMussel from which records arrived since the last call, sorted by id."""
         received, self._received = sorted(self._received), set()
-        return [LogAck(agent_id, self._accounts[agent_id].settled) for agent_id in received]
+        return [LogAck(agent_id, self._now[agent_id].settled) for agent_id in received]
 
     @staticmethod
     def _is_new(account: _Account, sequence: int) -> bool:
@@ -129,7 +153,10 @@ class NoSampleCollection:
     """The collection of a supervisor that neither keeps nor acknowledges samples: another process does, or nobody can."""
 
     def __init__(self) -> None:
-        self.gone: dict[int, frozenset[int]] = {}
+        self.gone: dict[Board, frozenset[int]] = {}
+
+    def change_board(self, board: Board) -> None:
+        pass
 
     def take(self, packet: LogRecords) -> Taken:
         return Taken((), ())

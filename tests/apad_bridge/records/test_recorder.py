@@ -22,15 +22,15 @@ from agents.time_scale import TimeScale
 from apad_bridge.assembly import fleet_parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.beliefs.belief import Belief, CapacityLeft
-from apad_bridge.events.fleet_events import ProcessDied
+from apad_bridge.events.fleet_events import Presence, PresenceChanged, ProcessDied
 from apad_bridge.events.mission_events import LegBegan, MissionEnd
 from apad_bridge.events.person_events import ScriptReported
 from apad_bridge.events.run_events import EndReason, RunResumed
-from apad_bridge.mission.facts import PlacedSample
+from apad_bridge.mission.facts import Board, PlacedSample
 from apad_bridge.records.journal import read_journal
 from apad_bridge.records.recorder import DAY_MS, Recorder, RecordsFailed
 from apad_bridge.records.run_directory import RunDirectory
-from apad_bridge.records.sample_file import SampleFile
+from apad_bridge.records.sample_file import SampleFile, read_samples
 from apad_bridge.records.samples import TruthExtrapolator
 from apad_bridge.records.summary import SUMMARY, Ending
 from apad_bridge.records.uptime_figures import AMUSSEL
@@ -397,11 +397,25 @@ def test_a_sample_that_could_not_be_written_is_not_kept(tmp_path, files_of_at_mo
     file = SampleFile(tmp_path / "samples.jsonl", TimeScale(30))
     record = SampleRecord(3, 60_000, (1, 2, 3, 4), 0)
     with files_of_at_most(50), pytest.raises(OSError):
-        file.append(7, [PlacedSample(record, None)])
-    assert file.kept[7] == set()
-    file.append(7, [PlacedSample(record, None)])
+        file.append(Board(7), [PlacedSample(record, None)])
+    assert file.kept[Board(7)] == set()
+    file.append(Board(7), [PlacedSample(record, None)])
     file.close()
-    assert SampleFile(tmp_path / "samples.jsonl", TimeScale(30)).kept == {7: {3}}
+    assert SampleFile(tmp_path / "samples.jsonl", TimeScale(30)).kept == {Board(7): {3}}
+
+
+def test_the_samples_of_a_real_one_stand_beside_those_of_the_simulated_one(recorder):
+    for change in (None, Presence.REAL, Presence.SIMULATED):
+        if change is not None:
+            recorder.event(5000, PresenceChanged(7, change, "/lab"))
+        recorder.samples(7, [PlacedSample(SampleRecord(0, 60_000, (1, 2, 3, 4), 0), None)])
+    recorder.close()
+    kept = {Board(7): {0}, Board(7, 5000): {0}}
+    assert recorder.samples_kept == SampleFile(recorder._directory.samples, TimeScale(30)).kept == kept
+    assert [it.columns.get("real_since_ms") for it in read_samples(recorder._directory.samples)] == [
+        None,
+        5000,
+    ]
 
 
 def test_a_sample_in_a_file_that_somebody_took_away_is_not_kept(recorder):
@@ -409,7 +423,7 @@ def test_a_sample_in_a_file_that_somebody_took_away_is_not_kept(recorder):
     recorder._directory.samples.rename(recorder._directory.path / "taken.jsonl")
     with pytest.raises(RecordsFailed, match=r"samples\.jsonl was moved to .*taken\.jsonl") as failed:
         recorder.samples(7, [PlacedSample(SampleRecord(1, 60_000, (1, 2, 3, 4), 0), None)])
-    assert failed.value.reason is EndReason.RECORDS_GONE and recorder.samples_kept == {7: {0}}
+    assert failed.value.reason is EndReason.RECORDS_GONE and recorder.samples_kept == {Board(7): {0}}
 
 
 def test_a_sample_is_on_disk_before_it_is_kept(tmp_path, monkeypatch):
@@ -417,10 +431,12 @@ def test_a_sample_is_on_disk_before_it_is_kept(tmp_path, monkeypatch):
 
     def sync(descriptor):
         path = Path(os.readlink(f"/proc/self/fd/{descriptor}"))
-        synced.append((path.name, path.read_text().count("\n") if path.is_file() else 0, len(file.kept[7])))
+        synced.append(
+            (path.name, path.read_text().count("\n") if path.is_file() else 0, len(file.kept[Board(7)]))
+        )
 
     monkeypatch.setattr("os.fsync", sync)
     file = SampleFile(tmp_path / "samples.jsonl", TimeScale(30))
-    file.append(7, [PlacedSample(SampleRecord(n, 60_000, (1, 2, 3, 4), 0), None) for n in range(2)])
-    file.append(7, [PlacedSample(SampleRecord(2, 60_000, (1, 2, 3, 4), 0), None)])
+    file.append(Board(7), [PlacedSample(SampleRecord(n, 60_000, (1, 2, 3, 4), 0), None) for n in range(2)])
+    file.append(Board(7), [PlacedSample(SampleRecord(2, 60_000, (1, 2, 3, 4), 0), None)])
     assert synced == [(tmp_path.name, 0, 0), ("samples.jsonl", 2, 0), ("samples.jsonl", 3, 2)]

@@ -26,6 +26,7 @@ from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.events.event import Event
 from apad_bridge.events.fleet_events import Presence, PresenceChanged
 from apad_bridge.events.mission_events import MissionChanged
+from apad_bridge.mission.facts import AMusselHeard
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.uptime_figures import uptime_figures
@@ -39,6 +40,7 @@ from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.supervisor.packet_relay import PacketOrigin, PacketRelay, RelayedPacket, whole_flight
+from apad_bridge.supervisor.sample_collection import SampleCollection
 from apad_bridge.supervisor.supervisor import LearnedState
 from apad_bridge.world.apad.in_process import InProcessVehicle
 from apad_bridge.world.fault_injection import FaultInjection
@@ -54,8 +56,10 @@ from apad_bridge.world.roster import (
 )
 from apad_bridge.world.simulated_fleet import FlightFleet, WithoutWater
 from apad_bridge.world.world import World
-from firmware_model.packets import StatusPacket
+from firmware_model.packets import LogRecords, StatusPacket
 from firmware_model.packets.codec import MusselbedCodec
+from firmware_model.packets.sample_record import SampleRecord
+from firmware_model.sampling.sensors import NO_COUNTS
 from firmware_model.states import State
 
 THE_ONE = 3
@@ -135,6 +139,7 @@ class Bench:
                 relay=PacketRelay(whole_flight(lambda: self.presences.simulated), [self.elsewhere.take], {}),
             ),
             recorder,
+            samples=SampleCollection(self.scenario.fleet.ids),
         )
 
     def ask(self, *asked: RosterRequest) -> list[str | None]:
@@ -451,6 +456,25 @@ def test_uptimes_are_of_the_simulated_ones_and_others_are_told_apart(bench: Benc
     wanted = {"counted_s": 2 * 19 + 2 * 11, "uptime_paper": {"mean": 100.0, "max": 100.0, "min": 100.0}}
     wanted |= {"active_mean": (2 * 19 + 2 * 11) / 19, "excluded": excluded}
     assert {name: figures[name] for name in wanted} == wanted
+
+
+def test_samples_of_a_real_one_and_of_a_simulated_one_are_told_apart(bench: Bench) -> None:
+    """Each counts its own samples from 0, and forgets what is acknowledged: whatever is not kept is lost."""
+
+    def uploads(reading: int, count: int) -> list[SampleRecord]:
+        log = [SampleRecord(it, 1000 * it, (reading, *NO_COUNTS[1:]), 0) for it in range(count)]
+        packet = LogRecords.of(THE_ONE, 0, 0, count, log)
+        bench.flight.supervisor.receive(AMusselHeard(Medium.WIFI, bench.flight.now_ms, packet.encode()))
+        bench.ticks(1)
+        return log
+
+    simulated = uploads(111, 10)
+    assert bench.answer(f"hand_over {THE_ONE}").startswith("done")
+    real = uploads(222, 15)
+    bench.real_one_says(0.0, 0.9, State.SLEEPING, 0)
+    assert bench.answer(f"take_back {THE_ONE}").startswith("done")
+    later = uploads(111, 12)[10:]
+    assert bench.recorder.uploaded[THE_ONE] == [*simulated, *real, *later]
 
 
 def test_what_was_done_is_answered_when_it_is_recorded(bench: Bench) -> None:
