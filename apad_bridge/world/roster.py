@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from apad_bridge.beliefs.fleet_beliefs import FleetBeliefs
 
 ANSWER_S = 10.0
-"""A tick comes once a mission second. After so long without one, a request is answered without it."""
+"""A tick comes once a mission second. After so long without one, a request is withdrawn, and answered without it."""
 
 
 class PresenceTrigger(StrEnum):
@@ -123,7 +123,10 @@ class AskedRequests:
         with self._lock:
             if asked in self._waiting:
                 self._waiting.remove(asked)
-        return f"the flight made no tick for {ANSWER_S:g} s"
+                return f"the flight made no tick for {ANSWER_S:g} s"
+        if asked.done.wait(ANSWER_S):
+            return asked.refusal
+        return f"the flight took this up, and its tick did not end within {ANSWER_S:g} s: it may be done all the same"
 
     def take(self) -> list[RosterRequest]:
         with self._lock:

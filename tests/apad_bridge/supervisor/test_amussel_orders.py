@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 from flying import Flying
@@ -20,7 +21,7 @@ from apad_bridge.scenario.timed_faults import TimedFault
 from apad_bridge.supervisor.amussel_orders import AMusselAct, AMusselOrders, AMusselRequest
 from apad_bridge.supervisor.control_protocol import Answer, ask
 from apad_bridge.supervisor.control_server import control_offered
-from apad_bridge.world.roster import AskedRequests, FaultRequest, Presences, Roster
+from apad_bridge.world.roster import AskedRequests, FaultRequest, Presences, Roster, RosterRequest
 from apad_bridge.world.world import World
 from firmware_model.states import State
 
@@ -151,6 +152,21 @@ def test_a_flight_that_does_not_tick_answers_all_the_same(monkeypatch: pytest.Mo
     requests = AskedRequests()
     assert requests.ask(FaultRequest(1, TimedFault.WATCHDOG)) == "the flight made no tick for 0.05 s"
     assert requests.take() == []
+
+
+def test_what_a_long_tick_has_taken_up_is_answered_by_what_it_did(monkeypatch: pytest.MonkeyPatch) -> None:
+    requests, taken = AskedRequests(), list[RosterRequest]()
+
+    class Answered(threading.Event):
+        def wait(self, timeout: float | None = None) -> bool:
+            """The flight takes the request during the first wait, and answers it during the second."""
+            if taken:
+                return requests.answer(taken[0], None)
+            taken.extend(requests.take())
+            return False
+
+    monkeypatch.setattr("apad_bridge.world.roster.threading", Mock(Event=Answered))
+    assert requests.ask(FaultRequest(1, TimedFault.WATCHDOG)) is None and taken
 
 
 def test_each_caller_gets_its_own_answer() -> None:
