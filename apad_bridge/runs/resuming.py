@@ -9,7 +9,7 @@ from pathlib import Path
 
 from agents.hosting.interrupts import held_back
 from apad_bridge.planning.registry import Trust
-from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
+from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.ros.simulated_node.apad_process import APadNodeFailed, start_apad_node
 from apad_bridge.ros.system.master import MasterFailed, end_process, start_master, why_gone_of
 from apad_bridge.runs.children import not_suspended
@@ -19,6 +19,7 @@ from apad_bridge.runs.parent import MASTER_S, Run, SupervisorWatch
 from apad_bridge.runs.several.joint_summary import Flown
 from apad_bridge.runs.supervisor_lock import supervisor_of
 from apad_bridge.runs.watched_services import watched_master
+from apad_bridge.scenario.errors import UserError
 from apad_bridge.scenario.run_options import RunOptions
 from apad_bridge.vehicle.link_errors import PeerFailed
 
@@ -62,7 +63,7 @@ def _open_ros_again(
         stack.enter_context(watched_master(master.uri, run_dir, tell))
         log = run_dir / "apad.log"
         node = start_apad_node(scenario, master.uri, log, namespace=options.namespace, held=held)
-    except (MasterFailed, APadNodeFailed, RunDirectoryError) as error:
+    except (MasterFailed, APadNodeFailed, UserError) as error:
         raise PeerFailed(f"{error}; see {run_dir}") from error
     stack.callback(end_process, node, 1.0)
     return options.on_own_master(master.uri), node
@@ -71,7 +72,7 @@ def _open_ros_again(
 def _apad_as_seen(directory: RunDirectory) -> tuple[Path, dict[int, int]]:
     """The file of a scenario with the aPad as the records saw it last, and the aMussels in its docks, by dock index.
 
-    RunDirectoryError for damaged records.
+    UserError for damaged records.
     """
     # Imported here, because they compute with numpy, and a run's parent needs them after a restart of the machine alone.
     from apad_bridge.records.journal import read_journal

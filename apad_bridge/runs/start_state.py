@@ -69,11 +69,16 @@ def find_resume_point(state: RunState, epoch: int, gap_ms: int) -> ResumePoint:
 
 
 def with_apad_as_seen(scenario: Scenario, seen: APadMoved | None) -> Scenario | None:
-    """The scenario with its aPad where it was seen last, with its battery; None when it was never seen."""
+    """The scenario of a simulated aPad that begins where ours was seen last, with its battery; None when it was never seen.
+
+    It has no fence, because the aPad may have been seen beyond it; the supervisor's own scenario keeps the fence.
+    """
     if seen is None:
         return None
     start = scenario.apad.battery.start_fraction
     values = {
+        "area.fence": None,
+        "area.keep_out": (),
         "area.home_m": flight_parts.home_of(scenario),
         "apad.start_m": (seen.north_m, seen.east_m),
         "apad.battery.start_fraction": start if seen.battery is None else seen.battery,

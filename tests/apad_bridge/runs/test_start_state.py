@@ -28,8 +28,14 @@ from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.summary import Ending
 from apad_bridge.runs.exits import Exit
 from apad_bridge.runs.parent_protocol import Failed, from_line
-from apad_bridge.runs.start_state import StartState, find_resume_point, gap_ms, resume_run
-from apad_bridge.scenario.loader import load
+from apad_bridge.runs.start_state import (
+    StartState,
+    find_resume_point,
+    gap_ms,
+    resume_run,
+    with_apad_as_seen,
+)
+from apad_bridge.scenario.loader import SHIPPED, load
 from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.supervisor import LearnedState
@@ -321,3 +327,13 @@ def test_on_a_real_apad_what_is_believed_is_as_old_as_it_is(tmp_path: Path) -> N
     assert lines[-1].endswith(f"the longest silence is {(start_state.start_ms - 1000) // 1000} s now")
     start_state.learned.beliefs.advance(start_state.start_ms)
     assert [it.heard_ms for it in start_state.learned.beliefs.all()] == [1000]
+
+
+@pytest.mark.parametrize("place_m", [(40.0, 33.0), (60.0, 10.0)], ids=["near the edge", "outside"])
+def test_an_apad_that_was_seen_beyond_its_fences_clearance_is_resumed_there(
+    place_m: tuple[float, float],
+) -> None:
+    """A current took it there after an OFF; then the machine was restarted."""
+    fenced = load(SHIPPED / "real-apad.yaml")
+    seen = with_apad_as_seen(fenced, APadMoved(*place_m, 0.0, 16.0, 0.5, "none", [-1, -1, -1, -1]))
+    assert seen is not None and seen.apad.start_m == place_m
