@@ -105,11 +105,14 @@ class LineTail:
         """OSError for no file."""
         self._file = path.open("rb")
         self._number = 0
-        self._torn = b""
 
     def read_new(self) -> Iterator[tuple[int, Line | None]]:
-        """The new whole lines; None for one that is no JSON object. A line whose end is not written yet comes later."""
-        *lines, self._torn = (self._torn + self._file.read()).split(b"\n")
+        """The new whole lines; None for one that is no JSON object. A line whose end is not written yet comes later.
+
+        It is then read again from its beginning, because the file's next writer may have cut it off.
+        """
+        *lines, torn = self._file.read().split(b"\n")
+        self._file.seek(-len(torn), os.SEEK_CUR)
         for raw in lines:
             self._number += 1
             yield self._number, decoded(raw + b"\n")

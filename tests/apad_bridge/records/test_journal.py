@@ -252,3 +252,14 @@ def test_a_tail_names_the_line_that_is_damaged(path):
     path.write_bytes(b'{"t":0,"kind":"tick"}\n{"t":1,"kind":"leg"}\n')
     with closing(JournalTail(path)) as tail, pytest.raises(JournalDamaged, match=r"journal\.jsonl, line 2: "):
         tail.read_new()
+
+
+def test_a_page_reads_the_lines_of_a_resumed_supervisor_behind_a_torn_one(path):
+    """It has read the torn line's beginning when the next supervisor cuts that off and writes on."""
+    path.write_bytes(b'{"t":1000,"kind":"tick"}\n{"t":34')
+    with closing(JournalTail(path)) as tail:
+        assert [it.at_ms for it in tail.read_new().entries] == [1000]
+        with closing(Journal(path, 1000)) as second:
+            second.append(337_000, TickPassed())
+            second.append(338_000, TickPassed())
+        assert [it.at_ms for it in tail.read_new().entries] == [337_000, 338_000]
