@@ -13,6 +13,7 @@ from __future__ import annotations
 import signal
 import subprocess
 import time
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
@@ -21,6 +22,7 @@ from typing import TYPE_CHECKING, Any, assert_never
 
 from agents.hosting.interrupts import held_back
 from agents.hosting.link_protocol import readable
+from agents.nursery.fleet_file import RestartPolicy
 from agents.water.sea_link import SOCKET_NAME
 from apad_bridge.assembly.division import Member
 from apad_bridge.planning.registry import Trust
@@ -57,6 +59,8 @@ MASTER_S = 10.0
 _SEA_S = 60.0
 WAIT_FOR_RESUME_S = 600.0
 """A fleet without a supervisor is kept for `musselbed resume` for this time."""
+_RESTARTS = RestartPolicy()
+"""A nursery's rule for its agents holds for supervisors that are followed by others, too, from their first tick on."""
 
 Nodes = Mapping[str, "subprocess.Popen[bytes]"]
 """The nodes of our simulated aPads, by the aPad's name."""
@@ -211,6 +215,10 @@ class SupervisorWatch:
         self._interrupts = Interrupts()
         self._children: dict[str, Child] = {}
         """The supervisors that fly."""
+        self._ticking_since_s: dict[str, float] = {}
+        """The monotonic time of their first tick, by the aPad's name."""
+        self._deaths: Counter[str] = Counter()
+        """The number of supervisors in a row that died before they had settled."""
         self._waiting: dict[str, float] = {}
         """The runs whose supervisor died and that wait for `musselbed resume`, with the monotonic time of their end."""
         self._resumed: set[str] = set()
@@ -243,6 +251,7 @@ class SupervisorWatch:
     def _handle(self, name: str, message: ParentMessage | None) -> None:
         match message:
             case RunStatus():
+                self._ticking_since_s.setdefault(name, time.monotonic())
                 self._displays[name].show_status(message.now_ms, lambda: message)
             case Said(text):
                 self._print(name, text)
@@ -293,6 +302,13 @@ class SupervisorWatch:
             )
             return
         waits = options.on_death is OnDeath.WAIT
+        if not waits and self._dies_again_and_again(run.name):
+            self._fail(
+                run.name,
+                f"{died}, as {_RESTARTS.restarts} others had in a row, and no further one is started; "
+                f"see {run.path}/supervisor.log",
+            )
+            return
         if waits and options.is_one_of_several and not options.keeps:
             self._print(
                 run.name,
@@ -311,6 +327,14 @@ class SupervisorWatch:
             self._waiting[run.name] = time.monotonic() + WAIT_FOR_RESUME_S
         else:
             self._children[run.name] = self._start(run, resume=True)
+
+    def _dies_again_and_again(self, name: str) -> bool:
+        """Counts a death, and tells whether the nursery's rule allows no other start."""
+        now_s = time.monotonic()
+        if now_s - self._ticking_since_s.pop(name, now_s) >= _RESTARTS.settled_s:
+            del self._deaths[name]
+        self._deaths[name] += 1
+        return self._deaths[name] > _RESTARTS.restarts
 
     def _run_ended(self, name: str) -> None:
         if self._reassigner is not None and name not in self._summaries:

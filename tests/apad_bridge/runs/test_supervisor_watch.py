@@ -10,6 +10,7 @@ import sys
 import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -17,6 +18,7 @@ from typing import Any
 import pytest
 from patient import PATIENCE_S
 
+from agents.nursery.fleet_file import RestartPolicy
 from apad_bridge.runs.children import Child, OrderlyEnd
 from apad_bridge.runs.display import MakeStatus
 from apad_bridge.runs.parent import Run, SupervisorWatch
@@ -393,3 +395,23 @@ def test_one_that_was_only_starting_ends_the_command_in_silence(tmp_path: Path) 
     with pytest.raises(KeyboardInterrupt):
         SupervisorWatch([Run("a", tmp_path, OPTIONS)], progress, start=start).read_until_all_ended()
     assert progress.messages == [f"the supervisor ended without a summary; see {tmp_path}"]
+
+
+@pytest.mark.parametrize(("settled_s", "flies_on"), [(1e9, False), (0.0, True)])
+def test_supervisors_that_die_at_once_are_not_started_for_ever(
+    monkeypatch: pytest.MonkeyPatch, settled_s: float, flies_on: bool
+) -> None:
+    """Each is killed, as one that the kernel ends for want of memory; one that had settled begins a new row."""
+    monkeypatch.setattr("apad_bridge.runs.parent._RESTARTS", RestartPolicy(settled_s=settled_s))
+    made: list[bool] = []
+
+    def start(run: Run, *, resume: bool) -> Any:
+        made.append(resume)
+        if len(made) == 7:
+            return Supervisor(Summary({"x": 1}))
+        return Supervisor(status(9000, 2, 10.0), code=-signal.SIGKILL)
+
+    run = Run("a", Path("somewhere"), replace(OPTIONS, on_death=OnDeath.RESUME))
+    flown = SupervisorWatch([run], ProgressLog(), start=start).read_until_all_ended()
+    assert (len(made), "a" in flown.summaries) == ((7, True) if flies_on else (6, False))
+    assert flies_on or "no further one is started" in flown.failures["a"]
