@@ -104,6 +104,9 @@ class RunResumed(Event):
         RepairedBag | None, Meaning("the bag that was never closed; null if there was none")
     ]
     bag_lost_ms: Annotated[int, Meaning("samples that are lost from its end", "mission ms")]
+    granted_ms: Annotated[
+        int | None, Meaning("time without a supervisor, which the fleet lives through at once", "mission ms")
+    ] = None
 
     def text(self) -> str:
         return "another supervisor continued"

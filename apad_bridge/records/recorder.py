@@ -81,6 +81,8 @@ class Resumed:
     """The name of the bag that was never closed, if there was one."""
     bag_lost_ms: int
     """The time from that bag's last saved sample to the journal's last line."""
+    granted_ms: int
+    """The time from that line to the moment at which the run continues."""
 
 
 class Recorder:
@@ -135,12 +137,15 @@ class Recorder:
         scenario: Scenario,
         agent_ids: Iterable[int],
         stamp_ms: Callable[[int], int] = int,
+        granted_ms: Callable[[JournalContents], int] = lambda journal: 0,
     ) -> tuple[Recorder, Resumed]:
         """Continues the records of a run whose supervisor died: repairs its bag, begins another, and rebuilds the uptimes.
 
-        The losses are in the result and in the journal's line `resumed`. JournalDamaged when the journal cannot be read.
+        `granted_ms` returns the time from the journal's last line to the moment at which the run continues. It and the
+        losses are in the result and in the journal's line `resumed`. JournalDamaged when the journal cannot be read.
         """
         contents = read_journal(directory.journal)
+        granted = granted_ms(contents)
         bags = directory.bags
         repair = repair_bag(bags[-1]) if bags else None
         recorder = cls(directory, scenario, agent_ids, stamp_ms, contents.last_ms)
@@ -162,10 +167,12 @@ class Recorder:
                 torn_bytes,
                 repair,
                 lost_ms,
+                granted or None,
             ),
         )
         recorder._journal.flush()
-        return recorder, Resumed(contents, torn_bytes, None if repair is None else repair["name"], lost_ms)
+        name = None if repair is None else repair["name"]
+        return recorder, Resumed(contents, torn_bytes, name, lost_ms, granted)
 
     @_on_disk
     def event(self, at_ms: MissionMs, event: Event) -> None:

@@ -20,7 +20,7 @@ from apad_bridge.events.fleet_events import (
     Stimulated,
     TookOn,
 )
-from apad_bridge.events.run_events import KnowledgeRestored
+from apad_bridge.events.run_events import KnowledgeRestored, RunResumed
 from apad_bridge.events.vehicle_events import APadMoved
 from apad_bridge.records.checkpoint import NoCheckpoint, restore
 from apad_bridge.records.journal import JournalContents, read_journal
@@ -50,6 +50,12 @@ def gap_ms(options: RunOptions, journal: Path, now_s: float) -> int:
     of our own, /clock stopped with the supervisor.
     """
     return 0 if options.owns_master else max(0, round((now_s - journal.stat().st_mtime) * 1000))
+
+
+def granted_before_ms(journal: JournalContents) -> int:
+    """The part of the last grant that the journal's lines have not come to: its supervisor died before its first tick."""
+    until_ms = [at_ms + (it.granted_ms or 0) for at_ms, it in journal.events(RunResumed)]
+    return max(0, max(until_ms, default=0) - journal.last_ms)
 
 
 def find_resume_point(state: RunState, epoch: int, gap_ms: int) -> ResumePoint:
@@ -189,14 +195,18 @@ def resume_run(
     scenario, ids = config.scenario, config.ids
     if sum(path.stat().st_size for path in directory.bags) > _LARGE_BYTES:
         report("reading the records of a long run: this takes some seconds")
-    recorder, resumed = Recorder.resume(directory, scenario, ids, stamp_ms)
-    if others_ms is not None:
-        without_supervisor_ms = max(0, others_ms - resumed.journal.last_ms)
-    elif not options.owns_master:
+
+    def granted_ms(journal: JournalContents) -> int:
+        if others_ms is not None:
+            return max(0, others_ms - journal.last_ms)
+        if options.owns_master:
+            return 0
         # The clock that several aPads follow may be faster than the wall's.
         siblings_ms = newest_of_siblings_ms(directory, scenario.apad.name, options.apads)
-        without_supervisor_ms = max(without_supervisor_ms, siblings_ms - resumed.journal.last_ms)
-    start = find_resume_point(recorder.state, options.epoch, without_supervisor_ms)
+        return max(granted_before_ms(journal) + without_supervisor_ms, siblings_ms - journal.last_ms)
+
+    recorder, resumed = Recorder.resume(directory, scenario, ids, stamp_ms, granted_ms)
+    start = find_resume_point(recorder.state, options.epoch, resumed.granted_ms)
     presences = Presences(ids, scenario.area.depth_m, recorder.state.presences.values())
     learned = _nothing_learned(config, options)
     beliefs_line, dropped = restore_learned(directory.checkpoint, learned, start.now_ms)

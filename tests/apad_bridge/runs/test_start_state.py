@@ -329,6 +329,19 @@ def test_on_a_real_apad_what_is_believed_is_as_old_as_it_is(tmp_path: Path) -> N
     assert [it.heard_ms for it in start_state.learned.beliefs.all()] == [1000]
 
 
+def test_a_failed_resume_does_not_hide_the_time_without_a_supervisor(tmp_path: Path) -> None:
+    """Its supervisor died ten minutes ago. A first resume finds no aPad and ends without a tick; a second one follows."""
+    directory, _ = a_crash(tmp_path)
+    ten_minutes_ago_s = time.time() - 600
+    os.utime(directory.journal, (ten_minutes_ago_s, ten_minutes_ago_s))
+    first, _ = resumed(directory)
+    second, _ = resumed(directory)
+    assert second.start_ms >= first.start_ms >= 600_000
+    ticked(third := resume_run(directory, CONFIG, OPTIONS, print).recorder, 700_000, {})
+    third.close()
+    assert resumed(directory)[0].start_ms <= 760_000  # what the ticks have come to is not granted twice
+
+
 @pytest.mark.parametrize("place_m", [(40.0, 33.0), (60.0, 10.0)], ids=["near the edge", "outside"])
 def test_an_apad_that_was_seen_beyond_its_fences_clearance_is_resumed_there(
     place_m: tuple[float, float],
