@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence, Set
+from contextlib import closing
 from dataclasses import dataclass
 from functools import wraps
 from typing import Any, TypeVar, cast
@@ -148,6 +149,13 @@ class Recorder:
         granted = granted_ms(contents)
         bags = directory.bags
         repair = repair_bag(bags[-1]) if bags else None
+        # A bag whose supervisor died at once has no sample: it lacks those since that supervisor began.
+        begun_ms = max((at_ms for at_ms, _ in contents.events(RunResumed)), default=0)
+        lost_ms = 0 if repair is None else max(0, contents.last_ms - max(repair["last_ms"], begun_ms))
+        # The line comes before the next bag, so that each bag after the first has one.
+        with closing(Journal(directory.journal, contents.last_ms)) as journal:
+            event = RunResumed(contents.dropped, journal.torn_bytes, repair, lost_ms, granted or None)
+            journal.append(contents.last_ms, event)
         recorder = cls(directory, scenario, agent_ids, stamp_ms, contents.last_ms)
         try:
             recorder._replay(contents)
@@ -156,28 +164,18 @@ class Recorder:
             raise JournalDamaged(
                 f"{directory.journal}: two of its lines contradict each other: {error}"
             ) from error
-        torn_bytes = recorder._journal.torn_bytes
-        # A bag whose supervisor died at once has no sample: it lacks those since that supervisor began.
-        begun_ms = max((at_ms for at_ms, _ in contents.events(RunResumed)), default=0)
-        lost_ms = 0 if repair is None else max(0, contents.last_ms - max(repair["last_ms"], begun_ms))
-        recorder.event(
-            contents.last_ms,
-            RunResumed(
-                contents.dropped,
-                torn_bytes,
-                repair,
-                lost_ms,
-                granted or None,
-            ),
-        )
-        recorder._journal.flush()
+        recorder._note(contents.last_ms, event)
         name = None if repair is None else repair["name"]
-        return recorder, Resumed(contents, torn_bytes, name, lost_ms, granted)
+        return recorder, Resumed(contents, event.journal_torn_bytes, name, lost_ms, granted)
 
     @_on_disk
     def event(self, at_ms: MissionMs, event: Event) -> None:
         """Records an event at mission time `at_ms`."""
         self._journal.append(at_ms, event)
+        self._note(at_ms, event)
+
+    def _note(self, at_ms: MissionMs, event: Event) -> None:
+        """Counts a journaled event, and writes it into the bag."""
         self._count(at_ms, event)
         if isinstance(event, PacketPassed):
             for row in sound_rows(event):

@@ -27,6 +27,7 @@ from apad_bridge.events.mission_events import LegBegan, MissionEnd
 from apad_bridge.events.person_events import ScriptReported
 from apad_bridge.events.run_events import EndReason, RunResumed
 from apad_bridge.mission.facts import Board, PlacedSample
+from apad_bridge.records.bag import BagWriter
 from apad_bridge.records.journal import read_journal
 from apad_bridge.records.recorder import DAY_MS, Recorder, RecordsFailed
 from apad_bridge.records.run_directory import RunDirectory
@@ -155,6 +156,27 @@ def test_a_supervisor_that_dies_before_its_first_samples_lost_none_of_the_former
     first.close()
     second, _ = Recorder.resume(RunDirectory.open(tmp_path / "run"), scenario, ids)
     shutil.copytree(tmp_path / "run", tmp_path / "killed")  # its bag is open, and empty on the disk
+    second.close()
+    third, report = Recorder.resume(RunDirectory.open(tmp_path / "killed"), scenario, ids)
+    third.close()
+    assert (report.bag, report.bag_lost_ms) == ("run-1.bag", 0)
+
+
+def test_a_supervisor_that_dies_as_it_begins_its_bag_lost_no_samples(tmp_path, scenario, monkeypatch):
+    ids = scenario.fleet.ids
+    first = Recorder(new_directory(tmp_path / "run"), scenario, ids)
+    first.event(30_000, LegBegan(1.0))
+    first.tick(31_000, [], None, None, "none", ())
+    first.close()
+
+    def begun_and_killed(*given):
+        bag = BagWriter(*given)
+        shutil.copytree(tmp_path / "run", tmp_path / "killed")
+        return bag
+
+    with monkeypatch.context() as patch:
+        patch.setattr("apad_bridge.records.recorder.BagWriter", begun_and_killed)
+        second, _ = Recorder.resume(RunDirectory.open(tmp_path / "run"), scenario, ids)
     second.close()
     third, report = Recorder.resume(RunDirectory.open(tmp_path / "killed"), scenario, ids)
     third.close()
