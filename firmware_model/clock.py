@@ -6,7 +6,10 @@ from firmware_model.port import ClockChip
 
 
 class AlarmClock:
-    """A clock with an alarm at whole multiples of a period, by its own reading. No multiple rings twice."""
+    """A clock with an alarm at whole multiples of a period, by its own reading.
+
+    No multiple rings twice, unless the clock is set back by more than a period: then the count begins anew.
+    """
 
     def __init__(self, clock: ClockChip, now_ms: int) -> None:
         self.clock = clock
@@ -18,8 +21,9 @@ class AlarmClock:
     def reading_at(self, now_ms: int) -> int:
         return self.clock.reading_at(now_ms)
 
-    def pass_over(self, now_ms: int) -> None:
+    def pass_over(self, period_ms: int, now_ms: int) -> None:
         """Skips the alarms up to now that have not rung."""
+        self._count_anew_if_set_back(period_ms, now_ms)
         self._passed_ms = max(self._passed_ms, self.clock.reading_at(now_ms))
 
     def alarm_ms(self, period_ms: int, now_ms: int) -> int:
@@ -33,7 +37,13 @@ class AlarmClock:
     def _next(self, period_ms: int) -> int:
         return (self._passed_ms // period_ms + 1) * period_ms
 
-    def set(self, reading_ms: int, now_ms: int) -> None:
+    def set(self, reading_ms: int, period_ms: int, now_ms: int) -> None:
         """Sets the clock by a beacon."""
         self.corrected_ms = self.clock.reading_at(now_ms) - reading_ms
         self.clock.set(reading_ms, now_ms)
+        self._count_anew_if_set_back(period_ms, now_ms)
+
+    def _count_anew_if_set_back(self, period_ms: int, now_ms: int) -> None:
+        reading_ms = self.clock.reading_at(now_ms)
+        if self._passed_ms - reading_ms > period_ms:
+            self._passed_ms = reading_ms

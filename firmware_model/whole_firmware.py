@@ -213,7 +213,7 @@ class WholeFirmware(Firmware):
         return self._commanded_mm if self.state is State.HOVERING else None
 
     def _switch(self) -> Sequence[Action]:
-        self._store.clock.pass_over(self._now_ms)
+        self._store.pass_alarms(self._now_ms)
         rails = switched_in(self.state, self._whole.cycle is None)
         return self._hardware.enter(self.state, rails, self._now_ms)
 

@@ -322,6 +322,19 @@ _SLEEP = [
         "90min beacon:1800000 permission 20s sink 3h",
         whole=_FIELD,
     ),
+    *(
+        _case(
+            name,
+            RequirementSource.STATES,
+            "set back by more than a period, the alarms begin a new count",
+            script,
+            whole=_FIELD,
+        )
+        for name, script in (
+            ("a-new-count-from-0", "90min beacon:0 3h"),
+            ("a-week-ahead-and-then-right", "30min beacon:606600000 10min beacon:2400000 3h"),
+        )
+    ),
     _case(
         "a-time-that-cannot-be",
         RequirementSource.PACKETS,

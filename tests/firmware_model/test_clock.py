@@ -56,7 +56,7 @@ def rings(alarms: AlarmClock, period_ms: int, facts: list[tuple[int, int]], unti
             alarms.rang(period_ms)
         latest_ms = max(latest_ms, alarms.reading_at(at_ms))
         if at_ms < until_ms:
-            alarms.set(max(0, at_ms + ahead_ms), at_ms)
+            alarms.set(max(0, at_ms + ahead_ms), period_ms, at_ms)
             set_ms = at_ms
             latest_ms = max(latest_ms, alarms.reading_at(at_ms))
     return rang, latest_ms
@@ -64,10 +64,10 @@ def rings(alarms: AlarmClock, period_ms: int, facts: list[tuple[int, int]], unti
 
 @given(
     DRIFTS,
-    st.integers(1000, 50_000),
+    st.integers(2000, 50_000),
     st.lists(st.tuples(st.integers(0, 500_000), st.integers(-900, 900)), max_size=8),
 )
-def test_every_multiple_rings_and_none_twice_however_the_clock_is_set(
+def test_every_multiple_rings_and_none_twice_however_the_clock_is_corrected(
     drift_ppb: int, period_ms: int, raw: list[tuple[int, int]]
 ) -> None:
     rang, latest_ms = rings(AlarmClock(Clock(0, 0, drift_ppb), 0), period_ms, sorted(raw), 600_000)
@@ -76,15 +76,49 @@ def test_every_multiple_rings_and_none_twice_however_the_clock_is_set(
 
 def test_a_clock_set_past_an_alarm_rings_at_once_and_one_set_back_does_not_ring_again() -> None:
     alarms = AlarmClock(Clock(0, 0, 0), 0)
-    alarms.set(3_600_100, 3_590_000)
+    alarms.set(3_600_100, 3_600_000, 3_590_000)
     assert alarms.corrected_ms == -10_100 and alarms.alarm_ms(3_600_000, 3_590_000) == 3_590_000
     alarms.rang(3_600_000)
-    alarms.set(3_599_000, 3_591_000)
+    alarms.set(3_599_000, 3_600_000, 3_591_000)
     assert alarms.corrected_ms == 2100
     assert alarms.alarm_ms(3_600_000, 3_591_000) == 3_591_000 + 7_200_000 - 3_599_000
 
 
 def test_alarms_that_were_slept_through_do_not_ring_later() -> None:
     alarms = AlarmClock(Clock(0, 0, 0), 0)
-    alarms.pass_over(10_500)
+    alarms.pass_over(1000, 10_500)
     assert alarms.alarm_ms(1000, 10_500) == 11_000
+
+
+@pytest.mark.parametrize(
+    ("reading_ms", "next_ms"),
+    [
+        pytest.param(11_800, 13_000, id="by less than a period"),
+        pytest.param(11_500, 13_000, id="by exactly one"),
+        pytest.param(11_499, 12_000, id="by more"),
+        pytest.param(0, 1000, id="to 0"),
+    ],
+)
+def test_a_clock_set_back_by_more_than_a_period_begins_a_new_count(reading_ms: int, next_ms: int) -> None:
+    alarms = AlarmClock(Clock(0, 0, 0), 0)
+    alarms.pass_over(1000, 12_500)
+    alarms.set(reading_ms, 1000, 12_500)
+    assert alarms.alarm_ms(1000, 12_500) == 12_500 + next_ms - reading_ms
+
+
+@given(
+    DRIFTS,
+    st.lists(st.tuples(st.integers(1, DAY_MS), st.integers(1000, DAY_MS), TIMES | st.none()), max_size=8),
+)
+def test_no_alarm_is_more_than_two_periods_away_however_clock_and_period_change(
+    drift_ppb: int, changes: list[tuple[int, int, int | None]]
+) -> None:
+    clock, now_ms = Clock(0, 0, drift_ppb), 0
+    alarms = AlarmClock(clock, 0)
+    for later_ms, period_ms, told_ms in changes:
+        now_ms += later_ms
+        if told_ms is not None:
+            alarms.set(told_ms, period_ms, now_ms)
+        else:
+            alarms.pass_over(period_ms, now_ms)
+        assert alarms.alarm_ms(period_ms, now_ms) <= clock.when(clock.reading_at(now_ms) + 2 * period_ms)

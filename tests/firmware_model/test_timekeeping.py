@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from firmware_model.actions import Action, Dropped, SendStatus, StateChanged
 from firmware_model.bench import Bench
 from firmware_model.config import BoardConfig, Cycle, Timekeeping, Timeslots
-from firmware_model.packets import Beacon, Packet, SlotAssignment
+from firmware_model.packets import Beacon, Packet, SleepSchedule, SlotAssignment
 from firmware_model.settings import Settings
 from firmware_model.stimuli import ResetCause
 from firmware_model.table_one import FIELD, HOURLY, board, power
@@ -100,6 +100,32 @@ STORIES: dict[str, tuple[BoardConfig, Heard, int, int, list[str]]] = {
         [
             "3621500 AWAITING_SLOT -SLOT_OPENED-> TRANSMITTING",
             "3622500 TRANSMITTING -WAKE_OVER-> SLEEPING",
+        ],
+    ),
+    # The wrong beacon rings the alarm that it passed. Set right, the clock reaches the hour 20 min later.
+    "set right after a beacon of a week ahead it samples on": (
+        config(HOURLY),
+        [(1_800_000, Beacon(1, 606_600_000)), (2_400_000, Beacon(1, 2_400_000))],
+        3_700_000,
+        1_800_000,
+        [
+            "1800000 SLEEPING -ALARM_RANG-> SAMPLING",
+            "1810000 SAMPLING -WAKE_OVER-> SLEEPING",
+            "3600000 SLEEPING -ALARM_RANG-> SAMPLING",
+            "3610000 SAMPLING -WAKE_OVER-> SLEEPING",
+        ],
+    ),
+    # 5 min back in a wake: less than the hour of its alarms, but more than the minute of which it is told then.
+    "a shorter schedule after a correction counts from now on": (
+        config(HOURLY),
+        [(3_605_000, Beacon(1, 3_305_000)), (3_606_000, SleepSchedule(1, 60_000, 20_000))],
+        3_700_000,
+        3_600_000,
+        [
+            "3600000 SLEEPING -ALARM_RANG-> SAMPLING",
+            "3610000 SAMPLING -WAKE_OVER-> SLEEPING",
+            "3660000 SLEEPING -ALARM_RANG-> SAMPLING",
+            "3680000 SAMPLING -WAKE_OVER-> SLEEPING",
         ],
     ),
 }

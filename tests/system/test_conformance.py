@@ -361,9 +361,15 @@ WHOLE_MUTANTS = {
     ),
     "an alarm that rings twice": (
         "clock.c",
-        "    if (reading > passed)\n        passed = reading;",
+        "    if (reading > passed || was_set_back(reading))\n        passed = reading;",
         "    passed = reading;",
         "no-alarm-twice",
+    ),
+    "a clock set back that goes on with the former count": (
+        "clock.c",
+        "    if (was_set_back(reading))\n        passed = reading;\n",
+        "",
+        "a-new-count-from-0",
     ),
     "a timeslot without its offset": ("clock.c", " + settings.offset_ms;", ";", "an-offset-of-300-ms"),
     "a trusted clock": (

@@ -13,9 +13,12 @@ void clock_start(void) {
     corrected = 0;
 }
 
+/* A clock set back by more than a period begins a new count; a small correction rings no alarm twice. */
+static bool was_set_back(uint64_t reading) { return passed > reading + settings.alarm_ms; }
+
 void clock_pass_over(void) {
     uint64_t reading = hal_clock();
-    if (reading > passed)
+    if (reading > passed || was_set_back(reading))
         passed = reading;
 }
 
@@ -26,6 +29,8 @@ void clock_rang(void) { passed = clock_next_alarm(); }
 void clock_set(uint64_t reading) {
     corrected = (int64_t)(hal_clock() - reading);
     hal_set_clock(reading);
+    if (was_set_back(reading))
+        passed = reading;
 }
 
 int32_t clock_offset(void) {

@@ -190,6 +190,16 @@ def lasting(truths: list[Truth]) -> list[Truth]:
     story=[(2000, SoundArrived(CODEC.encode(CommandPacket(Kind.HOVER, 7))))], cuts=[], charges=(0.001, 0.15)
 )
 @example(
+    # Its clock is set back by seven periods in its sleep, and by less than one in the wake after it.
+    story=[
+        (310_000, SoundArrived(CODEC.encode(Beacon(0, 1_500_000)))),
+        (715_000, SoundArrived(CODEC.encode(Beacon(7, 500_000)))),
+        (820_000, SoundArrived(CODEC.encode(Beacon(7, 500_000)))),
+    ],
+    cuts=[],
+    charges=(0.9, 1.0),
+)
+@example(
     # A level is reached at the millisecond at which a brown-out in a write resets the board.
     story=[
         (472, SoundArrived(CODEC.encode(SleepSchedule(7, 150_000, 20_000)))),
