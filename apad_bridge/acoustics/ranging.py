@@ -141,7 +141,7 @@ class RangingService:
         return self._scheduler.send(send, now_ms)
 
     def moved(self, agent_id: int, now_ms: MissionMs) -> None:
-        """Called when a dock closed around an aMussel or released it."""
+        """Called when a dock closed around an aMussel or released it, or when another body has its id."""
         self._scheduler.moved(agent_id, now_ms)
         if self._locator is not None:
             self._locator.forget(agent_id)

@@ -187,7 +187,7 @@ class AcousticScheduler:
             self._ping_order.remove(agent_id)
 
     def moved(self, agent_id: int, now_ms: MissionMs) -> None:
-        """Called when an aMussel was moved: its delay is measured again, after it has had time to sink."""
+        """Called when an aMussel was moved or exchanged: its delay is measured again, after it has had time to sink."""
         if self.delays_ms.pop(agent_id, None) is not None:
             self._measure_at_ms[agent_id] = self._config.scale.agent_ms(now_ms) + ASK_AGAIN_MS
 

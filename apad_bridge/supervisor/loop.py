@@ -345,7 +345,7 @@ class Flight:
             if isinstance(action, Event):
                 self._recorder.event(now_ms, action)
                 if isinstance(action, PresenceChanged):
-                    self.supervisor.mission.forget_home(action.id)
+                    self.supervisor.presence_changed(action.id)
                     self.supervisor.samples.change_board(Board.after(action, now_ms))
             else:
                 self._stimulate(*action, now_ms)

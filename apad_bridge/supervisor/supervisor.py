@@ -335,6 +335,12 @@ class Supervisor:
         believed = self._gate.battery.believed
         return believed is not None and believed.fraction <= self._end_at_apad_fraction
 
+    def presence_changed(self, agent_id: int) -> None:
+        """Called when an aMussel becomes real, simulated or retired: its home and delay were those of another body."""
+        self.mission.forget_home(agent_id)
+        if self._ranging is not None:
+            self._ranging.moved(agent_id, self._now_ms)
+
     # With several aPads: the aMussels that this one serves.
 
     def start_serving(self, agent_id: int, belief: Belief | None) -> None:

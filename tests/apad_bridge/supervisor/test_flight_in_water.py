@@ -34,9 +34,16 @@ from apad_bridge.supervisor.packet_relay import (
     whole_flight,
 )
 from apad_bridge.vehicle.vehicle_link import APadSeen
-from apad_bridge.world.roster import AskedRequests, PresenceChange, Presences, Roster
+from apad_bridge.world.roster import (
+    AskedRequests,
+    PresenceChange,
+    PresenceRequest,
+    Presences,
+    PresenceTrigger,
+    Roster,
+)
 from apad_bridge.world.world import World
-from firmware_model.packets import AcousticStatus, CommandPacket, Kind
+from firmware_model.packets import AcousticStatus, CommandPacket, Kind, SlotAssignment
 from firmware_model.packets.codec import load_codec
 
 APAD_M = (14.0, 10.5)
@@ -246,6 +253,42 @@ def test_a_real_amussel_is_pinged_by_its_bridge_and_the_others_through_the_water
         metres = dist(places[agent_id], (*APAD_M, 0.5))
         assert outcomes[agent_id]
         assert all(it == pytest.approx(metres, abs=1.0) for it in outcomes[agent_id])
+
+
+def test_the_delay_to_one_that_was_handed_over_is_measured_anew() -> None:
+    """A range of 30 m is 20 ms at 1500 m/s. The simulated one was assigned its timeslot by its own range."""
+    scenario = in_water(200, {"talk": {"assigns": True}})
+    presences = Presences(scenario.fleet.ids, scenario.area.depth_m)
+    asked: list[PresenceRequest] = []
+    refusals: list[str | None] = []
+    requests: Any = SimpleNamespace(
+        take=lambda: [asked.pop() for _ in asked[:]], answer=lambda _, refusal: refusals.append(refusal)
+    )
+    published: list[RelayedPacket] = []
+    arrived: list[RelayedPacket] = []
+
+    def with_requests(context: FlightContext) -> FlightContext:
+        world = context.world
+        roster = Roster(presences, requests, world.fleet.coordinator, world.faults)
+        relay = PacketRelay(
+            whole_flight(lambda: presences.simulated),
+            [lambda now_ms: [arrived.pop() for _ in arrived[:]]],
+            {RelayOutcome.PUBLISH: published.append},
+        )
+        return replace(context, world=World(world.fleet, world.faults, roster=roster), relay=relay)
+
+    flight, recorder = open_flight(scenario, join=with_requests)
+    for now_ms in range(0, 200_000, 1000):
+        if now_ms == 100_000:
+            asked.append(PresenceRequest(5, PresenceTrigger.HAND_OVER, "/lab"))
+        flight.tick(now_ms)
+        if published and published[-1].medium == RANGE and not arrived:
+            arrived.append(RelayedPacket(PacketOrigin.REMOTE_AMUSSEL, 5, RANGE, b"30.0", now_ms))
+    assert refusals == [None]
+    words = [load_codec("musselbed-1").decode(it.data) for it in published if it.medium is Medium.SOUND]
+    assert [it.offset_ms for it in words if isinstance(it, SlotAssignment)] == [-20]
+    in_water_pinged = [it["address"] for it in packets(recorder) if it["from"] == 0 and it["what"] == "ping"]
+    assert 5 in in_water_pinged
 
 
 def test_the_error_curve_is_the_scenario_s() -> None:
