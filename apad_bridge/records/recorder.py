@@ -139,6 +139,7 @@ class Recorder:
         agent_ids: Iterable[int],
         stamp_ms: Callable[[int], int] = int,
         granted_ms: Callable[[JournalContents], int] = lambda journal: 0,
+        battery_min: float | None = None,
     ) -> tuple[Recorder, Resumed]:
         """Continues the records of a run whose supervisor died: repairs its bag, begins another, and rebuilds the uptimes.
 
@@ -156,7 +157,7 @@ class Recorder:
         with closing(Journal(directory.journal, contents.last_ms)) as journal:
             event = RunResumed(contents.dropped, journal.torn_bytes, repair, lost_ms, granted or None)
             journal.append(contents.last_ms, event)
-        recorder = cls(directory, scenario, agent_ids, stamp_ms, contents.last_ms)
+        recorder = cls(directory, scenario, agent_ids, stamp_ms, contents.last_ms, battery_min)
         try:
             recorder._replay(contents)
         except ValueError as error:

@@ -205,7 +205,9 @@ def resume_run(
         siblings_ms = newest_of_siblings_ms(directory, scenario.apad.name, options.apads)
         return max(granted_before_ms(journal) + without_supervisor_ms, siblings_ms - journal.last_ms)
 
-    recorder, resumed = Recorder.resume(directory, scenario, ids, stamp_ms, granted_ms)
+    recorder, resumed = Recorder.resume(
+        directory, scenario, ids, stamp_ms, granted_ms, battery_worth_min(scenario)
+    )
     start = find_resume_point(recorder.state, options.epoch, resumed.granted_ms)
     presences = Presences(ids, scenario.area.depth_m, recorder.state.presences.values())
     learned = _nothing_learned(config, options)

@@ -45,6 +45,7 @@ from firmware_model.packets.sample_record import SampleRecord
 from firmware_model.power.charge import FULL, Battery, Flow
 from firmware_model.states import State
 
+BATTERY_MIN = 600.0
 ENDING = Ending(MissionEnd(EndReason.MISSION_TIME), 12.5, 13.0, 3, 0.25, {"a packet": 2})
 FREE = (None, None, None, None)
 
@@ -125,16 +126,19 @@ def test_a_resumed_run_counts_as_if_nothing_had_happened(tmp_path, scenario):
         shutil.copytree(tmp_path / "broken", tmp_path / "resumed")
         with (tmp_path / "resumed" / "journal.jsonl").open("ab") as journal:
             journal.write(b'{"t":30')
-        recorder, report = Recorder.resume(RunDirectory.open(tmp_path / "resumed"), scenario, ids)
+        recorder, report = Recorder.resume(
+            RunDirectory.open(tmp_path / "resumed"), scenario, ids, battery_min=BATTERY_MIN
+        )
         resumed.append(report)
         return recorder
 
     broken = Recorder(new_directory(tmp_path / "broken"), scenario, ids)
-    tee = Tee(Recorder(new_directory(tmp_path / "whole"), scenario, ids), broken, die_and_resume, 337_000)
+    whole = Recorder(new_directory(tmp_path / "whole"), scenario, ids, battery_min=BATTERY_MIN)
+    tee = Tee(whole, broken, die_and_resume, 337_000)
     fly(scenario, tee)
-    whole, again = tee.whole.finish(600_000, ENDING), tee.broken.finish(600_000, ENDING)
+    summary, again = tee.whole.finish(600_000, ENDING), tee.broken.finish(600_000, ENDING)
     broken.close()
-    assert again == whole
+    assert again == summary and summary["uptime_equal_charge"] is not None
     assert (tmp_path / "resumed" / "ends.csv").read_text() == (tmp_path / "whole" / "ends.csv").read_text()
     (report,) = resumed
     assert (report.journal.dropped, report.journal_torn_bytes, report.bag) == (1, 7, "run.bag")
