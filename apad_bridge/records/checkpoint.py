@@ -12,6 +12,7 @@ import os
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
+from errno import EMFILE, ENFILE
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -88,9 +89,8 @@ class Checkpoint:
         if not rows and updates is None and not counts_changed:
             return
         self._rows_in_file += len(rows) + (updates is not None) + counts_changed
-        if self._rows_in_file > ROWS or now_ms >= self._full_record_ms + PERIOD_MS:
-            self._file.close()
-            self._file = self._write_full_record(now_ms)
+        is_due = self._rows_in_file > ROWS or now_ms >= self._full_record_ms + PERIOD_MS
+        if is_due and self._renew(now_ms):
             return
         extra = ({} if updates is None else {"ranging": updates}) | (
             {"counts": counts} if counts_changed else {}
@@ -103,6 +103,18 @@ class Checkpoint:
         """Leaves the file as it is; a second call does nothing."""
         self._beliefs.belief_log = None
         self._file.close()
+
+    def _renew(self, now_ms: int) -> bool:
+        """False where no descriptor is free, as while strangers hold all: the file goes on, and a full record stays due."""
+        try:
+            fresh = self._write_full_record(now_ms)
+        except OSError as error:
+            if error.errno not in (EMFILE, ENFILE):
+                raise
+            return False
+        self._file.close()
+        self._file = fresh
+        return True
 
     def _write_full_record(self, now_ms: int) -> LineFile:
         fresh = self._path.with_name(f".{self._path.name}.fresh")

@@ -110,7 +110,7 @@ def uptime_figures(
         "dead_time_s": sum(uptime.dead for uptime in uptimes) * tick_ms / 1000,
         "final_charge_mean": fraction(sum(uptime.charge for uptime in left)) / len(left) if left else None,
         "charge_gain_mean": fmean(gains) if gains else None,
-        "uptime_equal_charge": None if worth is None else paper["mean"] + worth * fsum(gains),
+        "uptime_equal_charge": None if worth is None or not gains else paper["mean"] + worth * fsum(gains),
         **apart,
     }
 

@@ -111,6 +111,8 @@ def fly(run_dir: Path, trust: Trust | None, *, resume: bool, keeps: bool) -> int
                 if calls is not None:
                     stack.enter_context(closing(RunServices(run.path, run.config.scenario.apad.name)))
                 run = _begin_with_others(run, context)
+            if not run.options.script:  # a script cannot be resumed in the middle
+                run.start_state.recorder.begin_checkpoint(run.start_state.learned, run.start_state.start_ms)
             if calls is not None:
                 # Last: whoever finds a supervisor that takes orders may end it in order from then on.
                 context = _under_control(stack, context, run, calls)
@@ -276,8 +278,6 @@ def _fly_mission(run: _Run, context: FlightContext, call_queue: CallQueue | None
     command_sources = (
         None if call_queue is None else command_sources_of(config.scenario, options, config.trust)
     )
-    if not options.script:  # a script cannot be resumed in the middle
-        start_state.recorder.begin_checkpoint(start_state.learned, start_state.start_ms)
     summary = flying.fly(
         run.config,
         context,

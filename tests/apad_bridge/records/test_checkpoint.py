@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -28,6 +29,7 @@ from apad_bridge.beliefs.measurement import (
 )
 from apad_bridge.records import checkpoint
 from apad_bridge.records.checkpoint import Checkpoint, NoCheckpoint, restore
+from apad_bridge.records.line_file import LineFile
 from apad_bridge.scenario.blocks.estimator_options import Beliefs, EstimatorKind, TwinModel
 from apad_bridge.scenario.loader import load
 from firmware_model.packets import ShortStatus, StatusPacket
@@ -234,6 +236,27 @@ def test_after_ten_minutes_a_full_record_is_due(tmp_path: Path) -> None:
         beliefs.hear(StatusPacket(1, 0, State.ACTIVE, 0.5, 1.0, 2.0, 3.0, 3.0, now_ms), now_ms)
         writer.flush(now_ms)
     assert restore(path, HoldLast(IDS)) == checkpoint.Restored(601_000, 1, whole=True, counts=Counter())
+
+
+def test_a_full_record_waits_while_strangers_hold_every_descriptor(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, beliefs = tmp_path / "checkpoint.jsonl", HoldLast(IDS)
+    writer = Checkpoint(path, beliefs, 0)
+
+    def flush(now_ms: int) -> int:
+        """The rows that a resumed supervisor replays."""
+        beliefs.hear(StatusPacket(1, 0, State.ACTIVE, 0.5, 1.0, 2.0, 3.0, 3.0, now_ms), now_ms)
+        writer.flush(now_ms)
+        return restore(path, HoldLast(IDS)).rows
+
+    def none_free(path: Path) -> LineFile:
+        raise OSError(errno.EMFILE, "Too many open files")
+
+    with monkeypatch.context() as strangers:
+        strangers.setattr(checkpoint, "LineFile", none_free)
+        assert [flush(600_000), flush(601_000)] == [1, 2]
+    assert flush(602_000) == 0
 
 
 def test_another_estimators_checkpoint_is_refused_and_nothing_is_believed(tmp_path: Path) -> None:

@@ -268,6 +268,10 @@ def test_uptime_at_equal_charge_by_hand():
     paid_ticks = 250 * 2 * (-500 * 0.0010427134 + 0.4)
     assert figures["uptime_equal_charge"] == pytest.approx(100 * (1000 + 1 + paid_ticks) / 2001, abs=1e-3)
     assert uptime_figures(meter, 1_000_000)["uptime_equal_charge"] is None
+    for agent_id in (7, 8):
+        meter.set_presence(agent_id, Presence.REAL, 30_000_000)
+    # Nobody is left whose charge has a value.
+    assert uptime_figures(meter, 1_001_000, battery_min=250.0)["uptime_equal_charge"] is None
 
 
 UP, DOWN = (FULL, Flow.RESTING), (FULL, Flow.DISCHARGING)
