@@ -22,7 +22,7 @@ from apad_bridge.events.fleet_events import BeliefChanged, FaultBegan, FaultEnde
 from apad_bridge.events.mission_events import DockSwitched, LegBegan
 from apad_bridge.events.run_events import RunBegan, RunResumed
 from apad_bridge.events.vehicle_events import APadMoved
-from apad_bridge.mission.facts import Board
+from apad_bridge.mission.facts import SampleSource
 from apad_bridge.records.journal import Entry, read_journal
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.records.sample_file import read_samples
@@ -100,7 +100,7 @@ class Invariants:
         shown.append(entry)
         return [Broken(rule, reason, tuple(shown)) for rule, reason in self._rules(*entry)]
 
-    def end(self, summary: Mapping[str, Any], kept: Mapping[Board, Counter[int]]) -> list[Broken]:
+    def end(self, summary: Mapping[str, Any], kept: Mapping[SampleSource, Counter[int]]) -> list[Broken]:
         """The rules of a whole run. `kept` counts the lines of samples.jsonl, by board and sequence number."""
         return [Broken(rule, reason, ()) for rule, reason in self._last_rules(summary, kept)]
 
@@ -278,7 +278,7 @@ class Invariants:
         self._apad_m = (at_ms, *here)
 
     def _last_rules(
-        self, summary: Mapping[str, Any], kept: Mapping[Board, Counter[int]]
+        self, summary: Mapping[str, Any], kept: Mapping[SampleSource, Counter[int]]
     ) -> Iterator[tuple[str, str]]:
         cost_m, planned_m = summary["cost_m"], summary["planned_m"]
         if cost_m > self._way_m * (1 + WAY_FRACTION) + WAY_M:
@@ -337,9 +337,9 @@ def check_run(directory: RunDirectory) -> list[Broken]:
     return broken
 
 
-def kept_samples(path: Path) -> dict[Board, Counter[int]]:
+def kept_samples(path: Path) -> dict[SampleSource, Counter[int]]:
     """Number of lines of samples.jsonl for each sequence number, by board; empty without such a file."""
-    kept: dict[Board, Counter[int]] = {}
+    kept: dict[SampleSource, Counter[int]] = {}
     for sample in read_samples(path):
         kept.setdefault(sample.board, Counter())[sample.sequence] += 1
     return kept

@@ -76,7 +76,7 @@ class Ping:
     not_before_ms: AgentMs = _AT_ONCE
 
 
-class Board(NamedTuple):
+class SampleSource(NamedTuple):
     """A board with a log of its own: each counts its samples from 0, and several take an aMussel's id in turn."""
 
     agent_id: int
@@ -84,7 +84,7 @@ class Board(NamedTuple):
     """The mission time at which the id was taken from a simulated aMussel; None for the simulated one's board."""
 
     @classmethod
-    def after(cls, change: PresenceChanged, at_ms: int) -> Board:
+    def after(cls, change: PresenceChanged, at_ms: int) -> SampleSource:
         """The board that samples under this id come from after the change, until the next one."""
         return cls(change.id, None if change.is_ is Presence.SIMULATED else at_ms)
 

@@ -16,7 +16,7 @@ from apad_bridge.beliefs.belief import Belief
 from apad_bridge.events.event import Event
 from apad_bridge.events.run_events import EndReason, RunResumed, TickPassed
 from apad_bridge.events.sound_events import PacketPassed
-from apad_bridge.mission.facts import Board, PlacedSample
+from apad_bridge.mission.facts import PlacedSample, SampleSource
 from apad_bridge.records.bag import BagWriter, repair_bag
 from apad_bridge.records.changes import (
     Changes,
@@ -226,14 +226,14 @@ class Recorder:
         )
 
     @property
-    def samples_kept(self) -> Mapping[Board, Set[int]]:
+    def samples_kept(self) -> Mapping[SampleSource, Set[int]]:
         """The sequence numbers of the samples on disk."""
         return self._samples.kept
 
     @_on_disk
     def samples(self, agent_id: int, samples: Sequence[PlacedSample]) -> None:
         """Writes samples that an aMussel uploaded; they are on disk when it returns, so that they can be acknowledged."""
-        self._samples.append(self.state.boards.get(agent_id, Board(agent_id)), samples)
+        self._samples.append(self.state.boards.get(agent_id, SampleSource(agent_id)), samples)
 
     @_on_disk
     def tick(

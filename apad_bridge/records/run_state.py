@@ -33,7 +33,7 @@ from apad_bridge.events.mission_events import (
 from apad_bridge.events.person_events import Overridden, Steering
 from apad_bridge.events.run_events import RunEnded
 from apad_bridge.events.vehicle_events import APadMoved
-from apad_bridge.mission.facts import Board
+from apad_bridge.mission.facts import SampleSource
 from apad_bridge.records.failure_counts import FailureCounts, Interruptions
 from apad_bridge.records.journal import Entry, JournalContents
 from apad_bridge.records.truth_lines import truth_of
@@ -98,7 +98,7 @@ class RunState:
         """The faults that have begun and not ended, in the order in which they began."""
         self.presences: dict[int, PresenceChange] = {}
         """The newest change of each aMussel to real, retired or simulated."""
-        self.boards: dict[int, Board] = {}
+        self.boards: dict[int, SampleSource] = {}
         """The board that each of these aMussels uploads from."""
         self.handovers: list[TookOn | HandedOn] = []
         """The aMussels that came from other aPads, or went to them, in order."""
@@ -137,7 +137,7 @@ class RunState:
                 self.meter.ended(event.id, event.agent_ms)
             case PresenceChanged():
                 self.presences[event.id] = PresenceChange(at_ms, event.id, event.is_, event.by)
-                self.boards[event.id] = Board.after(event, at_ms)
+                self.boards[event.id] = SampleSource.after(event, at_ms)
                 self.meter.set_presence(event.id, event.is_, self._scale.agent_ms(at_ms))
             case APadMoved():
                 self.apad = event

@@ -13,7 +13,7 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from agents.time_scale import TimeScale
-from apad_bridge.mission.facts import Board, PlacedSample
+from apad_bridge.mission.facts import PlacedSample, SampleSource
 from apad_bridge.records.line_file import Line, LineFile, LineTail, read_lines
 from firmware_model.sampling.flash import PAGE_BYTES, PAGES, Ring
 from firmware_model.sampling.sensors import SENSORS, values
@@ -27,8 +27,8 @@ class KeptSample(NamedTuple):
     columns: Mapping[str, Any]
 
     @property
-    def board(self) -> Board:
-        return Board(self.agent_id, self.columns.get("real_since_ms"))
+    def board(self) -> SampleSource:
+        return SampleSource(self.agent_id, self.columns.get("real_since_ms"))
 
 
 class SampleTail:
@@ -77,7 +77,7 @@ class SampleFile:
         self._path = path
         self._scale = scale
         self._file: LineFile | None = None
-        self.kept: dict[Board, set[int]] = {}
+        self.kept: dict[SampleSource, set[int]] = {}
         """The sequence numbers in the file."""
         self.unreadable = 0
         """The number of damaged lines: their samples are accepted again, if the aMussels still have them."""
@@ -89,7 +89,7 @@ class SampleFile:
                 else:
                     self.kept.setdefault(sample.board, set()).add(sample.sequence)
 
-    def append(self, board: Board, samples: Iterable[PlacedSample]) -> None:
+    def append(self, board: SampleSource, samples: Iterable[PlacedSample]) -> None:
         """Writes the samples that are not in the file yet; they are on disk when it returns. FileGone for a lost file."""
         kept = self.kept.setdefault(board, set())
         new = [sample for sample in samples if sample.record.sequence not in kept]
@@ -120,7 +120,7 @@ def _sync_directory(path: Path) -> None:
         os.close(descriptor)
 
 
-def sample_line(board: Board, sample: PlacedSample, scale: TimeScale) -> Line:
+def sample_line(board: SampleSource, sample: PlacedSample, scale: TimeScale) -> Line:
     """A sample's line: times, place, values in their units, raw counts, and the readings outside their sensor's range.
 
     `agent_ms` is the reading of the board's clock, and `mission_ms` its mission time if the clock was right.
@@ -145,8 +145,8 @@ def sample_line(board: Board, sample: PlacedSample, scale: TimeScale) -> Line:
 
 def sample_figures(
     taken: Mapping[int, int],
-    kept: Mapping[Board, Set[int]],
-    gone: Mapping[Board, Set[int]],
+    kept: Mapping[SampleSource, Set[int]],
+    gone: Mapping[SampleSource, Set[int]],
     apart: Mapping[int, Sequence[range]] = MappingProxyType({}),
 ) -> dict[str, Any]:
     """The summary's counts of samples taken, uploaded, lost and waiting.
@@ -166,7 +166,9 @@ def sample_figures(
     total = uploaded = lost = 0
     for agent_id, count in taken.items():
         own = set(range(count)).difference(*apart.get(agent_id, ()))
-        uploads = own & kept.get(Board(agent_id), nothing)
-        gone_samples = (own & gone.get(Board(agent_id), nothing)) | (own & set(range(ring.oldest(count))))
+        uploads = own & kept.get(SampleSource(agent_id), nothing)
+        gone_samples = (own & gone.get(SampleSource(agent_id), nothing)) | (
+            own & set(range(ring.oldest(count)))
+        )
         total, uploaded, lost = total + len(own), uploaded + len(uploads), lost + len(gone_samples - uploads)
     return dict(zip(SAMPLE_KEYS, (total, uploaded, lost, total - uploaded - lost), strict=True))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from agents.time_scale import TimeScale
 from apad_bridge.events.mission_events import MissionEnd, StepGivenUp
 from apad_bridge.events.run_events import EndReason
-from apad_bridge.mission.facts import Board
+from apad_bridge.mission.facts import SampleSource
 from apad_bridge.records import combining
 from apad_bridge.records.field_types import INTEGER, NUMBER, TEXT, LineField, Type
 
@@ -36,7 +36,7 @@ class Ending:
     """Counts of what was dropped, by reason."""
     first_cause: str | None = None
     """The first failure of a run in which something failed."""
-    samples_gone: Mapping[Board, Set[int]] = field(default_factory=dict)
+    samples_gone: Mapping[SampleSource, Set[int]] = field(default_factory=dict)
     """The sequence numbers of samples that can no longer be uploaded."""
     latest_tick_s: float | None = None
     """The largest lateness of a tick, in seconds of the clock that it follows; None in virtual time."""
@@ -71,7 +71,7 @@ class RunAtEnd:
     ending: Ending
 
 
-class Figure(NamedTuple):
+class SummaryFigure(NamedTuple):
     """A key of summary.json."""
 
     field: LineField
@@ -82,26 +82,26 @@ class Figure(NamedTuple):
 
 
 _FIGURES = (
-    Figure(LineField("name", TEXT, "the scenario's name"), None, lambda it: it.scenario.name),
-    Figure(
+    SummaryFigure(LineField("name", TEXT, "the scenario's name"), None, lambda it: it.scenario.name),
+    SummaryFigure(
         LineField("theta", INTEGER, "agent time per mission time"),
         combining.shared,
         lambda it: it.scenario.theta,
     ),
-    Figure(
+    SummaryFigure(
         LineField("seed", INTEGER, "of all that is random"), combining.shared, lambda it: it.scenario.seed
     ),
-    Figure(
+    SummaryFigure(
         LineField("agents", INTEGER, "number of aMussels of the fleet"),
         combining.total,
         lambda it: len(it.agent_ids),
     ),
-    Figure(
+    SummaryFigure(
         LineField("mission_s", NUMBER, "mission time at the end", "s"),
         combining.largest,
         lambda it: it.at_ms / 1000,
     ),
-    Figure(
+    SummaryFigure(
         LineField(
             "stopped_s",
             NUMBER,
@@ -111,34 +111,34 @@ _FIGURES = (
         combining.total,
         lambda it: it.state.interruptions.stopped_s(it.at_ms),
     ),
-    Figure(
+    SummaryFigure(
         LineField("ended_by", TEXT, "why the mission ended, for people"),
         combining.texts,
         lambda it: str(it.ending.ended_by),
     ),
-    Figure(
+    SummaryFigure(
         LineField("end_reason", TEXT, "the same, one of a fixed set"),
         combining.shared,
         lambda it: it.ending.ended_by.reason.value,
     ),
-    Figure(
+    SummaryFigure(
         LineField("first_cause", TEXT, "the first failure of the aPad that was not overcome"),
         combining.texts,
         lambda it: it.ending.first_cause,
     ),
-    Figure(LineField("causes", _OBJECT, "number of failures, by cause"), combining.counts),
-    Figure(
+    SummaryFigure(LineField("causes", _OBJECT, "number of failures, by cause"), combining.counts),
+    SummaryFigure(
         LineField("steps_given_up", INTEGER, "steps of plans that the mission gave up"),
         combining.total,
         lambda it: it.state.counts[StepGivenUp],
     ),
-    Figure(
+    SummaryFigure(
         LineField(
             "left_alone", Type(list, "list of integer"), "aMussels that the mission no longer tries to serve"
         ),
         combining.ids,
     ),
-    Figure(
+    SummaryFigure(
         LineField(
             "beyond_reach",
             Type(list, "list of integer"),
@@ -146,7 +146,7 @@ _FIGURES = (
         ),
         combining.ids,
     ),
-    Figure(
+    SummaryFigure(
         LineField(
             "failed_docks",
             Type(list, "list of integer"),
@@ -154,41 +154,41 @@ _FIGURES = (
         ),
         combining.one_after_another,
     ),
-    Figure(
+    SummaryFigure(
         LineField("counted_s", NUMBER, "time in the water as simulated ones, over all aMussels", "s"),
         combining.total,
     ),
-    Figure(LineField("counted_at_end", INTEGER, "aMussels that count at the end"), combining.total),
-    Figure(
+    SummaryFigure(LineField("counted_at_end", INTEGER, "aMussels that count at the end"), combining.total),
+    SummaryFigure(
         LineField("uptime_paper", _SPREAD, "share of ticks undocked with charge in the primary battery", "%"),
         combining.spread,
     ),
-    Figure(
+    SummaryFigure(
         LineField("uptime_submerged", _SPREAD, "share of ticks under water on the primary battery", "%"),
         combining.spread,
     ),
-    Figure(
+    SummaryFigure(
         LineField("active_mean", NUMBER, "aMussels that were active at a tick, in the paper's meaning"),
         combining.total,
     ),
-    Figure(
+    SummaryFigure(
         LineField("amussels_lost", INTEGER, "aMussels whose batteries were both empty at some time"),
         combining.total,
     ),
-    Figure(
+    SummaryFigure(
         LineField("emptied", INTEGER, "aMussels whose primary battery was empty at some time"),
         combining.total,
     ),
-    Figure(LineField("samples_taken", INTEGER, "samples that the sensors took"), combining.total),
-    Figure(
+    SummaryFigure(LineField("samples_taken", INTEGER, "samples that the sensors took"), combining.total),
+    SummaryFigure(
         LineField("dead_time_s", NUMBER, "time with an empty primary battery, over all aMussels", "s"),
         combining.total,
     ),
-    Figure(
+    SummaryFigure(
         LineField("final_charge_mean", NUMBER, "charge of the primary batteries at the end", "0 to 1"),
         combining.mean_by("counted_at_end"),
     ),
-    Figure(
+    SummaryFigure(
         LineField(
             "charge_gain_mean",
             NUMBER,
@@ -197,7 +197,7 @@ _FIGURES = (
         ),
         combining.mean_by("counted_at_end"),
     ),
-    Figure(
+    SummaryFigure(
         LineField(
             "uptime_equal_charge",
             NUMBER,
@@ -206,7 +206,7 @@ _FIGURES = (
         ),
         combining.mean_by("counted_s"),
     ),
-    Figure(
+    SummaryFigure(
         LineField(
             "excluded",
             _OBJECT,
@@ -215,40 +215,42 @@ _FIGURES = (
         ),
         combining.counts,
     ),
-    Figure(
+    SummaryFigure(
         LineField(
             "uptime_missing", TEXT, "why there are no uptimes; only where there are none", optional=True
         ),
         None,
     ),
-    Figure(
+    SummaryFigure(
         LineField(
             "cost_m", NUMBER, "the way that the aPad drove on its legs, by its reported positions", "m"
         ),
         combining.total,
         lambda it: it.ending.cost_m,
     ),
-    Figure(
+    SummaryFigure(
         LineField("planned_m", NUMBER, "the straight ways of its orders, as the paper counts them", "m"),
         combining.total,
         lambda it: it.ending.planned_m,
     ),
-    Figure(
+    SummaryFigure(
         LineField("services", INTEGER, "aMussels that left a dock full, by two witnesses of the dock"),
         combining.total,
         lambda it: it.ending.services,
     ),
-    Figure(
+    SummaryFigure(
         LineField(
             "apad_energy_fraction", NUMBER, "used part of the aPad's battery; at theta 1 alone", "0 to 1"
         ),
         combining.mean_of_apads,
     ),
-    Figure(LineField("apad_energy_missing", TEXT, "why there is no such part"), combining.first_known),
-    Figure(LineField("samples_uploaded", INTEGER, "samples on disk"), combining.total),
-    Figure(LineField("samples_lost", INTEGER, "samples that can no longer be uploaded"), combining.total),
-    Figure(LineField("samples_waiting", INTEGER, "samples still aboard"), combining.total),
-    Figure(
+    SummaryFigure(LineField("apad_energy_missing", TEXT, "why there is no such part"), combining.first_known),
+    SummaryFigure(LineField("samples_uploaded", INTEGER, "samples on disk"), combining.total),
+    SummaryFigure(
+        LineField("samples_lost", INTEGER, "samples that can no longer be uploaded"), combining.total
+    ),
+    SummaryFigure(LineField("samples_waiting", INTEGER, "samples still aboard"), combining.total),
+    SummaryFigure(
         LineField(
             "latest_tick_s",
             NUMBER,
@@ -259,14 +261,18 @@ _FIGURES = (
         combining.largest,
         lambda it: it.ending.latest_tick_s,
     ),
-    Figure(
+    SummaryFigure(
         LineField("gave_up", INTEGER, "aMussels whose process stayed dead"),
         combining.total,
         lambda it: len(it.state.gone),
     ),
-    Figure(LineField("amussels", _OBJECT, "each aMussel's own figures, by its id"), combining.amussels),
-    Figure(LineField("dropped", _OBJECT, "number of dropped inputs, by reason"), combining.counts_by_name),
-    Figure(
+    SummaryFigure(
+        LineField("amussels", _OBJECT, "each aMussel's own figures, by its id"), combining.amussels
+    ),
+    SummaryFigure(
+        LineField("dropped", _OBJECT, "number of dropped inputs, by reason"), combining.counts_by_name
+    ),
+    SummaryFigure(
         LineField(
             "digest", TEXT, "of the decisions and happenings: equal runs have equal ones, on every machine"
         ),

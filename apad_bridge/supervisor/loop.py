@@ -39,11 +39,11 @@ from apad_bridge.events.run_events import EndReason
 from apad_bridge.events.sound_events import LinksRead, ModemReported, RangeMeasured
 from apad_bridge.mission.facts import (
     AMusselHeard,
-    Board,
     EndRequested,
     KeepSamples,
     Ping,
     RangeHeard,
+    SampleSource,
     Send,
     SupervisorAction,
 )
@@ -346,7 +346,7 @@ class Flight:
                 self._recorder.event(now_ms, action)
                 if isinstance(action, PresenceChanged):
                     self.supervisor.presence_changed(action.id)
-                    self.supervisor.samples.change_board(Board.after(action, now_ms))
+                    self.supervisor.samples.change_board(SampleSource.after(action, now_ms))
             else:
                 self._stimulate(*action, now_ms)
 

@@ -14,7 +14,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.mission.facts import Board, PlacedSample
+from apad_bridge.mission.facts import PlacedSample, SampleSource
 from firmware_model.packets import LogAck, LogRecords
 from firmware_model.state_groups import AT_WORK, DOCKED, STRANDED
 
@@ -74,10 +74,10 @@ class SampleCollection:
     def __init__(
         self,
         agent_ids: Iterable[int],
-        kept: Mapping[Board, Iterable[int]] | None = None,
-        boards: Iterable[Board] = (),
+        kept: Mapping[SampleSource, Iterable[int]] | None = None,
+        boards: Iterable[SampleSource] = (),
     ) -> None:
-        self._accounts: dict[Board, _Account] = {}
+        self._accounts: dict[SampleSource, _Account] = {}
         self._now: dict[int, _Account] = {}
         """The account of the board that has the id now."""
         self._received: set[int] = set()
@@ -85,18 +85,18 @@ class SampleCollection:
             account = self._account(board)
             account.kept_beyond.update(sequences)
             account.settle()
-        for board in (*map(Board, agent_ids), *boards):
+        for board in (*map(SampleSource, agent_ids), *boards):
             self.change_board(board)
 
-    def change_board(self, board: Board) -> None:
+    def change_board(self, board: SampleSource) -> None:
         """From now on the records under this id come from this board; it is told to forget its own alone."""
         self._now[board.agent_id] = self._account(board)
 
-    def _account(self, board: Board) -> _Account:
+    def _account(self, board: SampleSource) -> _Account:
         return self._accounts.setdefault(board, _Account(is_known=board.real_since_ms is None))
 
     @property
-    def gone(self) -> dict[Board, frozenset[int]]:
+    def gone(self) -> dict[SampleSource, frozenset[int]]:
         """The sequences that will never come."""
         return {board: frozenset(account.gone) for board, account in self._accounts.items()}
 
@@ -153,9 +153,9 @@ class NoSampleCollection:
     """The collection of a supervisor that neither keeps nor acknowledges samples: another process does, or nobody can."""
 
     def __init__(self) -> None:
-        self.gone: dict[Board, frozenset[int]] = {}
+        self.gone: dict[SampleSource, frozenset[int]] = {}
 
-    def change_board(self, board: Board) -> None:
+    def change_board(self, board: SampleSource) -> None:
         pass
 
     def take(self, packet: LogRecords) -> Taken:

@@ -18,7 +18,7 @@ from scenario_files import POOL_FILE
 
 from apad_bridge.analysis.invariants import Invariants, check_run
 from apad_bridge.commands.main import main
-from apad_bridge.mission.facts import Board
+from apad_bridge.mission.facts import SampleSource
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.scenario.loader import load
 
@@ -191,7 +191,10 @@ def test_a_sample_is_kept_once_and_was_taken(
     checker, _ = checked([*journal[:last], journal[last] | {"log": [3, 1]}, *journal[last + 1 :]])
     summary = json.loads((run / "summary.json").read_text())
     assert [
-        it.rule for it in checker.end(summary, {Board(1): Counter(kept), Board(1, 60_000): Counter(range(9))})
+        it.rule
+        for it in checker.end(
+            summary, {SampleSource(1): Counter(kept), SampleSource(1, 60_000): Counter(range(9))}
+        )
     ] == broken
 
 

@@ -26,7 +26,7 @@ from apad_bridge.events.fleet_events import Presence, PresenceChanged, ProcessDi
 from apad_bridge.events.mission_events import LegBegan, MissionEnd
 from apad_bridge.events.person_events import ScriptReported
 from apad_bridge.events.run_events import EndReason, RunResumed
-from apad_bridge.mission.facts import Board, PlacedSample
+from apad_bridge.mission.facts import PlacedSample, SampleSource
 from apad_bridge.records.bag import BagWriter
 from apad_bridge.records.journal import read_journal
 from apad_bridge.records.recorder import DAY_MS, Recorder, RecordsFailed
@@ -423,11 +423,11 @@ def test_a_sample_that_could_not_be_written_is_not_kept(tmp_path, files_of_at_mo
     file = SampleFile(tmp_path / "samples.jsonl", TimeScale(30))
     record = SampleRecord(3, 60_000, (1, 2, 3, 4), 0)
     with files_of_at_most(50), pytest.raises(OSError):
-        file.append(Board(7), [PlacedSample(record, None)])
-    assert file.kept[Board(7)] == set()
-    file.append(Board(7), [PlacedSample(record, None)])
+        file.append(SampleSource(7), [PlacedSample(record, None)])
+    assert file.kept[SampleSource(7)] == set()
+    file.append(SampleSource(7), [PlacedSample(record, None)])
     file.close()
-    assert SampleFile(tmp_path / "samples.jsonl", TimeScale(30)).kept == {Board(7): {3}}
+    assert SampleFile(tmp_path / "samples.jsonl", TimeScale(30)).kept == {SampleSource(7): {3}}
 
 
 def test_the_samples_of_a_real_one_stand_beside_those_of_the_simulated_one(recorder):
@@ -436,7 +436,7 @@ def test_the_samples_of_a_real_one_stand_beside_those_of_the_simulated_one(recor
             recorder.event(5000, PresenceChanged(7, change, "/lab"))
         recorder.samples(7, [PlacedSample(SampleRecord(0, 60_000, (1, 2, 3, 4), 0), None)])
     recorder.close()
-    kept = {Board(7): {0}, Board(7, 5000): {0}}
+    kept = {SampleSource(7): {0}, SampleSource(7, 5000): {0}}
     assert recorder.samples_kept == SampleFile(recorder._directory.samples, TimeScale(30)).kept == kept
     assert [it.columns.get("real_since_ms") for it in read_samples(recorder._directory.samples)] == [
         None,
@@ -449,7 +449,7 @@ def test_a_sample_in_a_file_that_somebody_took_away_is_not_kept(recorder):
     recorder._directory.samples.rename(recorder._directory.path / "taken.jsonl")
     with pytest.raises(RecordsFailed, match=r"samples\.jsonl was moved to .*taken\.jsonl") as failed:
         recorder.samples(7, [PlacedSample(SampleRecord(1, 60_000, (1, 2, 3, 4), 0), None)])
-    assert failed.value.reason is EndReason.RECORDS_GONE and recorder.samples_kept == {Board(7): {0}}
+    assert failed.value.reason is EndReason.RECORDS_GONE and recorder.samples_kept == {SampleSource(7): {0}}
 
 
 def test_a_sample_is_on_disk_before_it_is_kept(tmp_path, monkeypatch):
@@ -458,11 +458,17 @@ def test_a_sample_is_on_disk_before_it_is_kept(tmp_path, monkeypatch):
     def sync(descriptor):
         path = Path(os.readlink(f"/proc/self/fd/{descriptor}"))
         synced.append(
-            (path.name, path.read_text().count("\n") if path.is_file() else 0, len(file.kept[Board(7)]))
+            (
+                path.name,
+                path.read_text().count("\n") if path.is_file() else 0,
+                len(file.kept[SampleSource(7)]),
+            )
         )
 
     monkeypatch.setattr("os.fsync", sync)
     file = SampleFile(tmp_path / "samples.jsonl", TimeScale(30))
-    file.append(Board(7), [PlacedSample(SampleRecord(n, 60_000, (1, 2, 3, 4), 0), None) for n in range(2)])
-    file.append(Board(7), [PlacedSample(SampleRecord(2, 60_000, (1, 2, 3, 4), 0), None)])
+    file.append(
+        SampleSource(7), [PlacedSample(SampleRecord(n, 60_000, (1, 2, 3, 4), 0), None) for n in range(2)]
+    )
+    file.append(SampleSource(7), [PlacedSample(SampleRecord(2, 60_000, (1, 2, 3, 4), 0), None)])
     assert synced == [(tmp_path.name, 0, 0), ("samples.jsonl", 2, 0), ("samples.jsonl", 3, 2)]

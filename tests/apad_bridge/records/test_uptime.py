@@ -11,7 +11,7 @@ from agents.mussel.outputs import Truth
 from agents.mussel.physical import Physical
 from agents.time_scale import TimeScale
 from apad_bridge.events.fleet_events import Presence
-from apad_bridge.mission.facts import Board
+from apad_bridge.mission.facts import SampleSource
 from apad_bridge.records.sample_file import sample_figures
 from apad_bridge.records.uptime import AgentUptime, UptimeMeter
 from apad_bridge.records.uptime_figures import uptime_figures
@@ -212,8 +212,8 @@ def test_what_a_twin_does_is_told_apart(meter):
     assert {key: figures[key] for key in (*told, "excluded")} == {**told, "excluded": beside}
     # Sequences 5 to 8 are the twin's. Of the others 0, 1, 2 and 10 were uploaded; 3 and 4 are a real aMussel's.
     apart = {it.agent_id: it.apart for it in meter.at(10 * TICK_MS)}
-    kept = {Board(7): {0, 1, 2, 6, 10}, Board(7, 3000): {1, 3, 4}}
-    assert sample_figures({7: 11, 8: 0}, kept, {Board(7): {3, 7}}, apart) == {
+    kept = {SampleSource(7): {0, 1, 2, 6, 10}, SampleSource(7, 3000): {1, 3, 4}}
+    assert sample_figures({7: 11, 8: 0}, kept, {SampleSource(7): {3, 7}}, apart) == {
         "samples_taken": 7,
         "samples_uploaded": 4,
         "samples_lost": 1,

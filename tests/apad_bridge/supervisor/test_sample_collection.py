@@ -16,7 +16,7 @@ from agents.time_scale import TimeScale
 from agents.water.fields import WaterFields
 from agents.water.patches import CALM
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.mission.facts import Board, PlacedSample
+from apad_bridge.mission.facts import PlacedSample, SampleSource
 from apad_bridge.records.sample_file import SampleFile, sample_line
 from apad_bridge.supervisor.sample_collection import SampleCollection, Taken
 from firmware_model.packets import LogAck, LogRecords, decode
@@ -81,7 +81,9 @@ def test_what_came_is_taken_once_and_acknowledged(
     acknowledged: list[LogAck],
 ) -> None:
     """Who kept nothing collects of this aMussel, but for the last row."""
-    collection = SampleCollection([8] if kept is None else [AGENT, 8], {Board(AGENT): kept} if kept else {})
+    collection = SampleCollection(
+        [8] if kept is None else [AGENT, 8], {SampleSource(AGENT): kept} if kept else {}
+    )
     for said, samples, gone in rows:
         found = collection.take(said)
         if isinstance(found, Taken):
@@ -94,7 +96,7 @@ def test_what_came_is_taken_once_and_acknowledged(
 
 def test_each_board_of_an_id_is_told_to_forget_its_own_samples_alone() -> None:
     """The simulated one's first 200 are kept. The real one, after a resume too, was rid of 6 when it took the id."""
-    simulated, real = Board(AGENT), Board(AGENT, 60_000)
+    simulated, real = SampleSource(AGENT), SampleSource(AGENT, 60_000)
     collection = SampleCollection([AGENT], {simulated: range(200), real: [7, 8]}, [real])
     found = [collection.take(packet(7, 3, 7, 8, 9, oldest=6)), collection.take(packet(6, 1, 6, oldest=6))]
     assert [[it.record.sequence for it in each.samples] for each in found] == [[9], [6]]
@@ -133,13 +135,13 @@ def test_a_sample_was_taken_where_the_amussel_was_believed_under_water_between_t
 def test_a_sample_from_before_anything_was_believed_has_no_place() -> None:
     seen = [(5_500, State.CHARGING, 90.0), (7_500, State.SLEEPING, 10.0)]
     assert places_of(seen, packet(5, 2, 5, 6)) == [None, (10.0, 2.0)]
-    line = sample_line(Board(AGENT), placed(5), TimeScale(1))
+    line = sample_line(SampleSource(AGENT), placed(5), TimeScale(1))
     assert (line["north_m"], line["east_m"]) == (None, None)
 
 
 def test_a_line_of_the_file() -> None:
     record = SampleRecord(5, 18_000_007, (29_094, 8147, 28_013, 417), 0b1010)
-    line = sample_line(Board(7), PlacedSample(record, (1.2345, -6.7)), TimeScale(30))
+    line = sample_line(SampleSource(7), PlacedSample(record, (1.2345, -6.7)), TimeScale(30))
     assert line == {
         "id": 7,
         "sequence": 5,
@@ -161,16 +163,16 @@ def test_the_file_keeps_a_sample_once_and_goes_on_behind_a_torn_or_damaged_line(
     file = SampleFile(path, TimeScale(30))
     assert not path.exists()
     for agent_id, sequences in ((7, (0, 1)), (7, (1,)), (8, (0,))):
-        file.append(Board(agent_id), [placed(it) for it in sequences])
+        file.append(SampleSource(agent_id), [placed(it) for it in sequences])
     assert [(it["id"], it["sequence"]) for it in read(path)] == [(7, 0), (7, 1), (8, 0)]
     file.close()
     path.write_bytes(b'{"id":7,"sequ\n{"id":7,"sequence":"1"}\n' + path.read_bytes()[:-5])
     again = SampleFile(path, TimeScale(30))
-    assert (again.kept, again.unreadable) == ({Board(7): {0, 1}}, 2)
-    again.append(Board(8), [placed(0)])
+    assert (again.kept, again.unreadable) == ({SampleSource(7): {0, 1}}, 2)
+    again.append(SampleSource(8), [placed(0)])
     again.close()
     assert path.read_text().splitlines()[-1].startswith('{"id":8')
-    assert SampleFile(path, TimeScale(30)).kept == {Board(7): {0, 1}, Board(8): {0}}
+    assert SampleFile(path, TimeScale(30)).kept == {SampleSource(7): {0, 1}, SampleSource(8): {0}}
 
 
 def read(path: Path) -> list[dict[str, object]]:
@@ -217,7 +219,7 @@ class Story:
         for data in said:
             heard = decode(data)
             found = self.collection.take(heard)
-            self.file.append(Board(AGENT), found.samples)
+            self.file.append(SampleSource(AGENT), found.samples)
         if tear_at is not None:
             if self.file._file is not None:
                 os.close(self.file._file._descriptor)  # buffered bytes are lost with it
@@ -278,12 +280,12 @@ def test_nothing_is_lost_and_nothing_is_there_twice(
     by_sequence = {line["sequence"]: line for line in kept}
     for sequence, line in by_sequence.items():
         assert line == sample_line(
-            Board(AGENT), PlacedSample(story.truth[int(str(sequence))], None), TimeScale(30)
+            SampleSource(AGENT), PlacedSample(story.truth[int(str(sequence))], None), TimeScale(30)
         )
     missing = set(range(len(story.truth))) - set(map(int, map(str, sequences)))
     if pages == 40:
         assert not missing
     else:
-        assert missing == story.collection.gone[Board(AGENT)] - set(map(int, map(str, sequences)))
+        assert missing == story.collection.gone[SampleSource(AGENT)] - set(map(int, map(str, sequences)))
         oldest_ever = story.book.log.oldest
         assert all(sequence < oldest_ever for sequence in missing), "only what the ring overwrote"
